@@ -1,0 +1,2 @@
+"""Identification of the dynamic parameters of robots."""
+__version__ = "0.1.0"

@@ -1,0 +1,195 @@
+"""Base parameters: the smallest set that the torques determine, in the Khalil–Gautier grouping.
+
+The columns of Φ are linearly dependent. Walking through them in a fixed order of preference, a
+column that is not a combination of those before it is kept; the others are regrouped into the
+kept ones (Gautier 1991, by orthogonal projection instead of symbolic rules). With Φ_d = Φ_k K,
+
+    Φ θ = Φ_k (θ_k + K θ_d)          base parameter = kept parameter + regrouped ones
+
+The order of preference reproduces the rules of Khalil and Gautier: everything before ``yy mz m``
+of revolute links, the inertia of prismatic links and the rotor inertias ``ia``; within each class
+links from the base outwards, so that groups gather on the link nearest to the base.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter, standard_parameters
+from pivident.dynamics.regressor import Regressor
+from pivident.robot.description import Robot
+
+#: Relative length of a column's remainder below which it depends on the columns before it.
+DEPENDENCE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class BaseParameters:
+    """The base parameters of a robot.
+
+    Attributes:
+        robot: the robot.
+        standard: all standard parameters, in order.
+        kept: indices of the standard parameters that head a group, ascending.
+        dropped: indices of the others that act on the torques.
+        regrouping: K, contribution of each dropped parameter, shape (kept, dropped).
+        without_effect: indices of parameters that no torque depends on.
+    """
+
+    robot: Robot
+    standard: tuple[Parameter, ...]
+    kept: np.ndarray
+    dropped: np.ndarray
+    regrouping: np.ndarray
+    without_effect: np.ndarray
+
+    def __len__(self) -> int:
+        return self.kept.size
+
+    @property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """The standard parameters that head the groups: their columns are the base columns."""
+        return tuple(self.standard[i] for i in self.kept)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names, with an ``r`` (regrouped) where others were added: ``zz1r``, ``my6``."""
+        return tuple(
+            regrouped_name(p) if self.regrouping[k].any() else p.name
+            for k, p in enumerate(self.parameters)
+        )
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """Each group written out: ``zz1 + ia1 + yy2 + 0.07 mz3 + …``."""
+        return tuple(self._expression(k) for k in range(len(self)))
+
+    def values(self, standard: np.ndarray) -> np.ndarray:
+        """Base parameters of given standard ones, θ_k + K θ_d.
+
+        Args:
+            standard: standard parameters, shape (standard,).
+        """
+        standard = np.asarray(standard, dtype=float)
+        return standard[self.kept] + self.regrouping @ standard[self.dropped]
+
+    def lift(self, base: np.ndarray) -> np.ndarray:
+        """Standard parameters with the same torques: groups on their heads, zeros elsewhere.
+
+        Args:
+            base: base parameters, shape (base,).
+
+        Returns:
+            Standard parameters, shape (standard,). They are not physical link by link.
+        """
+        standard = np.zeros(len(self.standard))
+        standard[self.kept] = base
+        return standard
+
+    def index(self, name: str) -> int:
+        """Position of a base parameter by its name, with or without the trailing ``r``.
+
+        Raises:
+            KeyError: if there is none of that name.
+        """
+        for k, (own, p) in enumerate(zip(self.names, self.parameters, strict=True)):
+            if name.lower() in (own.lower(), p.name.lower()):
+                return k
+        raise KeyError(name)
+
+    def _expression(self, k: int) -> str:
+        text = self.parameters[k].name
+        for i, coefficient in zip(self.dropped, self.regrouping[k], strict=True):
+            if coefficient == 0.0:
+                continue
+            sign = "-" if coefficient < 0 else "+"
+            size = abs(coefficient)
+            factor = "" if size == 1.0 else f"{size:.6g} "
+            text += f" {sign} {factor}{self.standard[i].name}"
+        return text
+
+
+def regrouped_name(p: Parameter) -> str:
+    """``zz1r``, or ``zzr[elbow]`` on a tree."""
+    return p.name.replace("[", "r[") if "[" in p.name else f"{p.name}r"
+
+
+def base_parameters(robot: Robot) -> BaseParameters:
+    """Base parameters of a robot, deterministic (the random states have a fixed seed).
+
+    Args:
+        robot: the robot.
+
+    Returns:
+        Its base parameters.
+    """
+    standard = standard_parameters(robot)
+    phi = _probe(robot, standard)
+    length = np.linalg.norm(phi, axis=0)
+    active = length > 1e-12 * length.max()
+    order = [i for i in _preference(robot, standard) if active[i]]
+    kept = _independent_columns(phi / np.where(active, length, 1.0), order)
+    dropped = sorted(set(order) - set(kept))
+    kept = sorted(kept)
+    regrouping = np.linalg.lstsq(phi[:, kept], phi[:, dropped], rcond=None)[0]
+    return BaseParameters(
+        robot,
+        standard,
+        np.array(kept, dtype=np.int64),
+        np.array(dropped, dtype=np.int64),
+        _cleaned(regrouping),
+        np.flatnonzero(~active),
+    )
+
+
+def _probe(robot: Robot, standard: tuple[Parameter, ...]) -> np.ndarray:
+    """Φ at random states, stacked: more than twice as many rows as columns."""
+    samples = max(40, 3 * len(standard) // robot.size)
+    rng = np.random.default_rng(19910501)
+    q, dq, ddq = rng.uniform(-np.pi, np.pi, (3, samples, robot.size))
+    phi = Regressor.build(robot, standard).matrix(q, dq, ddq)
+    return phi.reshape(-1, len(standard))
+
+
+def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
+    """Indices of the standard parameters, those to be kept first."""
+
+    def last(p: Parameter) -> bool:
+        if p.stem == "ia":
+            return True
+        if not p.is_inertial:
+            return False
+        if robot.joints[p.joint].kind == "prismatic":
+            return p.stem not in ("mx", "my", "mz", "m")
+        return p.stem in ("yy", "mz", "m")
+
+    return sorted(range(len(standard)), key=lambda i: (last(standard[i]), i))
+
+
+def _independent_columns(phi: np.ndarray, order: list[int]) -> list[int]:
+    """Columns that are not combinations of those before them in ``order``.
+
+    Gram–Schmidt with a second pass (twice is enough), so that a remainder of rounding errors
+    stays at rounding level and cannot pass for an independent direction.
+    """
+    basis = np.empty((phi.shape[0], len(order)))
+    kept: list[int] = []
+    for i in order:
+        remainder = phi[:, i].copy()
+        for _ in range(2):
+            span = basis[:, : len(kept)]
+            remainder -= span @ (span.T @ remainder)
+        size = np.linalg.norm(remainder)
+        if size > DEPENDENCE:
+            basis[:, len(kept)] = remainder / size
+            kept.append(i)
+    return kept
+
+
+def _cleaned(regrouping: np.ndarray) -> np.ndarray:
+    """Rounding noise removed: zeros, and integers that are integers."""
+    cleaned = np.where(np.abs(regrouping) < 1e-9, 0.0, regrouping)
+    nearest = np.round(cleaned)
+    return np.where(np.abs(cleaned - nearest) < 1e-9, nearest, cleaned)

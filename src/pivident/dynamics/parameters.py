@@ -1,0 +1,105 @@
+"""The standard parameters of a robot: names, order, units.
+
+Order: for each link ``xx xy xz yy yz zz mx my mz m``, its rotor inertia ``ia`` and the terms of
+its friction law (``fv fc off`` …), then for each declared coupling ``iam fvm fcm``. On a serial
+arm a parameter is shown with the number of its joint (``zz1``); on a tree with the joint's name
+(``zz[left_elbow]``), because a number would not tell where it belongs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.robot.description import INERTIAL, Coupling, Robot
+from pivident.robot.friction import FrictionColumn, FrictionTerm
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of the linear dynamic model.
+
+    Attributes:
+        name: display name, unique in its robot.
+        stem: kind of parameter (``zz``, ``ia``, ``fv``, ``fcm`` …).
+        joint: index of the joint (or link) it belongs to.
+        unit: unit on the joint side.
+        friction: the friction term, for friction parameters.
+        coupling: the coupling, for coupling parameters.
+    """
+
+    name: str
+    stem: str
+    joint: int
+    unit: str
+    friction: FrictionTerm | None = None
+    coupling: Coupling | None = None
+
+    @property
+    def is_inertial(self) -> bool:
+        """Whether it is one of a link's ten inertial parameters."""
+        return self.stem in INERTIAL
+
+    @property
+    def is_dissipative(self) -> bool:
+        """Whether physics demands that it is not negative (friction levels, rotor inertias)."""
+        return self.stem in ("ia", "iam", "fv", "fc", "fcp", "fcn", "fvm", "fcm")
+
+
+def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
+    """All parameters of the linear model, in the order of the module's docstring."""
+    parameters = []
+    for i, joint in enumerate(robot.joints):
+        label = joint_label(robot, i)
+        torque, speed = _units(joint.kind)
+        for stem in INERTIAL:
+            unit = "kg" if stem == "m" else "kg m" if stem.startswith("m") else "kg m²"
+            parameters.append(Parameter(f"{stem}{label}", stem, i, unit))
+        rotor_unit = "kg m²" if joint.kind == "revolute" else "kg"
+        parameters.append(Parameter(f"ia{label}", "ia", i, rotor_unit))
+        for term in joint.friction.terms:
+            viscous = term.column is FrictionColumn.VISCOUS
+            unit = f"{torque} s/{speed}" if viscous else torque
+            parameters.append(Parameter(f"{term.stem}{label}", term.stem, i, unit, friction=term))
+    for coupling in robot.couplings:
+        parameters.extend(_coupling_parameters(robot, coupling))
+    return tuple(parameters)
+
+
+def joint_label(robot: Robot, index: int) -> str:
+    """What follows the stem in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
+    return str(index + 1) if robot.is_chain else f"[{robot.joints[index].name}]"
+
+
+def nominal_values(robot: Robot, parameters: tuple[Parameter, ...]) -> np.ndarray:
+    """Nominal (CAD) value of each standard parameter, zero where none is known."""
+    values = np.zeros(len(parameters))
+    for k, p in enumerate(parameters):
+        if p.is_inertial:
+            values[k] = robot.links[p.joint].inertia[INERTIAL.index(p.stem)]
+        elif p.stem == "ia":
+            values[k] = robot.rotor_inertia[p.joint]
+        else:
+            values[k] = robot.friction_nominal.get(p.name, 0.0)
+    return values
+
+
+def _coupling_parameters(robot: Robot, coupling: Coupling) -> list[Parameter]:
+    label = joint_label(robot, coupling.motor)
+    torque, speed = _units(robot.joints[coupling.motor].kind)
+    inertia_unit = "kg m²" if robot.joints[coupling.motor].kind == "revolute" else "kg"
+    wanted = (
+        ("iam", inertia_unit, coupling.inertia),
+        ("fvm", f"{torque} s/{speed}", coupling.viscous),
+        ("fcm", torque, coupling.coulomb),
+    )
+    return [
+        Parameter(f"{stem}{label}", stem, coupling.motor, unit, coupling=coupling)
+        for stem, unit, present in wanted
+        if present
+    ]
+
+
+def _units(kind: str) -> tuple[str, str]:
+    return ("N m", "rad") if kind == "revolute" else ("N", "m")

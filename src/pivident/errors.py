@@ -1,0 +1,280 @@
+"""Errors of pivident: one base class, children that keep their evidence.
+
+Every message names the object (joint, sample, file, key), the value met, the value expected
+and the next step, so that it can be shown to a user as one readable line.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+
+class PividentError(Exception):
+    """Base of every error that pivident raises on purpose."""
+
+
+class RobotDescriptionError(PividentError, ValueError):
+    """A robot description (modified DH table or URDF) that cannot be used."""
+
+
+class RecordingError(PividentError, ValueError):
+    """A recording whose content cannot be used as it is."""
+
+
+class FileFormatError(RecordingError):
+    """A file that is missing, unreadable or not what its name promises."""
+
+
+class ExperimentError(PividentError, ValueError):
+    """An experiment file with unknown keys, bad values or contradictory options."""
+
+
+class IdentificationError(PividentError):
+    """An identification that cannot be carried out on the given data."""
+
+
+class NonFiniteSamples(RecordingError):
+    """A channel holds NaN or infinite samples.
+
+    Attributes:
+        channel: name of the channel, such as ``tau``.
+        joint: name of the joint.
+        sample: index of the first such sample.
+        count: how many there are.
+    """
+
+    def __init__(self, channel: str, joint: str, sample: int, count: int) -> None:
+        self.channel, self.joint, self.sample, self.count = channel, joint, sample, count
+        super().__init__(
+            f"{channel} of joint {joint!r} has {count} sample(s) that are NaN or infinite, "
+            f"the first at sample {sample}; cut the recording there or repair the log"
+        )
+
+
+class ShapeMismatch(RecordingError):
+    """Arrays of one recording that do not belong together.
+
+    Attributes:
+        channel: name of the channel, such as ``tau``.
+        shape: shape met.
+        expected: shape needed, (samples, joints).
+    """
+
+    def __init__(self, channel: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
+        self.channel, self.shape, self.expected = channel, tuple(shape), tuple(expected)
+        super().__init__(
+            f"{channel} has shape {self.shape}, but {self.expected} is needed (samples, joints); "
+            "select the columns of these joints and cut all channels to the same samples"
+        )
+
+
+class RecordingTooShort(RecordingError):
+    """A recording with too few samples to differentiate and fit.
+
+    Attributes:
+        samples: number of samples met.
+        minimum: smallest number that is accepted.
+    """
+
+    def __init__(self, samples: int, minimum: int) -> None:
+        self.samples, self.minimum = samples, minimum
+        super().__init__(
+            f"the recording has {samples} sample(s), at least {minimum} are needed; "
+            "take a longer part, or check which axis of the file is time"
+        )
+
+
+class ConstantChannel(RecordingError):
+    """A channel of one joint holds the same value from beginning to end.
+
+    Attributes:
+        channel: name of the channel, such as ``q``.
+        joint: name of the joint.
+        value: the value it holds [SI].
+    """
+
+    def __init__(self, channel: str, joint: str, value: float) -> None:
+        self.channel, self.joint, self.value = channel, joint, value
+        super().__init__(
+            f"{channel} of joint {joint!r} is {value:.6g} at every sample; freeze that joint and "
+            "leave it out of the recording, check its column, or accept it with allow_constant"
+        )
+
+
+class SaturatedSignal(RecordingError):
+    """A torque channel that is cut off at its extreme value while the joint moves.
+
+    Attributes:
+        channel: name of the channel, such as ``tau``.
+        joint: name of the joint.
+        value: the value at which it is cut off.
+        count: number of samples that sit there.
+        samples: number of samples of the recording.
+        sample: index of the first such sample.
+    """
+
+    def __init__(
+        self, channel: str, joint: str, value: float, count: int, samples: int, sample: int
+    ) -> None:
+        self.channel, self.joint, self.value = channel, joint, value
+        self.count, self.samples, self.sample = count, samples, sample
+        super().__init__(
+            f"{channel} of joint {joint!r} is cut off at {value:.6g} during {count} of {samples} "
+            f"samples, first at sample {sample}; cut these parts, repeat the motion more slowly, "
+            'or accept them with saturation = "allow"'
+        )
+
+
+class IrregularSampling(RecordingError):
+    """Time stamps that are not one regular clock.
+
+    Attributes:
+        kind: ``jitter``, ``duplicate`` or ``backward``.
+        sample: index of the first stamp at fault.
+        time: that stamp [s].
+        interval: distance to the stamp before it [s].
+        expected: median interval of the recording [s].
+    """
+
+    ADVICE: ClassVar[dict[str, str]] = {
+        "jitter": "resample the recording onto a uniform grid, or give the rate if the clock of "
+        "the samples is regular and only its stamps are not",
+        "duplicate": "remove the repeated rows, or give the rate if the stamps are only coarse",
+        "backward": "cut the recording there; two logs may have been joined",
+    }
+
+    def __init__(
+        self, kind: str, sample: int, time: float, interval: float, expected: float
+    ) -> None:
+        self.kind, self.sample, self.time = kind, sample, time
+        self.interval, self.expected = interval, expected
+        super().__init__(
+            f"time stamp {time:.6f} s of sample {sample} follows its predecessor by "
+            f"{interval:.3g} s instead of {expected:.3g} s ({kind}); {self.ADVICE[kind]}"
+        )
+
+
+class UnknownColumn(FileFormatError):
+    """A column or array that the file does not hold.
+
+    Attributes:
+        file: name of the file.
+        column: name asked for.
+        near: names in the file that look like it.
+    """
+
+    def __init__(self, file: str, column: str, near: Sequence[str], known: Sequence[str]) -> None:
+        self.file, self.column, self.near = file, column, tuple(near)
+        hint = f"did you mean {', '.join(self.near)}?" if near else f"it has {_shortened(known)}"
+        super().__init__(f"{file} has no column or array {column!r}; {hint}")
+
+
+class BadCell(FileFormatError):
+    """A line of a text table that cannot be read as numbers.
+
+    Attributes:
+        file: name of the file.
+        line: number of the line, counted from one, header included.
+        column: name of the column, or None where the whole line is at fault.
+        text: what stands there.
+    """
+
+    def __init__(self, file: str, line: int, column: str | None, text: str, reason: str) -> None:
+        self.file, self.line, self.column, self.text = file, line, column, text
+        where = f"line {line}" if column is None else f"line {line}, column {column!r}"
+        super().__init__(f"{file}, {where}: {reason}; correct or remove that line")
+
+
+class ChecksumMismatch(FileFormatError):
+    """A file of a public record whose content is not the published one.
+
+    Attributes:
+        file: name of the file.
+        found: SHA-256 of its content.
+        expected: SHA-256 of the published file.
+    """
+
+    def __init__(self, file: str, found: str, expected: str) -> None:
+        self.file, self.found, self.expected = file, found, expected
+        super().__init__(
+            f"{file} has SHA-256 {found[:12]}… instead of {expected[:12]}…; "
+            "delete it and fetch it again"
+        )
+
+
+class DatasetUnavailable(PividentError):
+    """A public record that is neither here nor can be fetched.
+
+    Attributes:
+        dataset: name of the data set.
+        file: name of the missing file.
+    """
+
+    def __init__(self, dataset: str, file: str, reason: str) -> None:
+        self.dataset, self.file = dataset, file
+        super().__init__(
+            f"{file} of data set {dataset!r} is not available: {reason}; set the environment "
+            f"variable PIVIDENT_DATA to a folder that holds {dataset}/{file}"
+        )
+
+
+class RankDeficientRegressor(IdentificationError):
+    """The motion does not separate all requested parameters.
+
+    Attributes:
+        rank: numerical rank of the observation matrix.
+        expected: number of parameters asked for.
+        groups: names of the parameters that cannot be told apart, one tuple per missing rank.
+    """
+
+    def __init__(self, rank: int, expected: int, groups: Sequence[Sequence[str]]) -> None:
+        self.rank, self.expected = rank, expected
+        self.groups = tuple(tuple(group) for group in groups)
+        listed = "; ".join(", ".join(group) for group in self.groups)
+        super().__init__(
+            f"the motion separates {rank} of {expected} parameters; not separable: {listed}. "
+            "Add a recording that moves these joints, or leave parameters out of the set"
+        )
+
+
+class MassMatrixNotPositiveDefinite(IdentificationError):
+    """The mass matrix of the current parameters is indefinite on the motion.
+
+    Attributes:
+        joint: name of the joint at which the Cholesky factorisation failed.
+        time: time of that sample [s].
+        pivot: the pivot that should have been positive.
+    """
+
+    def __init__(self, joint: str, time: float, pivot: float) -> None:
+        self.joint, self.time, self.pivot = joint, time, pivot
+        super().__init__(
+            f"the mass matrix is not positive definite at joint {joint!r}, t = {time:.4f} s "
+            f"(pivot {pivot:.3g}); start from larger rotor inertias or CAD values"
+        )
+
+
+class SimulationDiverged(IdentificationError):
+    """The simulated closed loop left the neighbourhood of its reference.
+
+    Attributes:
+        joint: name of the joint that left first.
+        time: time at which it did [s].
+        deviation: distance from the reference at that time [rad or m].
+        bound: the largest distance allowed [rad or m].
+    """
+
+    def __init__(self, joint: str, time: float, deviation: float, bound: float) -> None:
+        self.joint, self.time, self.deviation, self.bound = joint, time, deviation, bound
+        super().__init__(
+            f"the simulated joint {joint!r} is {deviation:.3g} away from its reference at "
+            f"t = {time:.4f} s (bound {bound:.3g}); check the controller's gains, units and sign, "
+            "the drive gain and the initial parameters"
+        )
+
+
+def _shortened(names: Sequence[str], most: int = 12) -> str:
+    """The first few names of a list, and how many follow."""
+    listed = ", ".join(repr(name) for name in names[:most])
+    return listed if len(names) <= most else f"{listed} and {len(names) - most} more"

@@ -1,0 +1,113 @@
+"""What every channel of a recording has to fulfil, one function per demand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.errors import (
+    ConstantChannel,
+    NonFiniteSamples,
+    RecordingError,
+    RecordingTooShort,
+    SaturatedSignal,
+    ShapeMismatch,
+)
+from pivident.recording.saturation import clipped_samples
+
+#: Fewest samples that can be differentiated twice and still leave something to fit.
+MINIMUM_SAMPLES = 16
+
+#: Share of clipped samples that a torque channel may have.
+TOLERATED_CLIPPING = 0.01
+
+
+def check_shape(channel: str, values: np.ndarray, expected: tuple[int, ...]) -> None:
+    """Refuse a channel that is not (samples, joints).
+
+    Raises:
+        ShapeMismatch: with the shape met and the shape needed.
+    """
+    if values.shape != expected:
+        raise ShapeMismatch(channel, values.shape, expected)
+
+
+def check_length(samples: int) -> None:
+    """Refuse a recording of fewer than `MINIMUM_SAMPLES` samples.
+
+    Raises:
+        RecordingTooShort: with the number of samples.
+    """
+    if samples < MINIMUM_SAMPLES:
+        raise RecordingTooShort(samples, MINIMUM_SAMPLES)
+
+
+def check_positive(name: str, value: float) -> None:
+    """Refuse a rate that is not a positive, finite number.
+
+    Raises:
+        RecordingError: names the quantity and the value.
+    """
+    if not (np.isfinite(value) and value > 0):
+        raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
+
+
+def check_finite(channel: str, values: np.ndarray, joint_names: Sequence[str]) -> None:
+    """Refuse NaN and infinite samples.
+
+    Args:
+        channel: name for the message.
+        values: shape (samples, joints).
+        joint_names: names of the columns.
+
+    Raises:
+        NonFiniteSamples: names the first joint concerned and its first such sample.
+    """
+    # A sum is NaN or infinite as soon as one term is: no mask of the whole record is needed. A
+    # sum of finite terms could overflow; then the mask finds nothing and the channel passes.
+    with np.errstate(invalid="ignore", over="ignore"):
+        suspicious = np.flatnonzero(~np.isfinite(values.sum(axis=0)))
+    for j in suspicious.tolist():
+        bad = np.flatnonzero(~np.isfinite(values[:, j]))
+        if bad.size:
+            raise NonFiniteSamples(channel, joint_names[j], int(bad[0]), bad.size)
+
+
+def check_changing(channel: str, values: np.ndarray, joint_names: Sequence[str]) -> None:
+    """Refuse a channel that never changes.
+
+    Args:
+        channel: name for the message.
+        values: shape (samples, joints).
+        joint_names: names of the columns.
+
+    Raises:
+        ConstantChannel: names the first joint concerned and its value.
+    """
+    constant = np.flatnonzero(values.min(axis=0) == values.max(axis=0))
+    if constant.size:
+        j = int(constant[0])
+        raise ConstantChannel(channel, joint_names[j], float(values[0, j]))
+
+
+def check_not_saturated(
+    channel: str, tau: np.ndarray, q: np.ndarray, joint_names: Sequence[str]
+) -> None:
+    """Refuse a torque that is cut off during more than one per cent of the recording.
+
+    Args:
+        channel: name for the message.
+        tau: torques of either side, shape (samples, joints), in any unit.
+        q: positions of the same side, shape (samples, joints), in any unit.
+        joint_names: names of the columns.
+
+    Raises:
+        SaturatedSignal: names the first joint concerned, the value and how often.
+    """
+    for j, joint in enumerate(joint_names):
+        clipped = np.flatnonzero(clipped_samples(tau[:, j], q[:, j]))
+        if clipped.size > TOLERATED_CLIPPING * len(tau):
+            first = int(clipped[0])
+            value = float(tau[first, j])
+            raise SaturatedSignal(channel, joint, value, clipped.size, len(tau), first)

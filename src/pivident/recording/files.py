@@ -1,0 +1,80 @@
+"""Source files: that they exist, what they hash to, that they are not archive bombs."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+
+from pivident.errors import FileFormatError
+
+#: A file may expand to this many bytes without question.
+HARMLESS_SIZE = 256 * 2**20
+
+#: Beyond that it may expand by this factor. Logs as text shrink four- to tenfold.
+LARGEST_EXPANSION = 200
+
+
+@dataclass(frozen=True)
+class SourceFile:
+    """Where numbers come from, without saying on whose machine.
+
+    Attributes:
+        name: file name without its folder.
+        sha256: hash of the file's bytes, hexadecimal.
+    """
+
+    name: str
+    sha256: str
+
+    @classmethod
+    def of(cls, path: str | PathLike[str]) -> SourceFile:
+        """Name and hash of a file on disk."""
+        path = existing_file(path)
+        return cls(path.name, sha256(path))
+
+
+def existing_file(path: str | PathLike[str]) -> Path:
+    """The path, once it is known to be a file with content that can be opened.
+
+    Raises:
+        FileFormatError: the file is missing, a folder, empty or not readable.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise FileFormatError(f"{path.name} is a folder; name the file with the record in it")
+    try:
+        with path.open("rb") as stream:
+            empty = not stream.read(1)
+    except OSError as error:
+        raise FileFormatError(
+            f"{path} cannot be opened ({error.strerror}); check its name and permissions"
+        ) from error
+    if empty:
+        raise FileFormatError(f"{path.name} is empty; export the log again")
+    return path
+
+
+def sha256(path: Path) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def refuse_bomb(path: Path, expanded: int) -> None:
+    """Refuse a file that promises to expand beyond what a log would.
+
+    Args:
+        path: the file on disk.
+        expanded: bytes that its content would take in memory.
+
+    Raises:
+        FileFormatError: the content is large and out of proportion to the file.
+    """
+    stored = path.stat().st_size
+    if expanded > HARMLESS_SIZE and expanded > LARGEST_EXPANSION * stored:
+        raise FileFormatError(
+            f"{path.name} expands from {stored} to at least {expanded} bytes, more than "
+            f"{LARGEST_EXPANSION} times its size; store it uncompressed if this is no mistake"
+        )

@@ -1,0 +1,264 @@
+"""From the files of a log to a `Recording`: columns, units, side and clock, all given as data.
+
+    raw columns ──factor to SI──▶ channels as logged ──clock──▶ uniform samples ──side──▶ Recording
+
+The arguments are plain names, numbers and tables, so that an experiment file can say the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from pivident.errors import RecordingError
+from pivident.recording import checks, timestamps
+from pivident.recording.columns import Channel, ColumnSpec, array_of, assemble, locate
+from pivident.recording.files import SourceFile
+from pivident.recording.recording import Recording
+from pivident.recording.tables import names_in, read_table
+from pivident.recording.units import UnitSpec, check_kind, factor_to_si
+from pivident.robot.description import Robot
+from pivident.robot.transmission import Transmission
+
+#: Whether a channel was measured before or behind the gear.
+Side = Literal["joint", "motor"]
+
+#: Channels that a log can have, besides its named inputs.
+CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "t")
+
+
+def load_recording(
+    files: str | Path | Mapping[str, str | Path],
+    columns: Mapping[str, ColumnSpec | Mapping[str, ColumnSpec]],
+    *,
+    units: Mapping[str, Any] | None = None,
+    side: Side | Mapping[str, Side] = "joint",
+    robot: Robot | None = None,
+    transmission: Transmission | None = None,
+    joint_names: Sequence[str] | None = None,
+    rate: float | None = None,
+    resample: bool = False,
+    samples_axis: int | None = None,
+    position_offset: Sequence[float] | None = None,
+    name: str | None = None,
+    **options: Any,
+) -> Recording:
+    """Read a log into a checked recording, SI and joint side.
+
+    Args:
+        files: the log's file, or several by key; a file whose key is a channel's name holds that
+            channel (``{"q": "positions.csv", "tau": "currents.csv"}``).
+        columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``
+            where they were logged, in the notation of `pivident.recording.columns`; known inputs
+            by name under ``inputs``.
+        units: unit of each channel in the notation of `pivident.recording.units`, one for all
+            joints or a list with one per joint; SI where it is not given. Under ``inputs``: unit
+            or factor of each input.
+        side: ``joint`` or ``motor`` for everything, or by channel; references are on the side of
+            ``q`` if they are not named.
+        robot: gives joint names, joint kinds and transmission.
+        transmission: between motor and joint side, instead of the robot's.
+        joint_names: names of the joints, instead of the robot's; ``joint_1`` … without a robot.
+        rate: sampling rate [Hz]; that of the time stamps where it is not given.
+        resample: interpolate onto a uniform grid at `rate`, or at the rate of the median interval:
+            positions and references by cubic splines, torques linearly, inputs held.
+        samples_axis: which axis of two-dimensional arrays is time, if their shape leaves it open.
+        position_offset: what is added to the joint positions, shape (joints,) [rad or m]; the
+            transmission's offset for motor positions and zero for joint positions otherwise.
+        name: name of the run; that of the file with the positions otherwise.
+        options: further fields of `Recording`, such as ``control_rate`` or ``torque_timing``.
+
+    Raises:
+        FileFormatError: a file, a column or a cell that cannot be read.
+        RecordingError: channels, units, sides or time stamps that do not fit together.
+    """
+    paths = _paths(files)
+    channels = _channels(columns, paths)
+    if robot is not None:
+        joint_names = joint_names or robot.joint_names
+        transmission = transmission or robot.transmission
+    logged = _read(channels, paths, None if joint_names is None else len(joint_names), samples_axis)
+    joint_names = tuple(joint_names or (f"joint_{j + 1}" for j in range(logged["q"].shape[1])))
+
+    sides = _sides(side, logged, transmission)
+    _to_si(logged, units or {}, sides, robot, transmission)
+    for channel, values in logged.items():
+        if channel != "t":
+            checks.check_shape(channel, values, (len(logged["q"]), len(joint_names)))
+            checks.check_finite(channel, values, joint_names)
+    # Limits are judged on the log itself: couplings and interpolation would blur them.
+    if options.get("saturation", "refuse") == "refuse":
+        checks.check_not_saturated("tau", logged["tau"], logged["q"], joint_names)
+
+    rate, start_time = _clock(logged, rate, resample)
+    _to_joint_side(logged, sides, transmission, position_offset)
+    return Recording(
+        name=name or Path(paths[channels["q"].file].name.removesuffix(".gz")).stem,
+        joint_names=joint_names,
+        q=logged.pop("q"),
+        tau=logged.pop("tau"),
+        rate=rate,
+        q_ref=logged.pop("q_ref", None),
+        dq_ref=logged.pop("dq_ref", None),
+        ddq_ref=logged.pop("ddq_ref", None),
+        inputs={key.removeprefix("inputs."): values for key, values in logged.items()},
+        sources=tuple(SourceFile.of(paths[key]) for key in {c.file: 0 for c in channels.values()}),
+        **{"start_time": start_time} | options,
+    )
+
+
+def _paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:
+    """Files by key; a single one is called ``log``."""
+    if isinstance(files, Mapping):
+        return {key: Path(path) for key, path in files.items()}
+    return {"log": Path(files)}
+
+
+def _channels(columns: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str, Channel]:
+    """Where each channel is, the inputs under ``inputs.<name>``."""
+    specs = {key: spec for key, spec in columns.items() if key != "inputs"}
+    unknown = [key for key in specs if key not in CHANNELS]
+    if unknown:
+        raise RecordingError(
+            f"columns are given for {unknown[0]!r}; channels are {', '.join(CHANNELS)}, inputs"
+        )
+    for needed in ("q", "tau"):
+        if needed not in specs:
+            raise RecordingError(f"no columns are given for {needed}; name those that hold it")
+    specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}
+    return {key: locate(key, spec, paths) for key, spec in specs.items()}
+
+
+def _read(
+    channels: Mapping[str, Channel],
+    paths: Mapping[str, Path],
+    joints: int | None,
+    samples_axis: int | None,
+) -> dict[str, np.ndarray]:
+    """Load the arrays that are needed, file by file, and assemble the channels from them."""
+    values: dict[str, np.ndarray] = {}
+    for key, path in paths.items():
+        here = [channel for channel in channels.values() if channel.file == key]
+        if not here:
+            continue
+        known = names_in(path)
+        needed = {array_of(column, known, path) for channel in here for column in channel.columns}
+        table = read_table(path, sorted(needed))
+        for channel in here:
+            if channel.name == "t":
+                values["t"] = assemble(channel, table, 1)[:, 0]
+            else:
+                values[channel.name] = assemble(channel, table, joints, samples_axis)
+    return values
+
+
+def _sides(
+    side: Side | Mapping[str, Side],
+    logged: Mapping[str, np.ndarray],
+    transmission: Transmission | None,
+) -> dict[str, Side]:
+    """Side of each channel that has one."""
+    given = dict(side) if isinstance(side, Mapping) else dict.fromkeys(("q", "tau"), side)
+    for channel, value in given.items():
+        if channel not in CHANNELS[:-1] or value not in get_args(Side):
+            raise RecordingError(f"side of {channel} is {value!r}; choose joint or motor")
+    positions = given.get("q", "joint")
+    sides = {channel: given.get(channel, positions) for channel in ("q", "q_ref")}
+    sides |= {channel: given.get(channel, sides["q_ref"]) for channel in ("dq_ref", "ddq_ref")}
+    sides["tau"] = given.get("tau", "joint")
+    if transmission is None and "motor" in {sides[c] for c in logged if c in sides}:
+        raise RecordingError("channels are on the motor side; give a robot or a transmission")
+    return sides
+
+
+def _to_si(
+    logged: dict[str, np.ndarray],
+    units: Mapping[str, Any],
+    sides: Mapping[str, Side],
+    robot: Robot | None,
+    transmission: Transmission | None,
+) -> None:
+    """Turn every channel into SI units, on the side it was logged on."""
+    specs = {key: spec for key, spec in units.items() if key != "inputs"}
+    specs |= {f"inputs.{key}": spec for key, spec in units.get("inputs", {}).items()}
+    for channel, spec in specs.items():
+        if channel not in logged:
+            raise RecordingError(f"a unit is given for {channel}, which has no columns")
+        joints = 1 if channel == "t" else logged[channel].shape[1]
+        per_joint: list[UnitSpec] = (
+            list(spec) if isinstance(spec, (list, tuple)) else [spec] * joints
+        )
+        if len(per_joint) != joints:
+            raise RecordingError(f"{channel} has {len(per_joint)} units for {joints} joint(s)")
+        if robot is not None and channel in ("q", "q_ref") and sides[channel] == "joint":
+            for joint, unit in zip(robot.joints, per_joint, strict=True):
+                check_kind(channel, unit, joint.name, joint.kind)
+        quantity = channel.partition(".")[0]
+        factors, commands = zip(*(factor_to_si(quantity, unit) for unit in per_joint), strict=True)
+        logged[channel] = logged[channel] * (factors[0] if channel == "t" else np.array(factors))
+        if any(commands):
+            if transmission is None:
+                raise RecordingError(
+                    f"{channel} is a drive command ({spec}) without a gain; write {{unit = …, "
+                    "gain = …}, or give a robot or transmission with drive gains"
+                )
+            logged[channel] *= np.where(commands, transmission.drive_gain, 1.0)
+
+
+def _clock(
+    logged: dict[str, np.ndarray], rate: float | None, resample: bool
+) -> tuple[float, float]:
+    """Sampling rate [Hz] and time of the first sample [s]; on demand, new samples."""
+    t = logged.pop("t", None)
+    if t is None:
+        if rate is None or resample:
+            raise RecordingError(
+                "there is no time column; name one as t" + " or give the rate" * (not resample)
+            )
+        return float(rate), 0.0
+    if len(t) != len(logged["q"]):
+        raise RecordingError(f"t has {len(t)} samples, q has {len(logged['q'])}")
+    if not resample:
+        if rate is None:
+            return timestamps.rate_of(t), float(t[0])
+        timestamps.check_rate(rate, t)
+        return float(rate), float(t[0])
+    grid, rate = timestamps.uniform_grid(t, rate)
+    for channel, values in logged.items():
+        if channel == "tau":
+            logged[channel] = timestamps.resample_linear(t, values, grid)
+        elif channel.startswith("inputs."):
+            logged[channel] = timestamps.resample_held(t, values, grid)
+        else:
+            logged[channel] = timestamps.resample_smooth(t, values, grid)
+    return rate, float(grid[0])
+
+
+def _to_joint_side(
+    logged: dict[str, np.ndarray],
+    sides: Mapping[str, Side],
+    transmission: Transmission | None,
+    position_offset: Sequence[float] | None,
+) -> None:
+    """Bring every channel behind the gear."""
+    joints = logged["q"].shape[1]
+    if position_offset is not None and np.shape(position_offset) != (joints,):
+        raise RecordingError(f"position_offset needs one number for each of {joints} joint(s)")
+    for channel in CHANNELS[:-1]:
+        if channel not in logged:
+            continue
+        offset = np.zeros(joints) if position_offset is None else np.asarray(position_offset, float)
+        if sides[channel] == "motor":
+            assert transmission is not None, "_sides has asked for it"
+            if channel == "tau":
+                logged[channel] = transmission.joint_torques(logged[channel])
+            else:
+                moved = transmission.joint_positions(logged[channel])
+                logged[channel] = moved - transmission.position_offset
+                if position_offset is None:
+                    offset = transmission.position_offset
+        if channel in ("q", "q_ref"):
+            logged[channel] = logged[channel] + offset

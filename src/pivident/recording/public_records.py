@@ -1,0 +1,165 @@
+"""The public records as ready recordings.
+
+Each is a set of arguments of `load_recording`, plain data that an experiment file can repeat; the
+facts in it (units, sides, signs, gains, timing) are those that reproduce the published results.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pivident.errors import RecordingError
+from pivident.recording.datasets import fetch
+from pivident.recording.load import load_recording
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.robot.transmission import Transmission
+
+#: Motor positions and motor torque references, logged at the rate of the control loop. Despite
+#: its name the file curr_data.csv holds newton metres.
+STAUBLI_TX40: dict[str, Any] = {
+    "name": "staubli_tx40",
+    "columns": {
+        "q": [f"Joint_{j}" for j in range(1, 7)],
+        "tau": [f"Joint_{j}" for j in range(1, 7)],
+    },
+    "units": {"q": "rad", "tau": "N m"},
+    "side": "motor",
+    "rate": 5000.0,
+    "torque_timing": "held",
+}
+
+#: The motor of axis 6 also turns with joint 5; the model's zero differs on axes 2 and 3.
+_TX40_REDUCTION = np.diag([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
+_TX40_REDUCTION[5, 4] = 32.0
+TX40_TRANSMISSION = Transmission(
+    reduction=_TX40_REDUCTION,
+    drive_gain=np.ones(6),
+    position_offset=np.array([0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0]),
+)
+
+#: Load side, drive input in volts; the gain is the file's own gtau [N/V].
+EMPS: dict[str, Any] = {
+    "name": "emps",
+    "columns": {"q": "qm", "q_ref": "qg", "tau": "vir", "t": "t"},
+    "units": {
+        "q": "m",
+        "q_ref": "m",
+        "tau": {"unit": "V", "gain": 35.15065188248547},
+        "t": "s",
+    },
+    "torque_timing": "held",
+}
+
+#: The pulses are logged as 0 or 5 but act as 5.07 V: with that the recorded drive input follows
+#: from the control law to 5 mV instead of 50 mV.
+EMPS_PULSES: dict[str, Any] = EMPS | {
+    "name": "emps_pulses",
+    "columns": EMPS["columns"] | {"inputs": {"pulses": "pulses_N"}},
+    "units": EMPS["units"] | {"inputs": {"pulses": 5.07 / 5.0}},
+}
+
+#: Positions behind the gear, relative to the start pose; torques before it. The feed-forward
+#: torque is in the unit of the controller's output, motor torque.
+KUKA_KR300: dict[str, Any] = {
+    "columns": {
+        "q": "rec__act_pos_mot_deg",
+        "tau": "rec__act_torque_abs_nm",
+        "q_ref": "rec__ref_pos_deg",
+        "dq_ref": "rec__ref_vel_simple_deg_per_s",
+        "t": "rec__time_cont",
+        "inputs": {"feed_forward": "tau_ff_all"},
+    },
+    "units": {
+        "q": "deg",
+        "tau": "N m",
+        "q_ref": "deg",
+        "dq_ref": "deg/s",
+        "t": "s",
+        "inputs": {"feed_forward": "N m"},
+    },
+    "side": {"q": "joint", "tau": "motor"},
+    "position_offset": [0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0],
+    "torque_timing": "sampled",
+}
+
+KR300_TRANSMISSION = Transmission(
+    reduction=np.diag([1798 / 7, 1872 / 7, 757 / 3, 221.0, 5032 / 21, 206793 / 1340]),
+    drive_gain=np.ones(6),
+    position_offset=np.zeros(6),
+)
+
+
+def load_staubli_tx40(
+    files: Mapping[str, str | Path] | None = None, robot: Robot | None = None
+) -> Recording:
+    """The Stäubli TX40 record: 45 000 samples of six axes at 5 kHz, without reference.
+
+    Args:
+        files: its two files as ``q`` and ``tau``; those of `fetch` where they are not given.
+        robot: gives joint names and transmission; the record's own ones otherwise.
+
+    Raises:
+        DatasetUnavailable: the files are not here and cannot be fetched.
+    """
+    files = files or fetch("staubli_tx40", "q", "tau")
+    return load_recording(files, **STAUBLI_TX40, **_machine(robot, TX40_TRANSMISSION))
+
+
+def load_emps(file: str | Path | None = None, robot: Robot | None = None) -> Recording:
+    """The EMPS estimation record: 24 841 samples of one axis at 1 kHz, with reference.
+
+    Args:
+        file: DATA_EMPS.mat; that of `fetch` where it is not given.
+        robot: gives the joint's name.
+
+    Raises:
+        DatasetUnavailable: the file is not here and cannot be fetched.
+    """
+    return load_recording(file or fetch("emps", "estimation")["estimation"], robot=robot, **EMPS)
+
+
+def load_emps_pulses(file: str | Path | None = None, robot: Robot | None = None) -> Recording:
+    """The EMPS validation record: the same reference, with pulses added to the drive input.
+
+    Args:
+        file: DATA_EMPS_PULSES.mat; that of `fetch` where it is not given.
+        robot: gives the joint's name.
+
+    Raises:
+        DatasetUnavailable: the file is not here and cannot be fetched.
+    """
+    return load_recording(file or fetch("emps", "pulses")["pulses"], robot=robot, **EMPS_PULSES)
+
+
+def load_kuka_kr300(
+    motion: Literal["A", "B"] = "A", file: str | Path | None = None, robot: Robot | None = None
+) -> Recording:
+    """A KUKA KR300 record: 2501 samples of six axes at 250 Hz, reference and feed-forward.
+
+    Args:
+        motion: which of the two motions.
+        file: its .npz file; that of `fetch` where it is not given.
+        robot: gives joint names and transmission; the record's own ones otherwise.
+
+    Raises:
+        RecordingError: there is no such motion.
+        DatasetUnavailable: the file is not here.
+    """
+    if motion not in ("A", "B"):
+        raise RecordingError(f"the KR300 record has motions A and B, not {motion!r}")
+    file = file or fetch("kuka_kr300", motion)[motion]
+    machine = _machine(robot, KR300_TRANSMISSION)
+    return load_recording(file, name=f"kuka_kr300_{motion}", **KUKA_KR300, **machine)
+
+
+def _machine(robot: Robot | None, transmission: Transmission) -> dict[str, Any]:
+    """The robot, or without one the record's own transmission and numbered joints."""
+    if robot is not None:
+        return {"robot": robot}
+    names = [f"joint_{j + 1}" for j in range(len(transmission.drive_gain))]
+    return {"transmission": transmission, "joint_names": names}

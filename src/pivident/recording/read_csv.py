@@ -1,0 +1,188 @@
+"""Tables as text: .csv, .csv.gz, .txt, .tsv.
+
+Commas, semicolons and tabs separate; ``#`` starts a comment line. A first line of nothing but
+numbers is no header: its columns are then called column_1, column_2 … Numbers use a decimal point.
+"""
+
+from __future__ import annotations
+
+import csv
+import gzip
+import io
+import zlib
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, NoReturn
+
+import numpy as np
+
+from pivident.errors import BadCell, FileFormatError
+from pivident.recording.files import HARMLESS_SIZE, existing_file, refuse_bomb
+
+if TYPE_CHECKING:
+    import polars as pl
+
+SEPARATORS = ",;\t"
+COMMENT = "#"
+
+
+def csv_names(path: str | Path) -> tuple[str, ...]:
+    """Names of the columns, without loading them.
+
+    Raises:
+        FileFormatError: the file is missing, empty or not text.
+    """
+    return _header(existing_file(path)).names
+
+
+def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Columns of a text table.
+
+    Args:
+        path: the file; ``.gz`` is unpacked on the way.
+        names: the columns wanted, all where it is not given. Other columns may hold text.
+
+    Returns:
+        Each column by its name, shape (samples,).
+
+    Raises:
+        FileFormatError: the file is missing, empty, binary, or expands beyond reason.
+        BadCell: a line is ragged, or a wanted cell is empty or not a number; names both.
+    """
+    import polars as pl
+
+    path = existing_file(path)
+    header = _header(path)
+    wanted = list(header.names if names is None else names)
+    places = sorted({header.names.index(name) for name in wanted})
+    try:
+        frame = pl.read_csv(
+            _unpacked(path) if path.suffix == ".gz" else path,
+            has_header=header.present,
+            columns=places,
+            schema_overrides={header.cells[place]: pl.Float64 for place in places},
+            separator=header.separator,
+            comment_prefix=COMMENT,
+            encoding="utf8-lossy",
+            glob=False,
+        )
+    except pl.exceptions.PolarsError as error:
+        _explain(path, header, wanted, str(error).splitlines()[0])
+    frame = _without_blank_end(frame)
+    if frame.height == 0:
+        raise FileFormatError(f"{path.name} has a header but no samples; export the log again")
+    if sum(frame.null_count().row(0)):
+        _explain(path, header, wanted, "a cell is empty")
+    by_place = dict(zip(places, frame.get_columns(), strict=True))
+    return {name: by_place[header.names.index(name)].to_numpy() for name in wanted}
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What the first line tells: names as written, names without blanks, how they are separated."""
+
+    cells: tuple[str, ...]
+    separator: str
+    present: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(cell.strip() for cell in self.cells)
+
+
+def _header(path: Path) -> _Header:
+    """Read the first line that is neither blank nor a comment."""
+    first = ""
+    with _text(path) as lines:
+        for first in _lines(path, lines):
+            if "\0" in first:
+                raise FileFormatError(f"{path.name} is a binary file, not a text table")
+            if first.strip() and not first.startswith(COMMENT):
+                break
+        else:
+            raise FileFormatError(f"{path.name} holds no table; export the log again")
+    separator = max(SEPARATORS, key=first.count)
+    cells = next(csv.reader([first.rstrip("\r\n")], delimiter=separator))
+    if all(_is_number(cell) for cell in cells):
+        return _Header(tuple(f"column_{i + 1}" for i in range(len(cells))), separator, False)
+    header = _Header(tuple(cells), separator, True)
+    repeated = sorted({name for name in header.names if header.names.count(name) > 1})
+    if repeated:
+        raise FileFormatError(
+            f"{path.name} has more than one column {repeated[0]!r}; rename them in its header"
+        )
+    return header
+
+
+def _lines(path: Path, text: Iterable[str]) -> Iterator[str]:
+    """The lines of a text, or one readable error where its gzip stream breaks."""
+    try:
+        yield from text
+    except (OSError, EOFError, zlib.error) as error:
+        raise FileFormatError(f"{path.name} is not a whole gzip file ({error})") from error
+
+
+def _without_blank_end(frame: pl.DataFrame) -> pl.DataFrame:
+    """The table without blank lines after its last sample."""
+    import polars as pl
+
+    filled = frame.select(pl.any_horizontal(pl.all().is_not_null())).to_series().arg_true()
+    return frame.head(int(filled[-1]) + 1) if len(filled) else frame.clear()
+
+
+def _text(path: Path) -> io.TextIOWrapper:
+    """The file as lines of text, unpacked on the way."""
+    raw = gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb")
+    return io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
+
+
+def _unpacked(path: Path, chunk: int = 2**22) -> bytes:
+    """Content of a gzip file, refused as soon as it grows out of proportion."""
+    content = io.BytesIO()
+    try:
+        with gzip.open(path, "rb") as stream:
+            while block := stream.read(chunk):
+                content.write(block)
+                if content.tell() > HARMLESS_SIZE:
+                    refuse_bomb(path, content.tell())
+    except (OSError, EOFError, zlib.error) as error:
+        raise FileFormatError(f"{path.name} is not a whole gzip file ({error})") from error
+    return content.getvalue()
+
+
+def _explain(path: Path, header: _Header, wanted: Sequence[str], reason: str) -> NoReturn:
+    """Find the line at fault by reading slowly, and say so."""
+    places = {name: header.names.index(name) for name in wanted}
+    with _text(path) as lines:
+        for number, cells in _rows(lines, header):
+            if len(cells) != len(header.cells):
+                reason = f"it has {len(cells)} cells instead of {len(header.cells)}"
+                raise BadCell(path.name, number, None, header.separator.join(cells), reason)
+            for name, place in places.items():
+                cell = cells[place].strip()
+                if not _is_number(cell):
+                    reason = f"{cell!r} is not a number" if cell else "the cell is empty"
+                    raise BadCell(path.name, number, name, cell, reason)
+    raise FileFormatError(f"{path.name} cannot be read as a table of numbers ({reason})")
+
+
+def _rows(lines: Iterable[str], header: _Header) -> Iterator[tuple[int, list[str]]]:
+    """Line number and cells of each line below the header that is no comment."""
+    above = header.present
+    for number, line in enumerate(lines, start=1):
+        if line.startswith(COMMENT) or (above and not line.strip()):
+            continue
+        if above:
+            above = False
+            continue
+        yield number, next(csv.reader([line.rstrip("\r\n")], delimiter=header.separator), [])
+
+
+def _is_number(cell: str) -> bool:
+    """Whether a cell reads as a number, NaN and infinity included."""
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,125 @@
+"""MATLAB files: .mat, up to version 7.2 through SciPy, version 7.3 (HDF5) through h5py.
+
+Only top-level numeric variables are read. HDF5 stores MATLAB's columns first, so that arrays are
+transposed back into the shape they have in MATLAB.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import FileFormatError
+from pivident.recording.files import existing_file, refuse_bomb
+
+NUMERIC = {"double", "single", "logical"} | {
+    f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)
+}
+
+
+def mat_names(path: str | Path) -> tuple[str, ...]:
+    """Names of the numeric variables, without loading them.
+
+    Raises:
+        FileFormatError: the file is missing, empty or no MATLAB file.
+    """
+    return tuple(_variables(existing_file(path)))
+
+
+def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Variables of a MATLAB file.
+
+    Args:
+        path: the file.
+        names: the variables wanted; all numeric ones where it is not given.
+
+    Returns:
+        Each variable by its name, in the shape it has in MATLAB (vectors are (n, 1) or (1, n)).
+
+    Raises:
+        FileFormatError: the file is missing, damaged, expands beyond reason or holds its numbers
+            in another file.
+    """
+    path = existing_file(path)
+    variables = _variables(path)
+    wanted = tuple(variables) if names is None else tuple(names)
+    refuse_bomb(path, sum(8 * int(np.prod(variables[name], dtype=object)) for name in wanted))
+    try:
+        return _read_hdf5(path, wanted) if _is_hdf5(path) else _read_v5(path, wanted)
+    except FileFormatError:
+        raise
+    # Readers of a damaged binary file fail in many ways; all of them mean the same to a user.
+    except Exception as error:
+        raise FileFormatError(f"{path.name} is a damaged MATLAB file ({error})") from error
+
+
+def _is_hdf5(path: Path) -> bool:
+    """Whether the file is of version 7.3."""
+    import h5py
+
+    return bool(h5py.is_hdf5(path))
+
+
+def _variables(path: Path) -> dict[str, tuple[int, ...]]:
+    """Shapes of the numeric variables by name."""
+    try:
+        return _variables_hdf5(path) if _is_hdf5(path) else _variables_v5(path)
+    except Exception as error:
+        raise FileFormatError(f"{path.name} is not a readable MATLAB file ({error})") from error
+
+
+def _variables_v5(path: Path) -> dict[str, tuple[int, ...]]:
+    from scipy.io import whosmat
+
+    return {name: shape for name, shape, kind in whosmat(path) if kind in NUMERIC}
+
+
+def _variables_hdf5(path: Path) -> dict[str, tuple[int, ...]]:
+    import h5py
+
+    with h5py.File(path, "r") as file:
+        links = {name: file.get(name, getlink=True) for name in file}
+        inside = [name for name, link in links.items() if isinstance(link, h5py.HardLink)]
+        return {
+            name: file[name].shape[::-1]
+            for name in inside
+            if isinstance(file[name], h5py.Dataset) and _is_numeric(file[name])
+        }
+
+
+def _is_numeric(dataset: Any) -> bool:
+    """Whether an HDF5 dataset holds numbers of its own: no text, no references."""
+    kind = dataset.attrs.get("MATLAB_class", b"double")
+    kind = kind.decode() if isinstance(kind, bytes) else str(kind)
+    # An empty MATLAB array is stored as the list of its dimensions.
+    return (
+        kind in NUMERIC and dataset.dtype.kind in "biuf" and not dataset.attrs.get("MATLAB_empty")
+    )
+
+
+def _read_v5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
+    from scipy.io import loadmat
+
+    content = loadmat(path, variable_names=list(names))
+    for name in names:
+        if np.iscomplexobj(content[name]):
+            raise FileFormatError(f"{path.name}: {name!r} is complex; save its real part")
+    return {name: content[name] for name in names}
+
+
+def _read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
+    import h5py
+
+    arrays = {}
+    with h5py.File(path, "r") as file:
+        for name in names:
+            dataset = file[name]
+            if dataset.external or dataset.is_virtual:
+                raise FileFormatError(
+                    f"{path.name} keeps {name!r} in another file; save it in one file"
+                )
+            arrays[name] = np.ascontiguousarray(dataset[()].T)
+    return arrays

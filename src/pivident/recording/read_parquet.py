@@ -1,0 +1,58 @@
+"""Parquet tables."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pivident.errors import BadCell, FileFormatError
+from pivident.recording.files import existing_file, refuse_bomb
+
+
+def parquet_names(path: str | Path) -> tuple[str, ...]:
+    """Names of the numeric columns, without loading them.
+
+    Raises:
+        FileFormatError: the file is missing, empty or no Parquet file.
+    """
+    import polars as pl
+
+    path = existing_file(path)
+    try:
+        schema = pl.read_parquet_schema(path)
+    except (pl.exceptions.PolarsError, OSError) as error:
+        raise FileFormatError(f"{path.name} is not a readable Parquet file ({error})") from error
+    return tuple(name for name, kind in schema.items() if kind.is_numeric() or kind == pl.Boolean)
+
+
+def read_parquet(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Columns of a Parquet table.
+
+    Args:
+        path: the file.
+        names: the columns wanted; all numeric ones where it is not given.
+
+    Returns:
+        Each column by its name, shape (samples,), float64.
+
+    Raises:
+        FileFormatError: the file is missing, damaged or expands beyond reason.
+        BadCell: a wanted cell is empty.
+    """
+    import polars as pl
+
+    path = existing_file(path)
+    wanted = list(parquet_names(path) if names is None else names)
+    try:
+        table = pl.scan_parquet(path, glob=False)
+        refuse_bomb(path, 8 * len(wanted) * table.select(pl.len()).collect().item())
+        frame = table.select(pl.col(wanted).cast(pl.Float64)).collect()
+    except pl.exceptions.PolarsError as error:
+        raise FileFormatError(f"{path.name} is a damaged Parquet file ({error})") from error
+    for name in wanted:
+        empty = frame[name].is_null().arg_true()
+        if len(empty):
+            raise BadCell(path.name, int(empty[0]) + 1, name, "", "the cell is empty")
+    return {name: frame[name].to_numpy() for name in wanted}

@@ -1,0 +1,260 @@
+"""One run of a robot: what was measured, in SI units on the joint side, checked once.
+
+Whoever holds a `Recording` may rely on it: all channels have the shape (samples, joints), are
+finite, move, and are not cut off. Estimators therefore carry no guards of their own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any, Literal, get_args
+
+import numpy as np
+
+from pivident.errors import RecordingError
+from pivident.recording import checks
+from pivident.recording.files import SourceFile
+from pivident.robot.transmission import Transmission
+
+#: Which instant a torque sample speaks of, see `Recording.torque_timing`.
+TorqueTiming = Literal["held", "averaged", "sampled"]
+
+#: What to do with a torque that is cut off at a limit.
+Saturation = Literal["refuse", "allow"]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One run, checked when it is made. Its arrays are float64 and read-only.
+
+    Attributes:
+        name: name of the run.
+        joint_names: names of the joints, one per column.
+        q: joint positions, shape (samples, joints) [rad or m].
+        tau: joint torques, shape (samples, joints) [N m or N].
+        rate: sampling rate [Hz].
+        q_ref: reference positions, shape (samples, joints) [rad or m], or None.
+        dq_ref: reference speeds, shape (samples, joints) [rad/s or m/s], or None.
+        ddq_ref: reference accelerations, shape (samples, joints) [rad/s² or m/s²], or None.
+        inputs: known inputs that were added to the controller's output, by name, each of shape
+            (samples, joints) in the unit of that output (V, A or N m).
+        control_rate: rate of the control loop [Hz]; zero stands for the sampling rate.
+        torque_timing: ``held``: applied from its instant until the next control instant;
+            ``averaged``: mean over the period before its instant; ``sampled``: value at its
+            instant.
+        delay: how much later the torque channel is than the positions [s].
+        start_time: time of the first sample [s].
+        simulated: whether the record comes from a simulation.
+        sources: the files it was read from.
+        allow_constant: whether a joint may stand still, or its torque be constant.
+        saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
+
+    Raises:
+        ShapeMismatch: a channel is not (samples, joints).
+        RecordingTooShort: fewer than `checks.MINIMUM_SAMPLES` samples.
+        NonFiniteSamples: a channel holds NaN or infinite values.
+        ConstantChannel: a position or torque never changes, and `allow_constant` is false.
+        SaturatedSignal: a torque is cut off for more than `checks.TOLERATED_CLIPPING` of the
+            samples, and `saturation` is ``refuse``.
+        RecordingError: a rate is not positive, a joint name appears twice, an option is unknown.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    q: np.ndarray
+    tau: np.ndarray
+    rate: float
+    q_ref: np.ndarray | None = None
+    dq_ref: np.ndarray | None = None
+    ddq_ref: np.ndarray | None = None
+    inputs: dict[str, np.ndarray] = field(default_factory=dict)
+    control_rate: float = 0.0
+    torque_timing: TorqueTiming = "held"
+    delay: float = 0.0
+    start_time: float = 0.0
+    simulated: bool = False
+    sources: tuple[SourceFile, ...] = ()
+    allow_constant: bool = False
+    saturation: Saturation = "refuse"
+
+    def __post_init__(self) -> None:
+        settle = object.__setattr__
+        settle(self, "joint_names", tuple(self.joint_names))
+        settle(self, "sources", tuple(self.sources))
+        settle(self, "control_rate", self.control_rate or self.rate)
+        for channel in ("q", "tau", "q_ref", "dq_ref", "ddq_ref"):
+            if getattr(self, channel) is not None:
+                settle(self, channel, _settled(channel, getattr(self, channel)))
+        settle(self, "inputs", {key: _settled(key, value) for key, value in self.inputs.items()})
+        self._check()
+
+    def _check(self) -> None:
+        """Refuse what no estimator could use."""
+        self._check_options()
+        if len(set(self.joint_names)) != self.joints:
+            raise RecordingError(
+                f"recording {self.name!r}: joint names {self.joint_names} are not unique"
+            )
+        for channel, values in self.channels().items():
+            checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
+        checks.check_length(self.samples)
+        for channel, values in self.channels().items():
+            checks.check_finite(channel, values, self.joint_names)
+        if not self.allow_constant:
+            checks.check_changing("q", self.q, self.joint_names)
+            checks.check_changing("tau", self.tau, self.joint_names)
+        if self.saturation == "refuse":
+            checks.check_not_saturated("tau", self.tau, self.q, self.joint_names)
+
+    def _check_options(self) -> None:
+        """Refuse rates, times and choices that mean nothing."""
+        checks.check_positive("rate", self.rate)
+        checks.check_positive("control_rate", self.control_rate)
+        for name in ("delay", "start_time"):
+            if not np.isfinite(getattr(self, name)):
+                raise RecordingError(f"{name} is {getattr(self, name)!r} s; a number is needed")
+        for name, choices in (("torque_timing", TorqueTiming), ("saturation", Saturation)):
+            if getattr(self, name) not in get_args(choices):
+                raise RecordingError(
+                    f"{name} is {getattr(self, name)!r}; choose one of "
+                    f"{', '.join(get_args(choices))}"
+                )
+
+    def channels(self) -> dict[str, np.ndarray]:
+        """All arrays that are there, by name: q, tau, references, then inputs."""
+        named = {key: getattr(self, key) for key in ("q", "tau", "q_ref", "dq_ref", "ddq_ref")}
+        return {key: values for key, values in named.items() if values is not None} | self.inputs
+
+    @property
+    def samples(self) -> int:
+        """Number of samples."""
+        return len(self.q)
+
+    @property
+    def joints(self) -> int:
+        """Number of joints."""
+        return len(self.joint_names)
+
+    @property
+    def dt(self) -> float:
+        """Sampling period [s]."""
+        return 1.0 / self.rate
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last sample [s]."""
+        return (self.samples - 1) / self.rate
+
+    @property
+    def t(self) -> np.ndarray:
+        """Time of each sample, shape (samples,) [s]."""
+        return self.start_time + np.arange(self.samples) / self.rate
+
+    def part(self, start: int, stop: int) -> Recording:
+        """The samples start … stop-1 as a recording of their own, without copying.
+
+        A part may stand still or touch a limit: that was judged on the whole recording.
+
+        Args:
+            start: index of the first sample.
+            stop: index after the last sample.
+
+        Raises:
+            RecordingError: the indices lie outside the recording.
+        """
+        if not 0 <= start < stop <= self.samples:
+            raise RecordingError(
+                f"samples {start} to {stop} do not lie inside recording {self.name!r}, which has "
+                f"samples 0 to {self.samples}"
+            )
+        cut: dict[str, Any] = {
+            channel: None if (values := getattr(self, channel)) is None else values[start:stop]
+            for channel in ("q", "tau", "q_ref", "dq_ref", "ddq_ref")
+        }
+        return replace(
+            self,
+            **cut,
+            inputs={key: values[start:stop] for key, values in self.inputs.items()},
+            start_time=self.start_time + start / self.rate,
+            allow_constant=True,
+            saturation="allow",
+        )
+
+    def slice(self, start_s: float, stop_s: float) -> Recording:
+        """The samples with start_s ≤ t < stop_s, on the recording's own clock `t`.
+
+        Args:
+            start_s: first time [s].
+            stop_s: time at which it ends, not included [s].
+
+        Raises:
+            RecordingError: no sample lies between these times.
+        """
+        # Rounding keeps a time that is meant to be a sample's own from missing it by one bit.
+        first, last = (
+            int(np.ceil(round((time - self.start_time) * self.rate, 6)))
+            for time in (start_s, stop_s)
+        )
+        first, last = max(first, 0), min(last, self.samples)
+        if first >= last:
+            raise RecordingError(
+                f"no sample of recording {self.name!r} lies between {start_s:g} and {stop_s:g} s; "
+                f"it runs from {self.start_time:g} to {self.start_time + self.duration:g} s"
+            )
+        return self.part(first, last)
+
+    @classmethod
+    def from_motor_side(
+        cls,
+        name: str,
+        joint_names: Sequence[str],
+        q_motor: np.ndarray,
+        command: np.ndarray,
+        transmission: Transmission,
+        rate: float,
+        **options: Any,
+    ) -> Recording:
+        """A recording from motor positions and drive commands.
+
+        Finite values and saturation are judged on the motor side, since couplings mix the motors:
+        the sum of a clipped and an unclipped torque shows no limit.
+
+        Args:
+            name: name of the run.
+            joint_names: names of the joints.
+            q_motor: motor positions, shape (samples, joints) [rad or m].
+            command: drive commands, shape (samples, joints); times the transmission's drive gain
+                they are motor torques [N m or N].
+            transmission: reduction, couplings, drive gains and position offsets.
+            rate: sampling rate [Hz].
+            options: further fields of the recording, on the joint side.
+
+        Raises:
+            RecordingError: as for the recording itself.
+        """
+        names = tuple(joint_names)
+        q_motor, command = np.asarray(q_motor, float), np.asarray(command, float)
+        for channel, values in (("q", q_motor), ("tau", command)):
+            checks.check_shape(channel, values, (len(q_motor), len(transmission.drive_gain)))
+            checks.check_finite(channel, values, names)
+        if options.get("saturation", "refuse") == "refuse":
+            checks.check_not_saturated("tau", command, q_motor, names)
+        q = transmission.joint_positions(q_motor)
+        tau = transmission.joint_torques(command * transmission.drive_gain)
+        return cls(name, names, q, tau, rate, **options)
+
+
+def _settled(channel: str, values: Any) -> np.ndarray:
+    """A read-only float64 array in C order; one that already is all that is not copied."""
+    try:
+        array = np.asarray(values)
+        if np.iscomplexobj(array):
+            raise TypeError("complex numbers")
+        if array.dtype == np.float64 and array.flags.c_contiguous and not array.flags.writeable:
+            return array
+        settled = np.array(array, dtype=np.float64, order="C")
+    except (TypeError, ValueError) as error:
+        raise RecordingError(f"{channel} is not an array of real numbers ({error})") from error
+    settled.flags.writeable = False
+    return settled

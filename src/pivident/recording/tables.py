@@ -1,0 +1,61 @@
+"""One way to read every kind of file: names first, then only the arrays that are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from pivident.errors import FileFormatError
+from pivident.recording.read_csv import csv_names, read_csv
+from pivident.recording.read_mat import mat_names, read_mat
+from pivident.recording.read_npz import npz_names, read_npz
+from pivident.recording.read_parquet import parquet_names, read_parquet
+
+Names = Callable[[Path], tuple[str, ...]]
+Read = Callable[[Path, Sequence[str] | None], dict[str, np.ndarray]]
+
+READERS: dict[str, tuple[Names, Read]] = {
+    ".csv": (csv_names, read_csv),
+    ".txt": (csv_names, read_csv),
+    ".tsv": (csv_names, read_csv),
+    ".npz": (npz_names, read_npz),
+    ".mat": (mat_names, read_mat),
+    ".parquet": (parquet_names, read_parquet),
+}
+
+
+def names_in(path: str | Path) -> tuple[str, ...]:
+    """Names of the columns or arrays in a file, without loading them.
+
+    Raises:
+        FileFormatError: no reader for that kind of file, or the file cannot be read.
+    """
+    return _reader(Path(path))[0](Path(path))
+
+
+def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Columns or arrays of a file by name.
+
+    Args:
+        path: a .csv, .csv.gz, .txt, .tsv, .npz, .mat or .parquet file.
+        names: those wanted, which must be in the file; all where it is not given.
+
+    Raises:
+        FileFormatError: no reader for that kind of file, or the file cannot be read.
+    """
+    return _reader(Path(path))[1](Path(path), names)
+
+
+def _reader(path: Path) -> tuple[Names, Read]:
+    """The two functions for a kind of file, which its name tells."""
+    name = path.name.lower()
+    suffix = Path(name.removesuffix(".gz")).suffix
+    text_only = name.endswith(".gz")
+    if suffix not in READERS or (text_only and READERS[suffix][1] is not read_csv):
+        raise FileFormatError(
+            f"{path.name}: no reader for this kind of file; "
+            f"use one of {', '.join(READERS)} or a gzipped text table"
+        )
+    return READERS[suffix]

@@ -1,0 +1,143 @@
+"""From time stamps to a sampling rate, or onto a uniform grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.errors import IrregularSampling, RecordingError
+from pivident.recording.checks import check_length, check_positive
+
+#: Largest deviation of one interval from the median interval, relative.
+JITTER_TOLERANCE = 0.1
+
+#: Largest disagreement between a given rate and the one of the stamps, relative.
+RATE_TOLERANCE = 0.01
+
+
+def check_increasing(t: np.ndarray) -> None:
+    """Refuse stamps that are not finite, repeat themselves or go backward.
+
+    Args:
+        t: time stamps, shape (samples,) [s].
+
+    Raises:
+        RecordingTooShort: too few stamps.
+        RecordingError: a stamp is NaN or infinite.
+        IrregularSampling: two neighbours are equal, or the later one is smaller.
+    """
+    check_length(len(t))
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        raise RecordingError(
+            f"time stamp of sample {bad[0]} is {t[bad[0]]}; remove that row or give the rate"
+        )
+    intervals = np.diff(t)
+    wrong = np.flatnonzero(intervals <= 0)
+    if wrong.size:
+        k = int(wrong[0])
+        kind = "duplicate" if intervals[k] == 0 else "backward"
+        raise _irregular(kind, k + 1, t, intervals)
+
+
+def rate_of(t: np.ndarray) -> float:
+    """Sampling rate of regular time stamps: intervals over elapsed time [Hz].
+
+    Args:
+        t: time stamps, shape (samples,) [s].
+
+    Raises:
+        IrregularSampling: an interval deviates from the median one by more than
+            `JITTER_TOLERANCE`, a stamp repeats or goes backward.
+    """
+    check_increasing(t)
+    intervals = np.diff(t)
+    deviation = np.abs(intervals / np.median(intervals) - 1.0)
+    if deviation.max() > JITTER_TOLERANCE:
+        raise _irregular("jitter", int(np.argmax(deviation > JITTER_TOLERANCE)) + 1, t, intervals)
+    return round_rate((len(t) - 1) / (t[-1] - t[0]))
+
+
+def round_rate(rate: float) -> float:
+    """The whole number of hertz within a clock's accuracy (1e-5), else the rate itself."""
+    return float(round(rate)) if abs(rate - round(rate)) < 1e-5 * rate else float(rate)
+
+
+def check_rate(rate: float, t: np.ndarray) -> None:
+    """Refuse a given rate that contradicts the stamps, which need not be regular.
+
+    Args:
+        rate: the rate that was given [Hz].
+        t: time stamps, shape (samples,) [s].
+
+    Raises:
+        RecordingError: they differ by more than `RATE_TOLERANCE`.
+    """
+    check_positive("rate", rate)
+    check_length(len(t))
+    elapsed = float(t[-1] - t[0])
+    stamped = (len(t) - 1) / elapsed if elapsed > 0 else float("nan")
+    if not abs(rate / stamped - 1.0) <= RATE_TOLERANCE:
+        raise RecordingError(
+            f"the rate was given as {rate:g} Hz, but the time stamps advance at {stamped:g} Hz; "
+            "check the unit of the time column, or leave one of the two out"
+        )
+
+
+def uniform_grid(t: np.ndarray, rate: float | None = None) -> tuple[np.ndarray, float]:
+    """A uniform grid over the same stretch of time.
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        rate: its rate [Hz]; that of the median interval where it is not given.
+
+    Returns:
+        The grid's times [s] and its rate [Hz].
+    """
+    check_increasing(t)
+    rate = 1.0 / float(np.median(np.diff(t))) if rate is None else float(rate)
+    check_positive("rate to resample to", rate)
+    rate = round_rate(rate)
+    # Half a micro-sample of slack: the last stamp belongs to the grid although it is rounded.
+    samples = int(np.floor((t[-1] - t[0]) * rate + 5e-7)) + 1
+    return np.minimum(t[0] + np.arange(samples) / rate, t[-1]), rate
+
+
+def resample_smooth(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Cubic spline through a smooth channel (positions, references).
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        values: shape (samples, joints).
+        grid: times wanted [s].
+    """
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(t, values)(grid)
+
+
+def resample_linear(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Straight lines between the samples of a rough channel (torques).
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        values: shape (samples, joints).
+        grid: times wanted [s].
+    """
+    return np.column_stack([np.interp(grid, t, column) for column in values.T])
+
+
+def resample_held(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """The latest sample at each time, for what a controller holds (known inputs).
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        values: shape (samples, joints).
+        grid: times wanted [s].
+    """
+    return values[np.searchsorted(t, grid, side="right") - 1]
+
+
+def _irregular(kind: str, sample: int, t: np.ndarray, intervals: np.ndarray) -> IrregularSampling:
+    """The error that points at one stamp."""
+    interval = float(intervals[sample - 1])
+    return IrregularSampling(kind, sample, float(t[sample]), interval, float(np.median(intervals)))

@@ -1,0 +1,232 @@
+"""What the machine is: joints, links, couplings, transmission and friction laws.
+
+A robot is a tree of moving links. Link ``i`` is moved by joint ``i``; joint ``i`` hangs on link
+``parent``, with -1 for the fixed base, and a parent always has a smaller index than its children.
+The frame of link ``i`` sits on its joint and turns (or slides) with the link; its **z axis is the
+joint's axis**. With ^pT_i the pose of that frame in the parent's link frame,
+
+    revolute:   ^pR_i = rotation · Rz(q),   ^pp_i = translation
+    prismatic:  ^pR_i = rotation,           ^pp_i = translation + rotation · (0, 0, q)
+
+Inertial parameters are the ten of Khalil and Dombre in the link frame, in the order
+``xx xy xz yy yz zz mx my mz m`` (inertia at the frame's origin, first moments, mass).
+All quantities are SI, joint side.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
+from pivident.robot.transmission import Transmission
+
+JointKind = Literal["revolute", "prismatic"]
+
+#: Order of a link's ten inertial parameters.
+INERTIAL = ("xx", "xy", "xz", "yy", "yz", "zz", "mx", "my", "mz", "m")
+
+STANDARD_GRAVITY = 9.81
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """One degree of freedom.
+
+    Attributes:
+        name: unique name.
+        kind: ``revolute`` (q in rad) or ``prismatic`` (q in m), about or along the z axis.
+        parent: index of the link it hangs on, -1 for the base.
+        rotation: orientation of the link frame in the parent's at q = 0, shape (3, 3).
+        translation: origin of the link frame in the parent's at q = 0 [m], shape (3,).
+        position_limits: lowest and highest position [rad or m], or None.
+        rated_speed: rated (highest) speed [rad/s or m/s], or None where it is not known.
+        torque_limit: highest torque or force [N m or N], or None.
+        friction: friction law of the joint side.
+    """
+
+    name: str
+    kind: JointKind
+    parent: int
+    rotation: np.ndarray
+    translation: np.ndarray
+    position_limits: tuple[float, float] | None = None
+    rated_speed: float | None = None
+    torque_limit: float | None = None
+    friction: FrictionLaw = DEFAULT_FRICTION
+
+    @property
+    def default_gamma(self) -> float:
+        """Slope of the smoothed sign where the law leaves it open [s/rad or s/m]."""
+        return SLOPE_AT_RATED_SPEED / (self.rated_speed or 5.0)
+
+    def with_friction(self, law: FrictionLaw) -> Joint:
+        """The same joint with another friction law; open slopes get the joint's default."""
+        return replace(self, friction=law.with_default_gamma(self.default_gamma))
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A moving body (fixed children merged into it) in its joint's frame.
+
+    Attributes:
+        name: unique name.
+        inertia: nominal ``xx xy xz yy yz zz mx my mz m``, shape (10,); zeros where unknown.
+    """
+
+    name: str
+    inertia: np.ndarray = field(default_factory=lambda: np.zeros(10))
+
+
+@dataclass(frozen=True)
+class Coupling:
+    """A motor that turns with a second joint (the TX40's wrist).
+
+    The rotor of joint ``motor`` turns with the speed dq_motor + ratio·dq_joint. What this adds to
+    the model beyond the two joints' own columns is, on the row of ``joint`` and of ``motor``,
+
+        iam: ratio·ddq_motor | ratio·ddq_joint        fvm: ratio·dq_motor | ratio·dq_joint
+        fcm: ratio·s(v) | s(v)   with v = dq_motor + ratio·dq_joint
+
+    Attributes:
+        motor: index of the joint whose motor is coupled (6 on the TX40, counted from zero: 5).
+        joint: index of the joint that moves that motor along.
+        ratio: speed of the rotor per speed of ``joint``, referred to the side of ``motor``.
+        inertia: whether the rotor inertia ``iam`` is a parameter.
+        viscous: whether ``fvm`` is a parameter.
+        coulomb: whether ``fcm`` is a parameter.
+    """
+
+    motor: int
+    joint: int
+    ratio: float = 1.0
+    inertia: bool = True
+    viscous: bool = True
+    coulomb: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """A tree of links with everything that its dynamic model needs.
+
+    Attributes:
+        name: name of the robot.
+        joints: joints, parents before children.
+        links: ``links[i]`` is moved by ``joints[i]``.
+        gravity: acceleration of gravity in the base frame [m/s²], shape (3,).
+        rotor_inertia: nominal motor inertias on the joint side [kg m² or kg], shape (joints,);
+            zeros where unknown.
+        friction_nominal: nominal friction by parameter name (``fv1``: 7.9), may be empty.
+        couplings: declared motor couplings.
+        transmission: between motor and joint side.
+        description: where it comes from, one line.
+    """
+
+    name: str
+    joints: tuple[Joint, ...]
+    links: tuple[Link, ...]
+    gravity: np.ndarray
+    rotor_inertia: np.ndarray
+    transmission: Transmission
+    friction_nominal: dict[str, float] = field(default_factory=dict)
+    couplings: tuple[Coupling, ...] = ()
+    description: str = ""
+
+    def __post_init__(self) -> None:
+        check_robot(self)
+
+    @property
+    def size(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Names of the joints, in order."""
+        return tuple(joint.name for joint in self.joints)
+
+    @property
+    def is_chain(self) -> bool:
+        """Whether each link hangs on the one before it (a serial arm)."""
+        return all(joint.parent == i - 1 for i, joint in enumerate(self.joints))
+
+    @property
+    def rated_speeds(self) -> np.ndarray:
+        """Rated speed of each joint [rad/s or m/s], NaN where it is not known."""
+        return np.array([np.nan if j.rated_speed is None else j.rated_speed for j in self.joints])
+
+    def label(self, index: int) -> str:
+        """What follows the stem in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
+        return str(index + 1) if self.is_chain else f"[{self.joints[index].name}]"
+
+    def ancestors(self, index: int) -> tuple[int, ...]:
+        """Indices of the joints that move link ``index``, itself first, base last."""
+        chain = []
+        while index >= 0:
+            chain.append(index)
+            index = self.joints[index].parent
+        return tuple(chain)
+
+    def with_friction(self, law: FrictionLaw) -> Robot:
+        """The same robot with one friction law on all joints."""
+        return replace(self, joints=tuple(j.with_friction(law) for j in self.joints))
+
+    def with_gravity(self, gravity: np.ndarray) -> Robot:
+        """The same robot mounted differently: gravity in the base frame [m/s²]."""
+        return replace(self, gravity=np.asarray(gravity, dtype=float))
+
+
+def check_robot(robot: Robot) -> None:
+    """Refuse a description that is not a tree with proper frames.
+
+    Raises:
+        RobotDescriptionError: names the joint, the value and what was expected.
+    """
+    if not robot.joints:
+        raise RobotDescriptionError(f"robot {robot.name!r} has no moving joint")
+    if len(robot.links) != len(robot.joints) or np.shape(robot.rotor_inertia) != (robot.size,):
+        raise RobotDescriptionError(
+            f"robot {robot.name!r} has {robot.size} joints, {len(robot.links)} links and rotor "
+            f"inertias of shape {np.shape(robot.rotor_inertia)}; one of each per joint is needed"
+        )
+    if np.shape(robot.gravity) != (3,) or not np.isfinite(robot.gravity).all():
+        raise RobotDescriptionError(
+            f"robot {robot.name!r}: gravity {robot.gravity} must be three finite numbers in m/s²"
+        )
+    names = [joint.name for joint in robot.joints]
+    repeated = {name for name in names if names.count(name) > 1}
+    if repeated:
+        raise RobotDescriptionError(f"joint names used twice: {', '.join(sorted(repeated))}")
+    for i, joint in enumerate(robot.joints):
+        where = f"joint {joint.name!r}"
+        if joint.kind not in ("revolute", "prismatic"):
+            raise RobotDescriptionError(f"{where}: kind {joint.kind!r} is not supported")
+        if not -1 <= joint.parent < i:
+            raise RobotDescriptionError(f"{where}: parent {joint.parent} does not precede it")
+        # Comparisons are written so that NaN fails them.
+        if not np.abs(joint.rotation @ joint.rotation.T - np.eye(3)).max() <= 1e-9:
+            raise RobotDescriptionError(f"{where}: its rotation matrix is not orthonormal")
+        if not np.isfinite(joint.translation).all():
+            raise RobotDescriptionError(f"{where}: translation {joint.translation} is not finite")
+        for bound, value in (
+            ("rated speed", joint.rated_speed),
+            ("torque limit", joint.torque_limit),
+        ):
+            if value is not None and not value > 0:
+                raise RobotDescriptionError(f"{where}: {bound} must be positive, not {value}")
+        limits = joint.position_limits
+        if limits is not None and not limits[0] < limits[1]:
+            raise RobotDescriptionError(
+                f"{where}: empty position range {limits}; the lower limit comes first"
+            )
+        if not np.isfinite(robot.links[i].inertia).all():
+            raise RobotDescriptionError(f"link {robot.links[i].name!r}: inertia is not finite")
+    for c in robot.couplings:
+        if not (0 <= c.motor < robot.size and 0 <= c.joint < robot.size) or c.motor == c.joint:
+            raise RobotDescriptionError(
+                f"coupling of motor {c.motor + 1} with joint {c.joint + 1}: two different joints "
+                f"between 1 and {robot.size} are needed"
+            )

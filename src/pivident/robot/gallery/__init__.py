@@ -1,0 +1,47 @@
+"""Ready robots, and one door for every way to name a robot: gallery name, TOML file or URDF."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+from pathlib import Path
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.description import Robot
+from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
+from pivident.robot.naming import nearest
+from pivident.robot.urdf import read_urdf
+
+
+def gallery_names() -> tuple[str, ...]:
+    """Names of the robots that come with pivident, sorted."""
+    entries = (entry.name for entry in files(__name__).iterdir())
+    return tuple(sorted(name.removesuffix(".toml") for name in entries if name.endswith(".toml")))
+
+
+def load_robot(name_or_path: str | Path) -> Robot:
+    """A robot by gallery name, modified DH file (``.toml``) or URDF (``.urdf``, ``.urdf.gz``).
+
+    Args:
+        name_or_path: such as ``staubli_tx40`` or ``robots/arm.urdf``. A text with one of these
+            endings is a path, every other text is a name.
+
+    Raises:
+        RobotDescriptionError: there is no such robot, or its file cannot be used.
+    """
+    text = str(name_or_path)
+    if text.endswith(".toml"):
+        return read_modified_dh(text)
+    if text.endswith((".urdf", ".urdf.gz")):
+        return read_urdf(text)
+    if not re.fullmatch(r"\w+", text):
+        raise RobotDescriptionError(
+            f"{text!r} is neither a gallery name nor a robot file; a file ends with .toml, .urdf "
+            f"or .urdf.gz, and the gallery has {', '.join(gallery_names())}"
+        )
+    if text not in gallery_names():
+        raise RobotDescriptionError(
+            f"the gallery has no robot {text!r}; {nearest(text, gallery_names())}"
+        )
+    source = files(__name__) / f"{text}.toml"
+    return parse_modified_dh(source.read_text(encoding="utf-8"), source=f"gallery robot {text!r}")

@@ -1,0 +1,63 @@
+"""Ten inertial parameters of a body: made from data at its centre of mass, moved between frames.
+
+The order is that of `pivident.robot.description.INERTIAL`: the inertia tensor at the frame's
+origin (xx xy xz yy yz zz, elements of the tensor, so xy = -∫ x y dm), the first moments (mx my mz)
+and the mass. All maps here are linear in the ten parameters, so that bodies add up.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def tensor(elements: np.ndarray) -> np.ndarray:
+    """Symmetric matrix, shape (3, 3), of xx xy xz yy yz zz."""
+    xx, xy, xz, yy, yz, zz = elements
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def elements(inertia_tensor: np.ndarray) -> np.ndarray:
+    """The six elements xx xy xz yy yz zz of a symmetric matrix, shape (6,)."""
+    return inertia_tensor[np.triu_indices(3)]
+
+
+def steiner(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(aᵀb) 1 - (a bᵀ + b aᵀ)/2: with a = b it is the inertia of a unit mass at a."""
+    return np.dot(a, b) * np.eye(3) - 0.5 * (np.outer(a, b) + np.outer(b, a))
+
+
+def from_center_of_mass(
+    mass: float, center_of_mass: np.ndarray, inertia_tensor: np.ndarray
+) -> np.ndarray:
+    """Ten parameters from data at the centre of mass: J = J_c + m (cᵀc 1 - c cᵀ).
+
+    Args:
+        mass: mass m [kg].
+        center_of_mass: c in the link frame [m], shape (3,).
+        inertia_tensor: J_c about c, in axes parallel to the link frame [kg m²], shape (3, 3).
+    """
+    at_origin = inertia_tensor + mass * steiner(center_of_mass, center_of_mass)
+    return np.concatenate([elements(at_origin), mass * np.asarray(center_of_mass), [mass]])
+
+
+def moved(inertia: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
+    """The same body seen from another frame: the parallel-axis rule.
+
+    With R, p the pose of the body's frame in the other one and h the first moments,
+
+        m' = m,    h' = R h + m p,    J' = R J Rᵀ + 2 S(p, R h) + m S(p, p)
+
+    where S is `steiner`.
+
+    Args:
+        inertia: ten parameters in the body's frame, shape (10,).
+        rotation: R, shape (3, 3).
+        translation: p [m], shape (3,).
+    """
+    mass, first_moments = inertia[9], rotation @ inertia[6:9]
+    at_origin = (
+        rotation @ tensor(inertia[:6]) @ rotation.T
+        + 2.0 * steiner(translation, first_moments)
+        + mass * steiner(translation, translation)
+    )
+    return np.concatenate([elements(at_origin), first_moments + mass * translation, [mass]])

@@ -1,0 +1,241 @@
+"""Keys of a modified DH file, their types and defaults, and errors a reader can act upon.
+
+This module needs pydantic and is imported only when a file is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import (
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    ValidationError,
+    model_validator,
+)
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.description import STANDARD_GRAVITY
+from pivident.robot.naming import nearest
+
+GRAVITY_BY_NAME = {
+    "none": [0.0, 0.0, 0.0],
+    "-x": [-STANDARD_GRAVITY, 0.0, 0.0],
+    "+x": [STANDARD_GRAVITY, 0.0, 0.0],
+    "-y": [0.0, -STANDARD_GRAVITY, 0.0],
+    "+y": [0.0, STANDARD_GRAVITY, 0.0],
+    "-z": [0.0, 0.0, -STANDARD_GRAVITY],
+    "+z": [0.0, 0.0, STANDARD_GRAVITY],
+}
+
+#: Shape keys of each friction term.
+TERM_SHAPES = {
+    "viscous": set(),
+    "coulomb": {"smoothing", "gamma"},
+    "offset": set(),
+    "asymmetric": {"smoothing", "gamma"},
+    "stribeck": {"speed", "exponent", "smoothing", "gamma"},
+}
+
+
+def _gravity(value: Any) -> Any:
+    if isinstance(value, str):
+        if value not in GRAVITY_BY_NAME:
+            raise ValueError(
+                f"gravity is one of {', '.join(GRAVITY_BY_NAME)} (where it points in the base "
+                "frame) or three numbers in m/s²"
+            )
+        return GRAVITY_BY_NAME[value]
+    return value
+
+
+def _joint_reference(value: Any) -> Any:
+    return str(value) if type(value) is int else value
+
+
+Vector3 = Annotated[list[float], Field(min_length=3, max_length=3)]
+Vector6 = Annotated[list[float], Field(min_length=6, max_length=6)]
+Gravity = Annotated[Vector3, BeforeValidator(_gravity)]
+JointReference = Annotated[str, BeforeValidator(_joint_reference)]
+
+
+class Entry(BaseModel):
+    """A table of the file: unknown keys, wrong types, NaN and infinity are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+class FrictionEntry(Entry):
+    """One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units."""
+
+    term: Literal["viscous", "coulomb", "offset", "asymmetric", "stribeck"]
+    smoothing: Literal["sign", "atan", "tanh"] = "atan"
+    gamma: PositiveFloat | None = None
+    speed: PositiveFloat | None = None
+    exponent: PositiveFloat = 2.0
+
+    @model_validator(mode="after")
+    def _shape_belongs_to_term(self) -> FrictionEntry:
+        foreign = self.model_fields_set - {"term"} - TERM_SHAPES[self.term]
+        if foreign:
+            raise ValueError(
+                f"the term {self.term!r} has no {', '.join(sorted(foreign))}; remove the key"
+            )
+        if self.term == "stribeck" and self.speed is None:
+            raise ValueError("the term 'stribeck' needs its speed in rad/s or m/s")
+        return self
+
+
+class LinkEntry(Entry):
+    """A body, either at the frame's origin or at its centre of mass."""
+
+    name: str | None = None
+    mass: NonNegativeFloat
+    first_moments: Vector3 | None = None
+    inertia_at_origin: Vector6 | None = None
+    center_of_mass: Vector3 | None = None
+    inertia_at_center_of_mass: Vector6 | None = None
+
+    @model_validator(mode="after")
+    def _one_reference_point(self) -> LinkEntry:
+        at_origin = {"first_moments", "inertia_at_origin"} & self.model_fields_set
+        at_center = {"center_of_mass", "inertia_at_center_of_mass"} & self.model_fields_set
+        if at_origin and at_center:
+            raise ValueError(
+                f"{', '.join(sorted(at_origin))} and {', '.join(sorted(at_center))} contradict: "
+                "describe the body at the frame's origin or at its centre of mass, not both"
+            )
+        return self
+
+
+class JointEntry(Entry):
+    """One row of the table."""
+
+    name: Annotated[str, Field(min_length=1)]
+    kind: Literal["revolute", "prismatic", "fixed"] = "revolute"
+    parent: str | None = None
+    gamma: float = 0.0
+    b: float = 0.0
+    alpha: float = 0.0
+    d: float = 0.0
+    theta: float = 0.0
+    r: float = 0.0
+    position_limits: Annotated[list[float], Field(min_length=2, max_length=2)] | None = None
+    rated_speed: PositiveFloat | None = None
+    torque_limit: PositiveFloat | None = None
+    rotor_inertia: NonNegativeFloat = 0.0
+    friction: list[FrictionEntry] | None = None
+    nominal_friction: dict[str, float] = {}
+    link: LinkEntry | None = None
+
+    @model_validator(mode="after")
+    def _fixed_joints_do_not_move(self) -> JointEntry:
+        motion = {
+            "position_limits",
+            "rated_speed",
+            "torque_limit",
+            "rotor_inertia",
+            "friction",
+            "nominal_friction",
+        }
+        if self.kind == "fixed" and motion & self.model_fields_set:
+            listed = ", ".join(sorted(motion & self.model_fields_set))
+            raise ValueError(f"a fixed joint has no {listed}; remove the key")
+        return self
+
+
+class CouplingEntry(Entry):
+    """A motor that also turns with a second joint."""
+
+    motor: JointReference
+    joint: JointReference
+    reduction: float | None = None
+    ratio: float | None = None
+    parameters: list[Literal["iam", "fvm", "fcm"]] = ["iam", "fvm", "fcm"]
+    nominal: dict[Literal["iam", "fvm", "fcm"], float] = {}
+
+
+class TransmissionEntry(Entry):
+    """Motor side to joint side, one number for each moving joint in order."""
+
+    reduction: list[float] | None = None
+    reduction_matrix: list[list[float]] | None = None
+    drive_gain: list[float] | None = None
+    position_offset: list[float] | None = None
+
+    @model_validator(mode="after")
+    def _one_reduction(self) -> TransmissionEntry:
+        if self.reduction is not None and self.reduction_matrix is not None:
+            raise ValueError("reduction and reduction_matrix are both given; keep one of them")
+        return self
+
+
+class TableFile(Entry):
+    """The whole file."""
+
+    name: Annotated[str, Field(min_length=1)]
+    description: str = ""
+    units: Literal["radians", "degrees"] = "radians"
+    gravity: Gravity = GRAVITY_BY_NAME["-z"]
+    friction: list[FrictionEntry] | None = None
+    joints: Annotated[list[JointEntry], Field(min_length=1)]
+    couplings: list[CouplingEntry] = []
+    transmission: TransmissionEntry = TransmissionEntry()
+
+
+def validated(content: dict[str, Any]) -> TableFile:
+    """The content of a file as a checked object.
+
+    Raises:
+        RobotDescriptionError: one line per problem: joint, key, value, what was expected.
+    """
+    try:
+        return TableFile.model_validate(content)
+    except ValidationError as error:
+        problems = [_explained(details, content) for details in error.errors()]
+        raise RobotDescriptionError("\n  ".join(problems)) from None
+
+
+def _explained(details: Any, content: dict[str, Any]) -> str:
+    where, key = _place(details["loc"], content)
+    if details["type"] == "extra_forbidden":
+        return f"{where}unknown key {key!r}; {nearest(key, _keys_at(details['loc'][:-1]))}"
+    if details["type"] == "missing":
+        return f"{where}key {key!r} is missing; add it"
+    message = details["msg"].removeprefix("Value error, ")
+    if not key:
+        return f"{where}{message}"
+    return f"{where}key {key!r} = {details['input']!r}: {message[0].lower() + message[1:]}"
+
+
+def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]:
+    """The joint (or other row) that a location belongs to, and the key within it."""
+    if len(loc) < 2 or not isinstance(loc[1], int):
+        return "", ".".join(map(str, loc))
+    table, row = str(loc[0]), int(loc[1])
+    entry = content[table][row]
+    singular = {"joints": "joint", "couplings": "coupling"}.get(table, table)
+    name = entry.get("name") if isinstance(entry, dict) else None
+    label = repr(name) if isinstance(name, str) else f"number {row + 1}"
+    return f"{singular} {label}: ", ".".join(map(str, loc[2:]))
+
+
+def _keys_at(loc: Sequence[int | str]) -> list[str]:
+    """Known keys of the table at a location of the file."""
+    model: type[BaseModel] = TableFile
+    for part in loc:
+        if isinstance(part, str):
+            model = _model_in(model.model_fields[part].annotation) or model
+    return list(model.model_fields)
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The table inside ``list[Table]``, ``Table | None`` and the like."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next((m for m in map(_model_in, get_args(annotation)) if m is not None), None)

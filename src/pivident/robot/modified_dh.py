@@ -1,0 +1,324 @@
+"""Khalil–Kleinfinger tables (modified Denavit–Hartenberg) in TOML.
+
+A file describes any tree of revolute, prismatic and fixed joints. Row ``j`` places its frame in
+the frame of its parent by
+
+    T = Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta + q) Tz(r)        revolute
+    T = Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r + q)        prismatic
+
+so ``theta`` and ``r`` are the values at q = 0, and gamma = b = 0 in a serial chain. The smallest
+useful file is
+
+    name = "pendulum"
+    units = "degrees"                   # of all angles; default "radians"
+    gravity = "-y"                      # where it points; default "-z"; or three numbers in m/s²
+
+    [[joints]]
+    name = "shoulder"                   # kind = "revolute" unless said otherwise
+    rated_speed = 180                   # degrees per second, as the units say
+    rotor_inertia = 0.01                # kg m² on the joint side
+    nominal_friction = {fv = 0.5, fc = 1.2}
+    link = {mass = 2, center_of_mass = [0.2, 0, 0], inertia_at_center_of_mass = [0, 0, 0, 0, 0, 0]}
+
+Further keys of a joint: ``parent`` (a name or "base"; default the row before), ``position_limits``,
+``torque_limit``, ``friction`` (a law of its own). A link may also give ``first_moments`` and
+``inertia_at_origin``; inertias are xx xy xz yy yz zz. At the top: ``friction`` (the law of all
+joints), ``[transmission]`` with ``reduction`` or ``reduction_matrix``, ``drive_gain`` and
+``position_offset``, and ``[[couplings]]`` with ``motor``, ``joint``, ``reduction``, ``ratio``,
+``parameters`` and ``nominal``. Friction is SI whatever the units.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.assembly import Member, merge_fixed
+from pivident.robot.description import Coupling, Joint, Link, Robot
+from pivident.robot.drives import implied_coupling, with_drives
+from pivident.robot.frames import Pose, rotation_x, rotation_z
+from pivident.robot.friction import (
+    DEFAULT_FRICTION,
+    FrictionLaw,
+    FrictionTerm,
+    asymmetric_coulomb,
+    coulomb,
+    offset,
+    stribeck,
+    viscous,
+)
+from pivident.robot.inertia import from_center_of_mass, tensor
+from pivident.robot.naming import errors_name, find_joint, nearest, repeated
+from pivident.robot.transmission import Transmission
+
+if TYPE_CHECKING:
+    from pivident.robot.mdh_schema import (
+        CouplingEntry,
+        FrictionEntry,
+        JointEntry,
+        LinkEntry,
+        TableFile,
+    )
+
+#: Name of the fixed base where a row wants to hang on it.
+BASE = "base"
+
+
+def read_modified_dh(path: str | Path) -> Robot:
+    """Read a robot from a TOML file.
+
+    Args:
+        path: the file.
+
+    Raises:
+        RobotDescriptionError: the file cannot be read, or names a joint, key and value that
+            cannot be used.
+    """
+    path = Path(path)
+    with errors_name(str(path)):
+        try:
+            text = path.read_text(encoding="utf-8")
+        except OSError as error:
+            raise RobotDescriptionError(
+                f"cannot be read ({error.strerror}); check the path and its permissions"
+            ) from error
+        except UnicodeDecodeError as error:
+            raise RobotDescriptionError(
+                f"is not UTF-8 text (byte {error.start}); save it as UTF-8"
+            ) from error
+    return parse_modified_dh(text, source=str(path))
+
+
+def parse_modified_dh(text: str, source: str = "modified DH table") -> Robot:
+    """Build a robot from the text of a TOML file.
+
+    Args:
+        text: content of the file.
+        source: what errors call it.
+
+    Raises:
+        RobotDescriptionError: names a joint, key and value that cannot be used.
+    """
+    from pivident.robot.mdh_schema import validated
+
+    with errors_name(source):
+        try:
+            content = tomllib.loads(text)
+        except tomllib.TOMLDecodeError as error:
+            raise RobotDescriptionError(f"is not TOML: {error}; correct this line") from error
+        return _robot(validated(content))
+
+
+def _robot(table: TableFile) -> Robot:
+    angle = _AngleUnit(np.pi / 180.0 if table.units == "degrees" else 1.0)
+    parents = _parents(table.joints)
+    default_law = _law(table.friction)
+    members = [
+        Member(
+            _joint(row, parent, angle, default_law),
+            Link(_link_name(row), _inertia(row.link)),
+            fixed=row.kind == "fixed",
+        )
+        for row, parent in zip(table.joints, parents, strict=True)
+    ]
+    joints, links = merge_fixed(members)
+    undriven = Robot(
+        name=table.name,
+        joints=joints,
+        links=links,
+        gravity=np.array(table.gravity),
+        rotor_inertia=np.zeros(len(joints)),
+        transmission=Transmission.direct(len(joints)),
+        description=table.description,
+    )
+    moving = [row for row in table.joints if row.kind != "fixed"]
+    robot = _with_drives(undriven, table, moving, angle)
+    nominal = _nominal_friction(robot, moving) | _nominal_couplings(robot, table.couplings)
+    return replace(robot, friction_nominal=nominal)
+
+
+def _with_drives(
+    robot: Robot, table: TableFile, rows: Sequence[JointEntry], angle: _AngleUnit
+) -> Robot:
+    """The robot with rotor inertias, transmission and couplings of the file."""
+    given = table.transmission
+    offsets = given.position_offset
+    if offsets is not None and len(offsets) == len(rows):
+        offsets = [angle.of(row.kind) * x for row, x in zip(rows, offsets, strict=True)]
+    diagonal = given.reduction if given.reduction_matrix is None else given.reduction_matrix
+    geared = with_drives(
+        robot,
+        rotor_inertia=[row.rotor_inertia for row in rows],
+        reduction=diagonal,
+        drive_gain=given.drive_gain,
+        position_offset=offsets,
+    )
+    matrix = _coupled_reduction(geared, table.couplings)
+    couplings = [_coupling(entry, robot.joint_names, matrix) for entry in table.couplings]
+    return with_drives(geared, reduction=matrix, couplings=couplings)
+
+
+@dataclass(frozen=True)
+class _AngleUnit:
+    """Radians per unit of angle in the file."""
+
+    radians: float
+
+    def of(self, kind: str) -> float:
+        """SI units per unit of a joint's position: angles of revolute joints, metres else."""
+        return self.radians if kind == "revolute" else 1.0
+
+
+def _parents(rows: Sequence[JointEntry]) -> list[int]:
+    """Index of the row that each row hangs on, -1 for the base."""
+    names = [row.name for row in rows]
+    if repeated(names):
+        raise RobotDescriptionError(
+            f"joint names used twice: {', '.join(repeated(names))}; give each joint its own name"
+        )
+    parents = []
+    for i, row in enumerate(rows):
+        if row.parent is None:
+            parents.append(i - 1)
+        elif row.parent in names[:i]:
+            parents.append(names.index(row.parent))
+        elif row.parent == BASE:
+            parents.append(-1)
+        elif row.parent in names:
+            raise RobotDescriptionError(
+                f"joint {row.name!r}: its parent {row.parent!r} does not precede it; "
+                "move the parent's row up"
+            )
+        else:
+            raise RobotDescriptionError(
+                f"joint {row.name!r}: key 'parent' = {row.parent!r}: there is no such joint; "
+                f"{nearest(row.parent, [BASE, *names[:i]])}"
+            )
+    return parents
+
+
+def _pose(row: JointEntry, angle: _AngleUnit) -> Pose:
+    """Rz(gamma) Tz(b) Rx(alpha) Tx(d) Rz(theta) Tz(r): the frame at q = 0."""
+    turn = Pose(rotation_z(angle.radians * row.gamma), np.array([0.0, 0.0, row.b]))
+    tilt = Pose(rotation_x(angle.radians * row.alpha), np.zeros(3))
+    # Rz(theta) and the translation along z commute, so r needs no rotation of its own.
+    screw = Pose(rotation_z(angle.radians * row.theta), np.array([row.d, 0.0, row.r]))
+    return turn @ tilt @ screw
+
+
+def _joint(row: JointEntry, parent: int, angle: _AngleUnit, default_law: FrictionLaw) -> Joint:
+    unit = angle.of(row.kind)
+    pose = _pose(row, angle)
+    limits = row.position_limits
+    joint = Joint(
+        name=row.name,
+        kind="prismatic" if row.kind == "prismatic" else "revolute",
+        parent=parent,
+        rotation=pose.rotation,
+        translation=pose.translation,
+        position_limits=None if limits is None else (unit * limits[0], unit * limits[1]),
+        rated_speed=None if row.rated_speed is None else unit * row.rated_speed,
+        torque_limit=row.torque_limit,
+    )
+    try:
+        law = default_law if row.friction is None else _law(row.friction)
+    except RobotDescriptionError as error:
+        raise RobotDescriptionError(f"joint {row.name!r}: {error}") from error
+    return joint.with_friction(law)
+
+
+def _link_name(row: JointEntry) -> str:
+    return row.link.name if row.link is not None and row.link.name else row.name
+
+
+def _inertia(link: LinkEntry | None) -> np.ndarray:
+    """Ten parameters at the frame's origin; zeros for what the file leaves out."""
+    if link is None:
+        return np.zeros(10)
+    if link.center_of_mass is not None or link.inertia_at_center_of_mass is not None:
+        center = np.array(link.center_of_mass or np.zeros(3))
+        at_center = np.array(link.inertia_at_center_of_mass or np.zeros(6))
+        return from_center_of_mass(link.mass, center, tensor(at_center))
+    at_origin = link.inertia_at_origin or [0.0] * 6
+    first_moments = link.first_moments or [0.0] * 3
+    return np.array([*at_origin, *first_moments, link.mass])
+
+
+def _law(entries: Sequence[FrictionEntry] | None) -> FrictionLaw:
+    """The friction law of a list of terms; viscous, Coulomb and offset where there is none."""
+    if entries is None:
+        return DEFAULT_FRICTION
+    try:
+        return FrictionLaw(tuple(term for entry in entries for term in _terms(entry)))
+    except ValueError as error:
+        raise RobotDescriptionError(f"key 'friction': {error}") from error
+
+
+def _terms(entry: FrictionEntry) -> tuple[FrictionTerm, ...]:
+    if entry.term == "viscous":
+        return (viscous(),)
+    if entry.term == "coulomb":
+        return (coulomb(entry.smoothing, entry.gamma),)
+    if entry.term == "offset":
+        return (offset(),)
+    if entry.term == "asymmetric":
+        return asymmetric_coulomb(entry.smoothing, entry.gamma)
+    return (stribeck(entry.speed or 0.0, entry.exponent, entry.smoothing, entry.gamma),)
+
+
+def _nominal_friction(robot: Robot, rows: Sequence[JointEntry]) -> dict[str, float]:
+    """Nominal values by parameter name: ``fv`` of the second joint of a chain is ``fv2``."""
+    values = {}
+    for i, (row, joint) in enumerate(zip(rows, robot.joints, strict=True)):
+        stems = [term.stem for term in joint.friction.terms]
+        for stem, value in row.nominal_friction.items():
+            if stem not in stems:
+                raise RobotDescriptionError(
+                    f"joint {row.name!r}: key 'nominal_friction': its friction law has no "
+                    f"parameter {stem!r}; {nearest(stem, stems)}"
+                )
+            values[f"{stem}{robot.label(i)}"] = value
+    return values
+
+
+def _nominal_couplings(robot: Robot, entries: Sequence[CouplingEntry]) -> dict[str, float]:
+    """Nominal values of couplings by parameter name: ``fvm6`` for the sixth motor of a chain."""
+    return {
+        f"{stem}{robot.label(find_joint(robot.joint_names, entry.motor))}": value
+        for entry in entries
+        for stem, value in entry.nominal.items()
+    }
+
+
+def _coupled_reduction(robot: Robot, entries: Sequence[CouplingEntry]) -> np.ndarray:
+    """The reduction matrix with the couplings off its diagonal."""
+    matrix = robot.transmission.reduction.copy()
+    for entry in entries:
+        motor = find_joint(robot.joint_names, entry.motor)
+        joint = find_joint(robot.joint_names, entry.joint)
+        if entry.reduction is None:
+            continue
+        if matrix[motor, joint] != 0.0:
+            raise RobotDescriptionError(
+                f"coupling of motor {entry.motor} with joint {entry.joint}: this element of the "
+                "reduction matrix is already given; state it once"
+            )
+        matrix[motor, joint] = entry.reduction
+    return matrix
+
+
+def _coupling(entry: CouplingEntry, names: Sequence[str], reduction: np.ndarray) -> Coupling:
+    implied = implied_coupling(names, reduction, entry.motor, entry.joint)
+    return replace(
+        implied,
+        ratio=implied.ratio if entry.ratio is None else entry.ratio,
+        inertia="iam" in entry.parameters,
+        viscous="fvm" in entry.parameters,
+        coulomb="fcm" in entry.parameters,
+    )

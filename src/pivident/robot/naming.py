@@ -1,0 +1,58 @@
+"""Finding things by name, and saying what was probably meant where there is no such name."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
+
+from pivident.errors import RobotDescriptionError
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """A half sentence that names the nearest known names, or lists all of them.
+
+    Args:
+        name: the name that was not found.
+        known: the names that exist.
+    """
+    choices = list(known)
+    close = difflib.get_close_matches(name, choices, n=3)
+    if close:
+        return f"did you mean {' or '.join(map(repr, close))}?"
+    return f"known are {', '.join(map(repr, choices)) or 'none'}"
+
+
+def repeated(names: Sequence[str]) -> list[str]:
+    """Names that occur more than once, sorted."""
+    return sorted({name for name in names if names.count(name) > 1})
+
+
+def find_joint(names: Sequence[str], reference: str) -> int:
+    """Index of a joint given by its name or by its number, counted from 1.
+
+    Args:
+        names: names of the moving joints, in order.
+        reference: a name, or a number as text.
+
+    Raises:
+        RobotDescriptionError: there is no such joint.
+    """
+    if reference in names:
+        return list(names).index(reference)
+    if reference.isdecimal() and 1 <= int(reference) <= len(names):
+        return int(reference) - 1
+    if reference.lstrip("-").isdecimal():
+        raise RobotDescriptionError(
+            f"there is no joint number {reference}; the moving joints count from 1 to {len(names)}"
+        )
+    raise RobotDescriptionError(f"there is no joint {reference!r}; {nearest(reference, names)}")
+
+
+@contextmanager
+def errors_name(source: str) -> Iterator[None]:
+    """Put the file (or other source) in front of every robot description error."""
+    try:
+        yield
+    except RobotDescriptionError as error:
+        raise RobotDescriptionError(f"{source}: {error}") from error

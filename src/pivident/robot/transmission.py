@@ -1,0 +1,68 @@
+"""Between motor side and joint side: reduction matrix, signs and drive gains.
+
+With N the reduction matrix (motor per joint, couplings off its diagonal),
+
+    q_motor = N q,     tau = Nᵀ tau_motor,     tau_motor = drive_gain · command
+
+so that the power is the same on both sides, tauᵀ dq = tau_motorᵀ dq_motor.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import RobotDescriptionError
+
+
+@dataclass(frozen=True, eq=False)
+class Transmission:
+    """Reduction and drive gains of all joints.
+
+    Attributes:
+        reduction: motor positions per joint positions, shape (joints, joints).
+        drive_gain: motor torque per unit of command (N m/A, N m/V …), shape (joints,).
+        position_offset: joint position of the model where the log reads zero [rad or m],
+            shape (joints,): q_model = N⁻¹ q_motor + position_offset.
+    """
+
+    reduction: np.ndarray
+    drive_gain: np.ndarray
+    position_offset: np.ndarray
+
+    def __post_init__(self) -> None:
+        n = len(self.drive_gain)
+        if self.reduction.shape != (n, n) or self.position_offset.shape != (n,):
+            raise RobotDescriptionError(
+                f"transmission: reduction {self.reduction.shape}, drive gains {(n,)} and position "
+                f"offsets {self.position_offset.shape} do not belong to the same joints"
+            )
+        for key in ("reduction", "drive_gain", "position_offset"):
+            if not np.isfinite(getattr(self, key)).all():
+                raise RobotDescriptionError(f"transmission: {key} holds NaN or infinite values")
+        # Rows are scaled first: a lead screw turns thousands of radians per metre, a wrist one.
+        largest = np.abs(self.reduction).max(axis=1, keepdims=True)
+        if (largest == 0.0).any() or abs(np.linalg.det(self.reduction / largest)) < 1e-9:
+            raise RobotDescriptionError("transmission: the reduction matrix is singular")
+
+    @classmethod
+    def direct(cls, joints: int) -> Transmission:
+        """No gear: motor side and joint side are the same."""
+        return cls(np.eye(joints), np.ones(joints), np.zeros(joints))
+
+    def joint_positions(self, motor_positions: np.ndarray) -> np.ndarray:
+        """Joint positions q = N⁻¹ q_motor + offset, shape (samples, joints) [rad or m]."""
+        return motor_positions @ np.linalg.inv(self.reduction).T + self.position_offset
+
+    def motor_positions(self, q: np.ndarray) -> np.ndarray:
+        """Motor positions q_motor = N (q - offset), shape (samples, joints) [rad or m]."""
+        return (q - self.position_offset) @ self.reduction.T
+
+    def joint_torques(self, motor_torques: np.ndarray) -> np.ndarray:
+        """Joint torques tau = Nᵀ tau_motor, shape (samples, joints) [N m or N]."""
+        return motor_torques @ self.reduction
+
+    def motor_torques(self, tau: np.ndarray) -> np.ndarray:
+        """Motor torques tau_motor = N⁻ᵀ tau, shape (samples, joints) [N m or N]."""
+        return tau @ np.linalg.inv(self.reduction)

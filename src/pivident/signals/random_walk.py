@@ -1,0 +1,276 @@
+"""Integrated random walk smoothing: from measured positions to q, dq and ddq.
+
+The smoother of order m assumes that the m-th difference of the trajectory is white noise and
+chooses the only free number, the noise-to-variance ratio, by maximum likelihood. It is the
+``irwsm`` of Brunot et al. 2018, (P-27), for m = 2. Derivatives are recentred on the sample,
+
+    dq_k = (T_{k+1} - T_{k-1}) / 2h,     ddq_k = (T_{k+1} - 2 T_k + T_{k-1}) / h²,
+
+because the slope state of the model is a forward difference that lies half a sample ahead.
+m = 3 (white third difference, bounded jerk) is the default: with m = 2 maximum likelihood keeps a
+bandwidth that is right for positions and far too wide for accelerations.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import NonFiniteSamples, RecordingError
+from pivident.signals.random_walk_likelihood import (
+    SMALLEST_NVR,
+    diffuse_fit,
+    estimate_nvr,
+)
+from pivident.signals.random_walk_model import (
+    ORDERS,
+    derivative_noise,
+    f50_from_nvr,
+    log_nvr_std,
+    required_f50,
+)
+
+#: A record must have at least this many samples.
+SHORTEST_RECORD = 20
+
+#: Samples at each end that a regression should skip: the smoother knows only one side there.
+EDGE = 50
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothedSignal:
+    """A smoothed record with its derivatives and the smoother's own account of them.
+
+    Trajectories have the shape of the input, (samples,) or (samples, channels). The other arrays
+    hold one number per channel and have shape () or (channels,).
+
+    Attributes:
+        q: smoothed position [rad or m].
+        dq: its central difference [rad/s or m/s].
+        ddq: its second central difference [rad/s² or m/s²].
+        nvr: noise-to-variance ratio, per sample of this rate.
+        f50: frequency at which the smoother's gain is one half [Hz]; infinite if none is.
+        noise_std: √r̂, estimated standard deviation of the measurement noise [rad or m].
+        on_bound: whether the NVR was searched and ended on a bound (or on ``f50_max``).
+        log_nvr_std: standard error of ln NVR; NaN where it was given or ended on a bound.
+        log_likelihood: exact diffuse log-likelihood of the channel. Orders may be compared by
+            it where the differences are large (hundreds).
+        order: order m of the random walk.
+        rate: sampling rate [Hz].
+    """
+
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    nvr: np.ndarray
+    f50: np.ndarray
+    noise_std: np.ndarray
+    on_bound: np.ndarray
+    log_nvr_std: np.ndarray
+    log_likelihood: np.ndarray
+    order: int
+    rate: float
+
+    @property
+    def edge(self) -> int:
+        """Samples to skip at each end: 50, or the smoother's memory rate/(2π f50) if longer."""
+        return max(EDGE, math.ceil(self.rate / (2 * math.pi * float(np.min(self.f50)))))
+
+    @property
+    def dq_noise(self) -> np.ndarray:
+        """Standard deviation of the noise left in dq, shape () or (channels,) [rad/s or m/s]."""
+        return self._derivative_noise()[..., 0]
+
+    @property
+    def ddq_noise(self) -> np.ndarray:
+        """Standard deviation of the noise left in ddq, shape () or (channels,) [rad/s²]."""
+        return self._derivative_noise()[..., 1]
+
+    def advice(self, dynamic_frequency: float, loss: float = 1e-3) -> list[str]:
+        """One line per channel: is the bandwidth wide enough, and what noise does it let through.
+
+        Args:
+            dynamic_frequency: highest frequency of the motion that matters [Hz].
+            loss: largest relative loss of amplitude allowed up to there.
+        """
+        needed = required_f50(dynamic_frequency, self.order, loss)
+        lines = []
+        for channel, (f50, ddq_noise, bound) in enumerate(
+            np.broadcast(self.f50, self.ddq_noise, self.on_bound)
+        ):
+            verdict = "keeps" if f50 >= needed else "damps"
+            line = (
+                f"channel {channel}: f50 {f50:.1f} Hz {verdict} the motion up to "
+                f"{dynamic_frequency:g} Hz (needs {needed:.1f} Hz), "
+                f"acceleration noise {ddq_noise:.3g}"
+            )
+            lines.append(line + "; the search ended on a bound" if bound else line)
+        return lines
+
+    def _derivative_noise(self) -> np.ndarray:
+        pairs = [
+            derivative_noise(float(nvr), self.order, self.rate, float(std))
+            for nvr, std in np.broadcast(self.nvr, self.noise_std)
+        ]
+        return np.array(pairs).reshape(*self.nvr.shape, 2)
+
+
+def smooth(
+    y: np.ndarray,
+    rate: float,
+    order: int = 3,
+    nvr: float | Sequence[float] | None = None,
+    passes: int = 1,
+    *,
+    f50_max: float | None = None,
+    horizon: int = 1,
+) -> SmoothedSignal:
+    """Smooth one channel or several and differentiate twice.
+
+    Args:
+        y: measured positions [rad or m], shape (samples,) or (samples, channels). Channels are
+            smoothed independently of each other, by one thread each.
+        rate: sampling rate [Hz].
+        order: order m of the random walk, 1 to 4.
+        nvr: noise-to-variance ratio, one for all or one per channel; None: by maximum
+            likelihood, channel by channel.
+        passes: 2 smooths the differences of the smoothed positions once more with the same
+            order, as the paper does with ``irwsm``. The second search normally ends on its upper
+            bound, since smooth differences have no white noise left: the accelerations are then
+            those of a single pass.
+        f50_max: cap of the searched bandwidth [Hz], for records whose quantisation or
+            coloured noise lets maximum likelihood smooth too little.
+        horizon: criterion of the search: errors that many samples ahead; 1 is maximum likelihood.
+
+    Returns:
+        The smoothed record. A channel without visible noise (constant, say) comes back unchanged
+        within rounding, with ``on_bound`` set and ``noise_std`` close to zero.
+
+    Raises:
+        RecordingError: too few samples, or an NVR too small for the arithmetic.
+        NonFiniteSamples: a channel holds NaN or infinite samples.
+    """
+    options = {"f50_max": f50_max, "horizon": horizon}
+    if np.ndim(y) == 2:
+        return smooth_channels(y, rate, order, nvr, passes, **options)
+    whole = smooth_channels(np.asarray(y)[:, None], rate, order, nvr, passes, **options, threads=1)
+    return SmoothedSignal(
+        **{
+            name: value[..., 0] if isinstance(value, np.ndarray) else value
+            for name, value in vars(whole).items()
+        }
+    )
+
+
+def smooth_channels(
+    y: np.ndarray,
+    rate: float,
+    order: int = 3,
+    nvr: float | Sequence[float] | None = None,
+    passes: int = 1,
+    *,
+    f50_max: float | None = None,
+    horizon: int = 1,
+    threads: int | None = None,
+) -> SmoothedSignal:
+    """Smooth several channels on a pool of threads; see :func:`smooth` for the arguments.
+
+    Args:
+        y: measured positions [rad or m], shape (samples, channels).
+        rate: sampling rate [Hz].
+        order: order m of the random walk, 1 to 4.
+        nvr: noise-to-variance ratio, one for all or one per channel, or None.
+        passes: 1 or 2.
+        f50_max: cap of the searched bandwidth [Hz].
+        horizon: criterion of the search.
+        threads: size of the pool; None: one per processor.
+
+    Returns:
+        The smoothed record, trajectories of shape (samples, channels).
+    """
+    y = np.asarray(y, dtype=float)
+    _check(y, rate, order, passes)
+    samples, channels = y.shape
+    given = np.broadcast_to(np.asarray(np.nan if nvr is None else nvr, dtype=float), channels)
+    trajectories = np.empty((3, samples, channels))
+    figures = np.empty((5, channels))
+
+    def work(channel: int) -> None:
+        fixed = None if np.isnan(given[channel]) else float(given[channel])
+        search = {"f50_max": f50_max, "horizon": horizon}
+        q, forward, figures[:, channel] = _smooth_channel(y[:, channel], rate, order, fixed, search)
+        if passes == 2:
+            forward, _, _ = _smooth_channel(forward, rate, order, fixed, search)
+        trajectories[0, :, channel] = q
+        _differentiate(forward, rate, trajectories[1, :, channel], trajectories[2, :, channel])
+
+    with ThreadPoolExecutor(max(1, min(channels, threads or os.cpu_count() or 1))) as pool:
+        list(pool.map(work, range(channels)))
+    return SmoothedSignal(
+        q=trajectories[0],
+        dq=trajectories[1],
+        ddq=trajectories[2],
+        nvr=figures[0],
+        f50=np.array([f50_from_nvr(x, order, rate) for x in figures[0]]),
+        noise_std=figures[1],
+        on_bound=figures[2] > 0,
+        log_nvr_std=figures[3],
+        log_likelihood=figures[4],
+        order=order,
+        rate=rate,
+    )
+
+
+def _smooth_channel(
+    y: np.ndarray, rate: float, order: int, nvr: float | None, search: dict
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float, bool, float, float]]:
+    """Smoothed record, its forward differences, and nvr, √r, on_bound, std of ln NVR, log L."""
+    # Constants pass unchanged, so the mean is taken off where it would only cost digits.
+    mean = float(np.mean(y))
+    y = y - mean
+    on_bound, log_std = False, math.nan
+    if nvr is None:
+        estimate = estimate_nvr(y, rate, order, **search)
+        nvr, on_bound = estimate.nvr, estimate.on_bound
+        log_std = math.nan if on_bound else log_nvr_std(nvr, order, y.size)
+    elif not SMALLEST_NVR[order] <= nvr < math.inf:
+        raise RecordingError(
+            f"NVR {nvr:.3g} at {rate:g} Hz; order {order} is smoothed accurately from "
+            f"{SMALLEST_NVR[order]:g} (f50 {f50_from_nvr(SMALLEST_NVR[order], order, rate):.3g} Hz)"
+            " upwards: decimate the record first, or lower the order"
+        )
+    fit = diffuse_fit(y, nvr, order)
+    figures = (nvr, math.sqrt(fit.noise_variance), on_bound, log_std, fit.log_likelihood)
+    return fit.level + mean, np.diff(fit.level), figures
+
+
+def _differentiate(forward: np.ndarray, rate: float, dq: np.ndarray, ddq: np.ndarray) -> None:
+    """Central dq and ddq from the forward differences; the outermost samples repeat a neighbour."""
+    dq[1:-1] = (forward[1:] + forward[:-1]) * (rate / 2)
+    ddq[1:-1] = (forward[1:] - forward[:-1]) * rate**2
+    ddq[0], ddq[-1] = ddq[1], ddq[-2]
+    dq[0], dq[-1] = dq[1] - ddq[1] / rate, dq[-2] + ddq[-2] / rate
+
+
+def _check(y: np.ndarray, rate: float, order: int, passes: int) -> None:
+    """Refuse what cannot be smoothed."""
+    if y.ndim != 2 or y.shape[0] < SHORTEST_RECORD or y.shape[1] == 0:
+        raise RecordingError(
+            f"positions of shape {y.shape} cannot be smoothed; expected at least "
+            f"{SHORTEST_RECORD} samples of one or more channels"
+        )
+    if order not in ORDERS or passes not in (1, 2) or not rate > 0:
+        raise RecordingError(
+            f"smoother of order {order} with {passes} pass(es) at rate {rate:g} Hz; "
+            f"orders are {ORDERS}, passes 1 or 2, the rate is positive"
+        )
+    wrong = ~np.isfinite(y)
+    if wrong.any():
+        sample, channel = np.argwhere(wrong)[0]
+        count = int(wrong[:, channel].sum())
+        raise NonFiniteSamples("position", str(channel), int(sample), count)

@@ -1,0 +1,245 @@
+"""Sampled control laws of joint position loops.
+
+All laws here share one discrete form, joint by joint, with q the *measured* position,
+
+    u_k = r_k - B(z)/A(z) q_k + I_k,       I_k = I_{k-1} + K_i h (w_k - W(z)/A(z) q_k)
+    τ_k = gain · clip(u_k + inputs_k, ±limit)
+
+where r and w gather what is known beforehand (reference, feed-forward). One compiled loop runs
+them all, and B/A is what the prefilter of IDIM-PIV inverts: the law without its integrator.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+
+TAPS = 3  # B, A and W have at most second order
+
+
+class SampledLaw(NamedTuple):
+    """A control law as arrays for the compiled loop.
+
+    Attributes:
+        feedback: B, coefficients of z⁰, z⁻¹, z⁻², shape (joints, TAPS); likewise ``pole`` (A,
+            monic) and ``integrand`` (W).
+        pole: A.
+        integrand: W.
+        integral_gain: K_i per second, shape (joints,).
+        reference: r, shape (samples, joints) [unit of u].
+        integrand_reference: w, shape (samples, joints).
+    """
+
+    feedback: np.ndarray
+    pole: np.ndarray
+    integrand: np.ndarray
+    integral_gain: np.ndarray
+    reference: np.ndarray
+    integrand_reference: np.ndarray
+
+
+class Controller(Protocol):
+    """What the simulation and the prefilter need of a control law."""
+
+    def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
+        """Discretise at ``rate`` [Hz] for a given reference, shape (samples, joints)."""
+        ...
+
+    def check(self, joints: int) -> None:
+        """Refuse gains that do not belong to so many joints."""
+        ...
+
+
+def backward_difference(x: np.ndarray, rate: float) -> np.ndarray:
+    """(x_k - x_{k-1}) rate, zero at the first sample, shape of ``x``."""
+    out = np.zeros_like(x)
+    out[1:] = np.diff(x, axis=0) * rate
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class PID:
+    """u = kp e + ki ∫e + kd (dq_ref - dq̂), dq̂ the (filtered) backward difference of q.
+
+    With derivative_time T > 0 the difference is filtered by h/(T + h - T z⁻¹) (backward Euler of
+    1/(T s + 1)), reference included where dq_ref is not recorded.
+
+    Attributes:
+        kp: proportional gains, shape (joints,) [u per rad or m].
+        kd: derivative gains, shape (joints,) [u per rad/s or m/s].
+        ki: integral gains, shape (joints,) [u per rad s or m s]; None: no integrator.
+        derivative_time: filter time T of the derivative [s].
+    """
+
+    kp: np.ndarray
+    kd: np.ndarray
+    ki: np.ndarray | None = None
+    derivative_time: float = 0.0
+
+    def check(self, joints: int) -> None:
+        """Refuse gains of the wrong number or sign."""
+        _check_gains(joints, kp=self.kp, kd=self.kd, ki=self.ki)
+        if self.derivative_time < 0:
+            raise ExperimentError(f"derivative_time must not be negative: {self.derivative_time}")
+
+    def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
+        """Discretise at ``rate`` [Hz]: see :class:`SampledLaw`."""
+        n, h = q_ref.shape[1], 1.0 / rate
+        fade = self.derivative_time / (self.derivative_time + h)  # pole of the derivative's filter
+        gain = np.asarray(self.kd, float) / (self.derivative_time + h)
+        kp = np.asarray(self.kp, float)
+        zero = np.zeros(n)
+        feedback = np.stack([kp + gain, -kp * fade - gain, zero], axis=1)
+        pole = np.stack([np.ones(n), np.full(n, -fade), zero], axis=1)
+        integrand = np.stack([np.ones(n), np.full(n, -fade), zero], axis=1)
+        if dq_ref is None:
+            dq_ref = backward_difference(q_ref, rate)
+        ki = zero if self.ki is None else np.asarray(self.ki, float)
+        return SampledLaw(
+            feedback, pole, integrand, ki, kp * q_ref + np.asarray(self.kd) * dq_ref, q_ref.copy()
+        )
+
+
+def PD(kp: np.ndarray, kd: np.ndarray, derivative_time: float = 0.0) -> PID:  # noqa: N802
+    """u = kp (q_ref - q) + kd (dq_ref - dq̂): a :class:`PID` without integrator."""
+    return PID(kp, kd, None, derivative_time)
+
+
+@dataclass(frozen=True, eq=False)
+class Cascade:
+    """Position loop around a speed loop: u = kv (kp e - v̂) + kv ki ∫(kp e - v̂).
+
+    v̂ is the backward difference of q, of its two-sample mean when ``averaged`` (the EMPS drive:
+    FIR filter [1/2 1/2], then difference). ``speed_feed_forward`` adds kv·k·dq_ref.
+
+    Attributes:
+        kp: position gains, shape (joints,) [1/s].
+        kv: speed gains, shape (joints,) [u per rad/s or m/s].
+        ki: integral gains of the speed loop, shape (joints,) [1/s]; None: no integrator.
+        averaged: whether the speed is taken from the two-sample mean.
+        speed_feed_forward: share of the reference speed that is fed forward.
+    """
+
+    kp: np.ndarray
+    kv: np.ndarray
+    ki: np.ndarray | None = None
+    averaged: bool = False
+    speed_feed_forward: float = 0.0
+
+    def check(self, joints: int) -> None:
+        """Refuse gains of the wrong number or sign."""
+        _check_gains(joints, kp=self.kp, kv=self.kv, ki=self.ki)
+
+    def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
+        """Discretise at ``rate`` [Hz]: see :class:`SampledLaw`."""
+        n = q_ref.shape[1]
+        kp, kv = np.asarray(self.kp, float), np.asarray(self.kv, float)
+        difference = np.array([0.5, 0.0, -0.5] if self.averaged else [1.0, -1.0, 0.0]) * rate
+        inner = kp[:, None] * np.array([1.0, 0.0, 0.0]) + difference
+        pole = np.tile([1.0, 0.0, 0.0], (n, 1))
+        if dq_ref is None:
+            dq_ref = backward_difference(q_ref, rate)
+        wanted = kp * q_ref + self.speed_feed_forward * dq_ref
+        ki = np.zeros(n) if self.ki is None else kv * np.asarray(self.ki, float)
+        return SampledLaw(kv[:, None] * inner, pole, inner, ki, kv * wanted, wanted)
+
+
+@dataclass(frozen=True, eq=False)
+class PythonController:
+    """A control law given as a Python function, called once per control sample.
+
+    ``function(k, q, q_ref, dq_ref) -> u`` receives the sample's index, the measured positions and
+    the reference, each of shape (joints,), and returns u, shape (joints,). It may keep a state of
+    its own; ``reset`` is called before each run. The simulation then runs at the speed of Python.
+
+    Attributes:
+        function: the law.
+        reset: called before each simulation.
+        linear: a law close to it whose B/A the prefilter inverts; None: no controller prefilter.
+    """
+
+    function: Callable[[int, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+    reset: Callable[[], None] | None = None
+    linear: PID | Cascade | None = None
+
+    def check(self, joints: int) -> None:
+        """Check the linear law, where there is one."""
+        if self.linear is not None:
+            self.linear.check(joints)
+
+    def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
+        """The linear law that the prefilter inverts.
+
+        Raises:
+            ExperimentError: if there is none.
+        """
+        if self.linear is None:
+            raise ExperimentError(
+                "this controller is a Python function without a linear law beside it: use "
+                'prefilter = "direct", or give PythonController(linear=PD(...))'
+            )
+        return self.linear.law(rate, q_ref, dq_ref)
+
+
+def inverse_controller(controller: Controller, rate: float, joints: int) -> tuple[np.ndarray, np.ndarray]:
+    """The filter A/B that turns a torque residual back into encoder noise, (P-26), without integrator.
+
+    Zeros of B outside the unit circle are reflected into it: the magnitude, hence the whitening,
+    stays, and the phase is common to all columns.
+
+    Args:
+        controller: the law.
+        rate: sampling rate of the recording [Hz].
+        joints: number of joints.
+
+    Returns:
+        numerator and denominator of the inverse, each (joints, TAPS), denominators monic.
+    """
+    still = np.zeros((1, joints))
+    law = controller.law(rate, still, still)
+    numerator, denominator = np.zeros((joints, TAPS)), np.zeros((joints, TAPS))
+    for j in range(joints):
+        stable = _reflected(law.feedback[j])
+        denominator[j] = stable / stable[0]
+        numerator[j] = law.pole[j] / stable[0]
+    return numerator, denominator
+
+
+def _reflected(polynomial: np.ndarray) -> np.ndarray:
+    """The polynomial in z⁻¹ of the same magnitude with all zeros inside the unit circle."""
+    roots = np.roots(np.trim_zeros(polynomial, "b"))
+    if not (np.abs(roots) >= 1.0).any():
+        return polynomial
+    gain = polynomial[0]
+    inside = []
+    for root in roots:
+        if abs(root) >= 1.0:
+            gain *= abs(root)
+            root = 1.0 / np.conj(root)
+        inside.append(root if abs(root) < 1.0 else 0.999999 * root)
+    out = np.zeros(polynomial.size)
+    coefficients = np.real(np.poly(inside)) * gain
+    out[: coefficients.size] = coefficients
+    return out
+
+
+def _check_gains(joints: int, **gains: np.ndarray | None) -> None:
+    for name, gain in gains.items():
+        if gain is None:
+            continue
+        if np.shape(gain) != (joints,):
+            raise ExperimentError(
+                f"controller: {name} has shape {np.shape(gain)}, but the robot has {joints} joints; "
+                "give one gain per joint"
+            )
+        bad = np.flatnonzero(~(np.isfinite(gain) & (np.asarray(gain) >= 0)))
+        if bad.size:
+            raise ExperimentError(
+                f"controller: {name} of joint {bad[0] + 1} is {np.asarray(gain)[bad[0]]}; gains must "
+                "be finite and not negative (a reversed axis belongs into the drive gain)"
+            )
