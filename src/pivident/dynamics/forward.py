@@ -24,29 +24,24 @@ from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import coupling_sign, tree_of
 from pivident.errors import MassMatrixNotPositiveDefinite
 from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.friction import FrictionColumn
 
 
 class FrictionTable(NamedTuple):
     """Friction of all joints as the simulator evaluates it.
 
     Attributes:
-        joint: joint of each term, shape (terms,); ``code`` and ``sign`` likewise.
-        code: function of each term.
-        sign: its smoothed sign function.
-        shape: γ, v_s, δ of each term, shape (terms, 3).
-        value: the parameter of each term [N m, N m s/rad …], shape (terms,).
-        pair: motor and joint of each coupling, shape (couplings, 2).
-        pair_sign: sign function of each coupling, shape (couplings,).
+        linear: viscous parameter and constant torque of each joint, shape (joints, 2).
+        term_index: joint, function and smoothed sign of each nonlinear term, shape (terms, 3).
+        term_value: parameter, γ, v_s, δ of each nonlinear term, shape (terms, 4).
+        pair_index: motor, joint and smoothed sign of each coupling, shape (couplings, 3).
         pair_value: ratio, fvm, fcm, γ of each coupling, shape (couplings, 4).
     """
 
-    joint: np.ndarray
-    code: np.ndarray
-    sign: np.ndarray
-    shape: np.ndarray
-    value: np.ndarray
-    pair: np.ndarray
-    pair_sign: np.ndarray
+    linear: np.ndarray
+    term_index: np.ndarray
+    term_value: np.ndarray
+    pair_index: np.ndarray
     pair_value: np.ndarray
 
 
@@ -80,7 +75,7 @@ def make_model(
     """
     n = robot.size
     inertia, rotor = np.zeros((n, 10)), np.zeros((n, n))
-    terms = []
+    linear, terms = np.zeros((n, 2)), []
     pairs = {c: np.array([c.ratio, 0.0, 0.0, 0.0]) for c in robot.couplings}
     for p, given in zip(parameters, np.asarray(theta, dtype=float), strict=True):
         value = float(given)
@@ -96,84 +91,101 @@ def make_model(
         elif p.coupling is not None:
             pairs[p.coupling][1 if p.stem == "fvm" else 2] = value
         elif p.friction is not None:
-            terms.append((p.joint, *p.friction.encoded(simulated=True), value))
+            code, sign, shape = p.friction.encoded(simulated=True)
+            if code == FrictionColumn.VISCOUS:
+                linear[p.joint, 0] += value
+            elif code == FrictionColumn.OFFSET:
+                linear[p.joint, 1] += value
+            else:
+                terms.append(((p.joint, code, sign), (value, *shape)))
     signs = [coupling_sign(robot, c.motor, simulated=True) for c in robot.couplings]
     for c, (_, gamma) in zip(robot.couplings, signs, strict=True):
         pairs[c][3] = gamma
     table = FrictionTable(
-        np.array([t[0] for t in terms], dtype=np.int64),
-        np.array([t[1] for t in terms], dtype=np.int64),
-        np.array([t[2] for t in terms], dtype=np.int64),
-        np.array([t[3] for t in terms], dtype=float).reshape(-1, 3),
-        np.array([t[4] for t in terms], dtype=float),
-        np.array([(c.motor, c.joint) for c in pairs], dtype=np.int64).reshape(-1, 2),
-        np.array([sign for sign, _ in signs], dtype=np.int64),
+        linear,
+        np.array([index for index, _ in terms], dtype=np.int64).reshape(-1, 3),
+        np.array([value for _, value in terms], dtype=float).reshape(-1, 4),
+        np.array(
+            [(c.motor, c.joint, sign) for c, (sign, _) in zip(pairs, signs, strict=True)],
+            dtype=np.int64,
+        ).reshape(-1, 3),
         np.array(list(pairs.values()), dtype=float).reshape(-1, 4),
     )
     return Model(tree_of(robot), inertia, rotor, table)
 
 
-@njit(cache=True, nogil=True)
-def friction_torque(friction, v, torque, slope):
-    """Friction torque of every joint and the slopes of its own and coupled terms.
+@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+def friction_torque(
+    linear, term_index, term_value, pair_index, pair_value, vectors, speed, out, slopes, row
+):
+    """Friction torques and the slopes of the own and of the coupled terms.
 
     Args:
-        friction: the table.
-        v: joint speeds, shape (joints,).
-        torque: receives the friction torques, shape (joints,).
-        slope: receives d torque / d v: joints on the first entries, then one per coupling (its
-            slope over the speed of the coupled rotor), shape (joints + couplings,).
+        linear: see :class:`FrictionTable`; likewise the next four.
+        term_index: nonlinear terms.
+        term_value: their values.
+        pair_index: couplings.
+        pair_value: their values.
+        vectors: rows of joint quantities, shape (rows, joints).
+        speed: row of ``vectors`` that holds the speeds.
+        out: row of ``vectors`` that receives the friction torques.
+        slopes: receives in ``row`` d torque / d v of each joint, then of each coupling's dry
+            friction over the speed of its rotor, shape (rows, joints + couplings).
+        row: row of ``slopes``.
     """
-    n = v.size
+    n = vectors.shape[1]
     for j in range(n):
-        torque[j] = 0.0
-        slope[j] = 0.0
-    for k in range(friction.joint.size):
-        j = friction.joint[k]
-        shape = friction.shape[k]
+        vectors[out, j] = linear[j, 0] * vectors[speed, j] + linear[j, 1]
+        slopes[row, j] = linear[j, 0]
+    for k in range(term_index.shape[0]):
+        j = term_index[k, 0]
         f, df = friction_value_and_slope(
-            friction.code[k], friction.sign[k], shape[0], shape[1], shape[2], v[j]
+            term_index[k, 1],
+            term_index[k, 2],
+            term_value[k, 1],
+            term_value[k, 2],
+            term_value[k, 3],
+            vectors[speed, j],
         )
-        torque[j] += friction.value[k] * f
-        slope[j] += friction.value[k] * df
-    for k in range(friction.pair_sign.size):
-        i, j = friction.pair[k, 0], friction.pair[k, 1]
-        ratio, viscous, coulomb, gamma = (
-            friction.pair_value[k, 0],
-            friction.pair_value[k, 1],
-            friction.pair_value[k, 2],
-            friction.pair_value[k, 3],
-        )
-        f, df = smooth_sign_and_slope(friction.pair_sign[k], gamma, v[i] + ratio * v[j])
-        torque[i] += ratio * viscous * v[j] + coulomb * f
-        torque[j] += ratio * (viscous * v[i] + coulomb * f)
-        slope[n + k] = coulomb * df + abs(viscous)
+        vectors[out, j] += term_value[k, 0] * f
+        slopes[row, j] += term_value[k, 0] * df
+    for k in range(pair_index.shape[0]):
+        i, j = pair_index[k, 0], pair_index[k, 1]
+        ratio, viscous, dry = pair_value[k, 0], pair_value[k, 1], pair_value[k, 2]
+        vi, vj = vectors[speed, i], vectors[speed, j]
+        f, df = smooth_sign_and_slope(pair_index[k, 2], pair_value[k, 3], vi + ratio * vj)
+        vectors[out, i] += ratio * viscous * vj + dry * f
+        vectors[out, j] += ratio * (viscous * vi + dry * f)
+        slopes[row, n + k] = dry * df
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _accelerations(model, q, dq, tau, out, failure):
     """Accelerations at many states; the first indefinite mass matrix is reported."""
     n = q.shape[1]
+    f = model.friction
     work = rigid_body_work(n)
-    mass, factor, inverse = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n))
-    bias, torque = np.zeros(n), np.zeros(n)
-    slope = np.zeros(n + model.friction.pair_sign.size)
+    mass, factor, inverse, bias = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
+    vectors = np.zeros((2, n))
+    slopes = np.zeros((1, n + f.pair_index.shape[0]))
     for s in range(q.shape[0]):
         mass_matrix_and_bias(model.tree, model.inertia, model.rotor, q[s], dq[s], work, mass, bias)
         joint = invert_mass_matrix(mass, factor, inverse)
         if joint >= 0:
             failure[0] = factor[joint, joint]
             return joint, s
-        friction_torque(model.friction, dq[s], torque, slope)
+        vectors[0] = dq[s]
+        friction_torque(
+            f.linear, f.term_index, f.term_value, f.pair_index, f.pair_value, vectors, 0, 1, slopes, 0
+        )
         for i in range(n):
-            total = 0.0
+            out[s, i] = 0.0
             for j in range(n):
-                total += inverse[i, j] * (tau[s, j] - bias[j] - torque[j])
-            out[s, i] = total
+                out[s, i] += inverse[i, j] * (tau[s, j] - bias[j] - vectors[1, j])
     return -1, -1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _mass_matrices(model, q, out):
     """M(q) at many positions, both triangles."""
     n = q.shape[1]
@@ -212,7 +224,7 @@ def acceleration(
     dq: np.ndarray,
     tau: np.ndarray,
 ) -> np.ndarray:
-    """ddq = M(q)⁻¹ (tau - h(q, dq) - friction(dq)), shape (samples, joints) [rad/s² or m/s²].
+    """Ddq = M(q)⁻¹ (tau - h(q, dq) - friction(dq)), shape (samples, joints) [rad/s² or m/s²].
 
     Args:
         robot: the robot; a friction law with the hard sign is used in its smooth form.

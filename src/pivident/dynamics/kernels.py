@@ -48,7 +48,7 @@ class Tree(NamedTuple):
 _R, _P, _W, _DW, _A, _G, _SLOTS = 0, 9, 12, 15, 18, 21, 30
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_orientation(tile, base, rotation, translation, prismatic, q, sin, cos):
     """Orientation and origin of a link in its parent, for one tile of samples."""
     if prismatic:
@@ -75,7 +75,7 @@ def _tile_orientation(tile, base, rotation, translation, prismatic, q, sin, cos)
             tile[(base + _P + k) * TILE + s] = r0
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_motion(tile, base, parent, prismatic, dq, ddq, gravity):
     """ω, dω, a of a link's frame from its parent's, and G = [dω]× + [ω]×[ω]×, for one tile."""
     b, u = base * TILE, max(parent, 0) * TILE
@@ -134,9 +134,9 @@ def _tile_motion(tile, base, parent, prismatic, dq, ddq, gravity):
         tile[g + 8 * TILE + s] = -x * x - y * y
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_rotate(tile, r, v):
-    """v <- Rᵀ v in place, R at offset r."""
+    """V <- Rᵀ v in place, R at offset r."""
     if r < 0 or v < 0:
         return
     for s in range(TILE):
@@ -152,7 +152,7 @@ def _tile_rotate(tile, r, v):
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_screw(tile, base, source, target):
     """Carry a joint's screw (v, w) into the link's frame: w' = Rᵀw, v' = Rᵀ(v + w × p)."""
     b, i, o = base * TILE, source * TILE, target * TILE
@@ -172,7 +172,7 @@ def _tile_screw(tile, base, source, target):
     _tile_rotate(tile, b, o + 3 * TILE)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _diagonal_column(tile, w0, w1, e, x0, x1, x2, out):
     """Column of a diagonal inertia about axis 2: w₂ dω₂ + (w₀ω₁ - w₁ω₀) ω₂, axes cyclic."""
     if w0 < 0 or w1 < 0 or e < 0 or x0 < 0 or x1 < 0 or x2 < 0:
@@ -185,7 +185,7 @@ def _diagonal_column(tile, w0, w1, e, x0, x1, x2, out):
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _product_column(tile, w0, w1, w2, e0, e1, x0, x1, x2, out):
     """Column of the product of inertia of axes 0 and 1: w₀dω₁ + w₁dω₀ + u₀ω₁ + u₁ω₀, u = w × ω."""
     if w0 < 0 or w1 < 0 or w2 < 0 or e0 < 0 or e1 < 0 or x0 < 0 or x1 < 0 or x2 < 0:
@@ -201,7 +201,7 @@ def _product_column(tile, w0, w1, w2, e0, e1, x0, x1, x2, out):
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _moment_column(tile, g, v, a1, a2, x1, x2, out):
     """Column of the first moment along axis 0: (Gᵀv)₀ + a₁w₂ - a₂w₁, axes cyclic."""
     if g < 0 or v < 0 or a1 < 0 or a2 < 0 or x1 < 0 or x2 < 0:
@@ -216,7 +216,7 @@ def _moment_column(tile, g, v, a1, a2, x1, x2, out):
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _mass_column(tile, v, a, out):
     """Column of the mass: v·a."""
     if v < 0 or a < 0:
@@ -229,7 +229,7 @@ def _mass_column(tile, v, a, out):
         )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _tile_columns(tile, base, screw, rows, out, start, stop):
     """Columns of one link's ten parameters in the row of the joint with screw (v, w).
 
@@ -268,7 +268,7 @@ def _tile_columns(tile, base, screw, rows, out, start, stop):
         _mass_column(tile, v, a, out[rows[9], start:stop])
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def inertial_entries(tree, joint_of, rows_of, q, dq, ddq, sin, cos, out):
     """Packed inertial entries of the observation matrix.
 
@@ -320,201 +320,187 @@ def inertial_entries(tree, joint_of, rows_of, q, dq, ddq, sin, cos, out):
 class RigidBodyWork(NamedTuple):
     """Scratch of ``mass_matrix_and_bias``; made once per simulation by ``rigid_body_work``."""
 
-    rotation: np.ndarray  # ^pR_i, (joints, 9)
-    origin: np.ndarray  # ^pp_i, (joints, 3)
+    pose: np.ndarray  # ^pR_i row by row and ^pp_i, (joints, 12)
     motion: np.ndarray  # ω, dω, a, (joints, 9)
     force: np.ndarray  # f, n, (joints, 6)
     composite: np.ndarray  # ten parameters of the subtree, (joints, 10)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def rigid_body_work(joints):
     """Empty scratch for a robot of so many joints."""
     return RigidBodyWork(
-        np.empty((joints, 9)),
-        np.empty((joints, 3)),
-        np.empty((joints, 9)),
-        np.empty((joints, 6)),
-        np.empty((joints, 10)),
+        np.empty((joints, 12)), np.empty((joints, 9)), np.empty((joints, 6)), np.empty((joints, 10))
     )
 
 
-@njit(cache=True, nogil=True)
-def _link_poses(tree, q, work):
-    """Pose of every link in its parent's frame."""
+@njit(cache=True, nogil=True, error_model="numpy")
+def link_poses(prismatic, rotation, translation, q, pose):
+    """Pose of every link in its parent's frame: nine of ^pR_i row by row, three of ^pp_i.
+
+    Row views would be more readable than [i, k]; each costs an atomic reference count, which
+    together would double the time of a simulation.
+    """
     for i in range(q.size):
-        rotation, translation = tree.rotation[i], tree.translation[i]
-        r, p = work.rotation[i], work.origin[i]
-        if tree.prismatic[i]:
+        if prismatic[i]:
             for k in range(3):
-                r[3 * k], r[3 * k + 1], r[3 * k + 2] = (
-                    rotation[k, 0],
-                    rotation[k, 1],
-                    rotation[k, 2],
-                )
-                p[k] = translation[k] + rotation[k, 2] * q[i]
+                pose[i, 3 * k] = rotation[i, k, 0]
+                pose[i, 3 * k + 1] = rotation[i, k, 1]
+                pose[i, 3 * k + 2] = rotation[i, k, 2]
+                pose[i, 9 + k] = translation[i, k] + rotation[i, k, 2] * q[i]
         else:
             c, s = np.cos(q[i]), np.sin(q[i])
             for k in range(3):
-                r[3 * k] = rotation[k, 0] * c + rotation[k, 1] * s
-                r[3 * k + 1] = rotation[k, 1] * c - rotation[k, 0] * s
-                r[3 * k + 2] = rotation[k, 2]
-                p[k] = translation[k]
+                pose[i, 3 * k] = rotation[i, k, 0] * c + rotation[i, k, 1] * s
+                pose[i, 3 * k + 1] = rotation[i, k, 1] * c - rotation[i, k, 0] * s
+                pose[i, 3 * k + 2] = rotation[i, k, 2]
+                pose[i, 9 + k] = translation[i, k]
 
 
-@njit(cache=True, nogil=True)
-def _bias_torque(tree, inertia, dq, work, bias):
+@njit(cache=True, nogil=True, error_model="numpy")
+def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, bias):
     """Torques of gravity, centrifugal and Coriolis effects: Newton–Euler with ddq = 0."""
     n = dq.size
     for i in range(n):
-        parent = tree.parent[i]
-        r, p, m = work.rotation[i], work.origin[i], work.motion[i]
+        parent = parents[i]
+        wx, wy, wz, ex, ey, ez = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+        ax, ay, az = -gravity[0], -gravity[1], -gravity[2]
         if parent >= 0:
-            u = work.motion[parent]
-            wx, wy, wz, ex, ey, ez = u[0], u[1], u[2], u[3], u[4], u[5]
-            lx, ly, lz = p[0], p[1], p[2]
+            wx, wy, wz = motion[parent, 0], motion[parent, 1], motion[parent, 2]
+            ex, ey, ez = motion[parent, 3], motion[parent, 4], motion[parent, 5]
+            lx, ly, lz = pose[i, 9], pose[i, 10], pose[i, 11]
             cx, cy, cz = wy * lz - wz * ly, wz * lx - wx * lz, wx * ly - wy * lx
-            ax = u[6] + ey * lz - ez * ly + wy * cz - wz * cy
-            ay = u[7] + ez * lx - ex * lz + wz * cx - wx * cz
-            az = u[8] + ex * ly - ey * lx + wx * cy - wy * cx
-        else:
-            wx, wy, wz, ex, ey, ez = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-            ax, ay, az = -tree.gravity[0], -tree.gravity[1], -tree.gravity[2]
-        ox = r[0] * wx + r[3] * wy + r[6] * wz
-        oy = r[1] * wx + r[4] * wy + r[7] * wz
-        oz = r[2] * wx + r[5] * wy + r[8] * wz
-        fx = r[0] * ex + r[3] * ey + r[6] * ez
-        fy = r[1] * ex + r[4] * ey + r[7] * ez
-        fz = r[2] * ex + r[5] * ey + r[8] * ez
-        bx = r[0] * ax + r[3] * ay + r[6] * az
-        by = r[1] * ax + r[4] * ay + r[7] * az
-        bz = r[2] * ax + r[5] * ay + r[8] * az
+            ax = motion[parent, 6] + ey * lz - ez * ly + wy * cz - wz * cy
+            ay = motion[parent, 7] + ez * lx - ex * lz + wz * cx - wx * cz
+            az = motion[parent, 8] + ex * ly - ey * lx + wx * cy - wy * cx
+        r00, r01, r02 = pose[i, 0], pose[i, 1], pose[i, 2]
+        r10, r11, r12 = pose[i, 3], pose[i, 4], pose[i, 5]
+        r20, r21, r22 = pose[i, 6], pose[i, 7], pose[i, 8]
+        ox = r00 * wx + r10 * wy + r20 * wz
+        oy = r01 * wx + r11 * wy + r21 * wz
+        oz = r02 * wx + r12 * wy + r22 * wz
+        fx = r00 * ex + r10 * ey + r20 * ez
+        fy = r01 * ex + r11 * ey + r21 * ez
+        fz = r02 * ex + r12 * ey + r22 * ez
+        bx = r00 * ax + r10 * ay + r20 * az
+        by = r01 * ax + r11 * ay + r21 * az
+        bz = r02 * ax + r12 * ay + r22 * az
         d = dq[i]
-        if tree.prismatic[i]:
+        if prismatic[i]:
             bx += 2.0 * oy * d
             by -= 2.0 * ox * d
         else:
             fx += oy * d
             fy -= ox * d
             oz += d
-        m[0], m[1], m[2], m[3], m[4], m[5], m[6], m[7], m[8] = ox, oy, oz, fx, fy, fz, bx, by, bz
-        j = inertia[i]
-        hx, hy, hz = j[6], j[7], j[8]
+        motion[i, 0], motion[i, 1], motion[i, 2] = ox, oy, oz
+        motion[i, 3], motion[i, 4], motion[i, 5] = fx, fy, fz
+        motion[i, 6], motion[i, 7], motion[i, 8] = bx, by, bz
+        xx, xy, xz = inertia[i, 0], inertia[i, 1], inertia[i, 2]
+        yy, yz, zz = inertia[i, 3], inertia[i, 4], inertia[i, 5]
+        hx, hy, hz, m = inertia[i, 6], inertia[i, 7], inertia[i, 8], inertia[i, 9]
         cx, cy, cz = oy * hz - oz * hy, oz * hx - ox * hz, ox * hy - oy * hx
-        gx = j[0] * ox + j[1] * oy + j[2] * oz
-        gy = j[1] * ox + j[3] * oy + j[4] * oz
-        gz = j[2] * ox + j[4] * oy + j[5] * oz
-        f = work.force[i]
-        f[0] = j[9] * bx + fy * hz - fz * hy + oy * cz - oz * cy
-        f[1] = j[9] * by + fz * hx - fx * hz + oz * cx - ox * cz
-        f[2] = j[9] * bz + fx * hy - fy * hx + ox * cy - oy * cx
-        f[3] = j[0] * fx + j[1] * fy + j[2] * fz + oy * gz - oz * gy + hy * bz - hz * by
-        f[4] = j[1] * fx + j[3] * fy + j[4] * fz + oz * gx - ox * gz + hz * bx - hx * bz
-        f[5] = j[2] * fx + j[4] * fy + j[5] * fz + ox * gy - oy * gx + hx * by - hy * bx
+        gx = xx * ox + xy * oy + xz * oz
+        gy = xy * ox + yy * oy + yz * oz
+        gz = xz * ox + yz * oy + zz * oz
+        force[i, 0] = m * bx + fy * hz - fz * hy + oy * cz - oz * cy
+        force[i, 1] = m * by + fz * hx - fx * hz + oz * cx - ox * cz
+        force[i, 2] = m * bz + fx * hy - fy * hx + ox * cy - oy * cx
+        force[i, 3] = xx * fx + xy * fy + xz * fz + oy * gz - oz * gy + hy * bz - hz * by
+        force[i, 4] = xy * fx + yy * fy + yz * fz + oz * gx - ox * gz + hz * bx - hx * bz
+        force[i, 5] = xz * fx + yz * fy + zz * fz + ox * gy - oy * gx + hx * by - hy * bx
     for i in range(n - 1, -1, -1):
-        f = work.force[i]
-        bias[i] = f[2] if tree.prismatic[i] else f[5]
-        parent = tree.parent[i]
+        bias[i] = force[i, 2] if prismatic[i] else force[i, 5]
+        parent = parents[i]
         if parent >= 0:
-            _add_wrench(work.rotation[i], work.origin[i], f, work.force[parent])
+            fx, fy, fz, nx, ny, nz = _carried(
+                pose, i, force[i, 0], force[i, 1], force[i, 2], force[i, 3], force[i, 4], force[i, 5]
+            )
+            force[parent, 0] += fx
+            force[parent, 1] += fy
+            force[parent, 2] += fz
+            force[parent, 3] += nx
+            force[parent, 4] += ny
+            force[parent, 5] += nz
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _add_wrench(r, p, f, target):
-    """Carry a force and moment (f, n) into the parent's frame and add it there."""
-    fx = r[0] * f[0] + r[1] * f[1] + r[2] * f[2]
-    fy = r[3] * f[0] + r[4] * f[1] + r[5] * f[2]
-    fz = r[6] * f[0] + r[7] * f[1] + r[8] * f[2]
-    nx = r[0] * f[3] + r[1] * f[4] + r[2] * f[5]
-    ny = r[3] * f[3] + r[4] * f[4] + r[5] * f[5]
-    nz = r[6] * f[3] + r[7] * f[4] + r[8] * f[5]
-    target[0] += fx
-    target[1] += fy
-    target[2] += fz
-    target[3] += nx + p[1] * fz - p[2] * fy
-    target[4] += ny + p[2] * fx - p[0] * fz
-    target[5] += nz + p[0] * fy - p[1] * fx
+@njit(cache=True, nogil=True, error_model="numpy")
+def _carried(pose, i, fx, fy, fz, nx, ny, nz):
+    """A force and moment (f, n) at link i, in the parent's frame and at its origin."""
+    gx = pose[i, 0] * fx + pose[i, 1] * fy + pose[i, 2] * fz
+    gy = pose[i, 3] * fx + pose[i, 4] * fy + pose[i, 5] * fz
+    gz = pose[i, 6] * fx + pose[i, 7] * fy + pose[i, 8] * fz
+    mx = pose[i, 0] * nx + pose[i, 1] * ny + pose[i, 2] * nz
+    my = pose[i, 3] * nx + pose[i, 4] * ny + pose[i, 5] * nz
+    mz = pose[i, 6] * nx + pose[i, 7] * ny + pose[i, 8] * nz
+    px, py, pz = pose[i, 9], pose[i, 10], pose[i, 11]
+    return gx, gy, gz, mx + py * gz - pz * gy, my + pz * gx - px * gz, mz + px * gy - py * gx
 
 
-@njit(cache=True, nogil=True)
-def _add_composite(r, p, child, target):
-    """Add the ten parameters of a link to its parent's, at the parent's origin.
+@njit(cache=True, nogil=True, error_model="numpy")
+def _add_composite(pose, composite, i, parent):
+    """Add the ten parameters of link i's subtree to its parent's, at the parent's origin.
 
     With h' = R h:  I += R I Rᵀ - (p h'ᵀ + h' pᵀ) + 2 (p·h') 1 + m (p·p 1 - p pᵀ),  h += h' + m p.
     """
-    xx, xy, xz, yy, yz, zz = child[0], child[1], child[2], child[3], child[4], child[5]
-    m = child[9]
-    # A = R I
-    a00 = r[0] * xx + r[1] * xy + r[2] * xz
-    a01 = r[0] * xy + r[1] * yy + r[2] * yz
-    a02 = r[0] * xz + r[1] * yz + r[2] * zz
-    a10 = r[3] * xx + r[4] * xy + r[5] * xz
-    a11 = r[3] * xy + r[4] * yy + r[5] * yz
-    a12 = r[3] * xz + r[4] * yz + r[5] * zz
-    a20 = r[6] * xx + r[7] * xy + r[8] * xz
-    a21 = r[6] * xy + r[7] * yy + r[8] * yz
-    a22 = r[6] * xz + r[7] * yz + r[8] * zz
-    hx = r[0] * child[6] + r[1] * child[7] + r[2] * child[8]
-    hy = r[3] * child[6] + r[4] * child[7] + r[5] * child[8]
-    hz = r[6] * child[6] + r[7] * child[7] + r[8] * child[8]
-    px, py, pz = p[0], p[1], p[2]
+    r00, r01, r02 = pose[i, 0], pose[i, 1], pose[i, 2]
+    r10, r11, r12 = pose[i, 3], pose[i, 4], pose[i, 5]
+    r20, r21, r22 = pose[i, 6], pose[i, 7], pose[i, 8]
+    px, py, pz = pose[i, 9], pose[i, 10], pose[i, 11]
+    xx, xy, xz = composite[i, 0], composite[i, 1], composite[i, 2]
+    yy, yz, zz = composite[i, 3], composite[i, 4], composite[i, 5]
+    ix, iy, iz, m = composite[i, 6], composite[i, 7], composite[i, 8], composite[i, 9]
+    a00 = r00 * xx + r01 * xy + r02 * xz
+    a01 = r00 * xy + r01 * yy + r02 * yz
+    a02 = r00 * xz + r01 * yz + r02 * zz
+    a10 = r10 * xx + r11 * xy + r12 * xz
+    a11 = r10 * xy + r11 * yy + r12 * yz
+    a12 = r10 * xz + r11 * yz + r12 * zz
+    a20 = r20 * xx + r21 * xy + r22 * xz
+    a21 = r20 * xy + r21 * yy + r22 * yz
+    a22 = r20 * xz + r21 * yz + r22 * zz
+    hx = r00 * ix + r01 * iy + r02 * iz
+    hy = r10 * ix + r11 * iy + r12 * iz
+    hz = r20 * ix + r21 * iy + r22 * iz
     # the lever arm acts twice: on the first moments, and on the mass
-    gx, gy, gz = 2.0 * hx + m * px, 2.0 * hy + m * py, 2.0 * hz + m * pz
-    sx, sy, sz = px * gx, py * gy, pz * gz
-    target[0] += a00 * r[0] + a01 * r[1] + a02 * r[2] + sy + sz
-    target[1] += a00 * r[3] + a01 * r[4] + a02 * r[5] - px * hy - py * hx - m * px * py
-    target[2] += a00 * r[6] + a01 * r[7] + a02 * r[8] - px * hz - pz * hx - m * px * pz
-    target[3] += a10 * r[3] + a11 * r[4] + a12 * r[5] + sx + sz
-    target[4] += a10 * r[6] + a11 * r[7] + a12 * r[8] - py * hz - pz * hy - m * py * pz
-    target[5] += a20 * r[6] + a21 * r[7] + a22 * r[8] + sx + sy
-    target[6] += hx + m * px
-    target[7] += hy + m * py
-    target[8] += hz + m * pz
-    target[9] += m
+    sx, sy, sz = px * (2.0 * hx + m * px), py * (2.0 * hy + m * py), pz * (2.0 * hz + m * pz)
+    composite[parent, 0] += a00 * r00 + a01 * r01 + a02 * r02 + sy + sz
+    composite[parent, 1] += a00 * r10 + a01 * r11 + a02 * r12 - px * hy - py * (hx + m * px)
+    composite[parent, 2] += a00 * r20 + a01 * r21 + a02 * r22 - px * hz - pz * (hx + m * px)
+    composite[parent, 3] += a10 * r10 + a11 * r11 + a12 * r12 + sx + sz
+    composite[parent, 4] += a10 * r20 + a11 * r21 + a12 * r22 - py * hz - pz * (hy + m * py)
+    composite[parent, 5] += a20 * r20 + a21 * r21 + a22 * r22 + sx + sy
+    composite[parent, 6] += hx + m * px
+    composite[parent, 7] += hy + m * py
+    composite[parent, 8] += hz + m * pz
+    composite[parent, 9] += m
 
 
-@njit(cache=True, nogil=True)
-def _composite_mass_matrix(tree, inertia, work, mass):
+@njit(cache=True, nogil=True, error_model="numpy")
+def composite_mass_matrix(parents, prismatic, pose, inertia, rotor, composite, mass):
     """Lower triangle of M(q) by composite rigid bodies (Walker and Orin, method 3)."""
     n = inertia.shape[0]
-    composite = work.composite
     for i in range(n):
         for k in range(10):
             composite[i, k] = inertia[i, k]
         for k in range(n):
-            mass[i, k] = 0.0
+            mass[i, k] = rotor[i, k]
     for i in range(n - 1, -1, -1):
-        parent = tree.parent[i]
-        c = composite[i]
-        if tree.prismatic[i]:
-            fx, fy, fz, nx, ny, nz = 0.0, 0.0, c[9], c[7], -c[6], 0.0
-            mass[i, i] = fz
-        else:
-            fx, fy, fz, nx, ny, nz = -c[7], c[6], 0.0, c[2], c[4], c[5]
-            mass[i, i] = nz
-        if parent < 0:
-            continue
-        _add_composite(work.rotation[i], work.origin[i], c, composite[parent])
-        k = i
-        j = parent
+        fx, fy, fz = -composite[i, 7], composite[i, 6], 0.0
+        nx, ny, nz = composite[i, 2], composite[i, 4], composite[i, 5]
+        if prismatic[i]:
+            fx, fy, fz, nx, ny, nz = 0.0, 0.0, composite[i, 9], -fx, -fy, 0.0
+        mass[i, i] += fz if prismatic[i] else nz
+        if parents[i] >= 0:
+            _add_composite(pose, composite, i, parents[i])
+        k, j = i, parents[i]
         while j >= 0:
-            r, p = work.rotation[k], work.origin[k]
-            gx = r[0] * fx + r[1] * fy + r[2] * fz
-            gy = r[3] * fx + r[4] * fy + r[5] * fz
-            gz = r[6] * fx + r[7] * fy + r[8] * fz
-            mx = r[0] * nx + r[1] * ny + r[2] * nz
-            my = r[3] * nx + r[4] * ny + r[5] * nz
-            mz = r[6] * nx + r[7] * ny + r[8] * nz
-            fx, fy, fz = gx, gy, gz
-            nx = mx + p[1] * gz - p[2] * gy
-            ny = my + p[2] * gx - p[0] * gz
-            nz = mz + p[0] * gy - p[1] * gx
-            mass[i, j] = fz if tree.prismatic[j] else nz
-            k = j
-            j = tree.parent[j]
+            fx, fy, fz, nx, ny, nz = _carried(pose, k, fx, fy, fz, nx, ny, nz)
+            mass[i, j] += fz if prismatic[j] else nz
+            k, j = j, parents[j]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
     """M(q), lower triangle, and the torques of gravity and velocities.
 
@@ -529,15 +515,17 @@ def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
         mass: receives the lower triangle of M(q), shape (joints, joints).
         bias: receives h(q, dq), shape (joints,).
     """
-    _link_poses(tree, q, work)
-    _bias_torque(tree, inertia, dq, work, bias)
-    _composite_mass_matrix(tree, inertia, work, mass)
-    for i in range(q.size):
-        for j in range(i + 1):
-            mass[i, j] += rotor[i, j]
+    link_poses(tree.prismatic, tree.rotation, tree.translation, q, work.pose)
+    bias_torque(
+        tree.parent, tree.prismatic, tree.gravity, work.pose, inertia, dq, work.motion,
+        work.force, bias,
+    )  # fmt: skip
+    composite_mass_matrix(
+        tree.parent, tree.prismatic, work.pose, inertia, rotor, work.composite, mass
+    )
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def invert_mass_matrix(mass, factor, inverse):
     """Inverse of a symmetric positive definite matrix by Cholesky, from its lower triangle.
 

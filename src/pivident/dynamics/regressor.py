@@ -188,7 +188,7 @@ class Regressor:
     def torque(
         self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, theta: np.ndarray
     ) -> np.ndarray:
-        """tau = Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].
+        """Tau = Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
@@ -249,7 +249,7 @@ def _possible_entries(robot: Robot, parameters: Sequence[Parameter]) -> list[tup
     return entries
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _scatter(packed, row, column, out):
     """Write packed entries (time last) into the dense matrix (time first)."""
     for s in range(packed.shape[1]):

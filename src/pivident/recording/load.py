@@ -17,7 +17,7 @@ from pivident.errors import RecordingError
 from pivident.recording import checks, timestamps
 from pivident.recording.columns import Channel, ColumnSpec, array_of, assemble, locate
 from pivident.recording.files import SourceFile
-from pivident.recording.recording import Recording
+from pivident.recording.recording import CHANNELS, Recording
 from pivident.recording.tables import names_in, read_table
 from pivident.recording.units import UnitSpec, check_kind, factor_to_si
 from pivident.robot.description import Robot
@@ -25,9 +25,6 @@ from pivident.robot.transmission import Transmission
 
 #: Whether a channel was measured before or behind the gear.
 Side = Literal["joint", "motor"]
-
-#: Channels that a log can have, besides its named inputs.
-CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "t")
 
 
 def load_recording(
@@ -82,6 +79,7 @@ def load_recording(
         transmission = transmission or robot.transmission
     logged = _read(channels, paths, None if joint_names is None else len(joint_names), samples_axis)
     joint_names = tuple(joint_names or (f"joint_{j + 1}" for j in range(logged["q"].shape[1])))
+    _check_sizes(len(joint_names), robot, transmission)
 
     sides = _sides(side, logged, transmission)
     _to_si(logged, units or {}, sides, robot, transmission)
@@ -95,18 +93,19 @@ def load_recording(
 
     rate, start_time = _clock(logged, rate, resample)
     _to_joint_side(logged, sides, transmission, position_offset)
+    for values in logged.values():
+        values.flags.writeable = False  # the recording then keeps it instead of a copy
+    fields: dict[str, Any] = {key: logged[key] for key in CHANNELS if key in logged}
+    fields["inputs"] = {
+        key.removeprefix("inputs."): logged[key] for key in logged if key not in CHANNELS
+    }
+    fields["sources"] = tuple(SourceFile.of(path) for path in _in_use(channels, paths))
+    name = name or Path(paths[channels["q"].file].name.removesuffix(".gz")).stem
     return Recording(
-        name=name or Path(paths[channels["q"].file].name.removesuffix(".gz")).stem,
+        name=name,
         joint_names=joint_names,
-        q=logged.pop("q"),
-        tau=logged.pop("tau"),
         rate=rate,
-        q_ref=logged.pop("q_ref", None),
-        dq_ref=logged.pop("dq_ref", None),
-        ddq_ref=logged.pop("ddq_ref", None),
-        inputs={key.removeprefix("inputs."): values for key, values in logged.items()},
-        sources=tuple(SourceFile.of(paths[key]) for key in {c.file: 0 for c in channels.values()}),
-        **{"start_time": start_time} | options,
+        **fields | {"start_time": start_time} | options,
     )
 
 
@@ -120,16 +119,21 @@ def _paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:
 def _channels(columns: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str, Channel]:
     """Where each channel is, the inputs under ``inputs.<name>``."""
     specs = {key: spec for key, spec in columns.items() if key != "inputs"}
-    unknown = [key for key in specs if key not in CHANNELS]
+    unknown = [key for key in specs if key not in (*CHANNELS, "t")]
     if unknown:
         raise RecordingError(
-            f"columns are given for {unknown[0]!r}; channels are {', '.join(CHANNELS)}, inputs"
+            f"columns are given for {unknown[0]!r}; channels are {', '.join(CHANNELS)}, t, inputs"
         )
     for needed in ("q", "tau"):
         if needed not in specs:
             raise RecordingError(f"no columns are given for {needed}; name those that hold it")
     specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}
     return {key: locate(key, spec, paths) for key, spec in specs.items()}
+
+
+def _in_use(channels: Mapping[str, Channel], paths: Mapping[str, Path]) -> list[Path]:
+    """The files from which something is read."""
+    return [paths[key] for key in dict.fromkeys(channel.file for channel in channels.values())]
 
 
 def _read(
@@ -155,6 +159,17 @@ def _read(
     return values
 
 
+def _check_sizes(joints: int, robot: Robot | None, transmission: Transmission | None) -> None:
+    """Refuse a robot or a transmission of another number of joints."""
+    sizes = {} if robot is None else {f"robot {robot.name!r}": robot.size}
+    sizes |= {} if transmission is None else {"the transmission": len(transmission.drive_gain)}
+    for owner, size in sizes.items():
+        if size != joints:
+            raise RecordingError(
+                f"{owner} has {size} joint(s), the recording {joints}; select the same joints"
+            )
+
+
 def _sides(
     side: Side | Mapping[str, Side],
     logged: Mapping[str, np.ndarray],
@@ -163,7 +178,7 @@ def _sides(
     """Side of each channel that has one."""
     given = dict(side) if isinstance(side, Mapping) else dict.fromkeys(("q", "tau"), side)
     for channel, value in given.items():
-        if channel not in CHANNELS[:-1] or value not in get_args(Side):
+        if channel not in CHANNELS or value not in get_args(Side):
             raise RecordingError(f"side of {channel} is {value!r}; choose joint or motor")
     positions = given.get("q", "joint")
     sides = {channel: given.get(channel, positions) for channel in ("q", "q_ref")}
@@ -188,11 +203,13 @@ def _to_si(
         if channel not in logged:
             raise RecordingError(f"a unit is given for {channel}, which has no columns")
         joints = 1 if channel == "t" else logged[channel].shape[1]
-        per_joint: list[UnitSpec] = (
-            list(spec) if isinstance(spec, (list, tuple)) else [spec] * joints
-        )
+        listed = isinstance(spec, (list, tuple))
+        per_joint: list[UnitSpec] = list(spec) if listed else [spec] * joints
         if len(per_joint) != joints:
-            raise RecordingError(f"{channel} has {len(per_joint)} units for {joints} joint(s)")
+            raise RecordingError(
+                f"{channel} has {len(per_joint)} units for {joints} joint(s); "
+                "give one for all or one for each"
+            )
         if robot is not None and channel in ("q", "q_ref") and sides[channel] == "joint":
             for joint, unit in zip(robot.joints, per_joint, strict=True):
                 check_kind(channel, unit, joint.name, joint.kind)
@@ -215,12 +232,13 @@ def _clock(
     t = logged.pop("t", None)
     if t is None:
         if rate is None or resample:
-            raise RecordingError(
-                "there is no time column; name one as t" + " or give the rate" * (not resample)
-            )
+            alternative = "resampling needs it" if resample else "or give the rate"
+            raise RecordingError(f"no column is named for the time t; name it, {alternative}")
         return float(rate), 0.0
     if len(t) != len(logged["q"]):
-        raise RecordingError(f"t has {len(t)} samples, q has {len(logged['q'])}")
+        raise RecordingError(
+            f"t has {len(t)} samples, q has {len(logged['q'])}; cut them to the same samples"
+        )
     if not resample:
         if rate is None:
             return timestamps.rate_of(t), float(t[0])
@@ -247,7 +265,7 @@ def _to_joint_side(
     joints = logged["q"].shape[1]
     if position_offset is not None and np.shape(position_offset) != (joints,):
         raise RecordingError(f"position_offset needs one number for each of {joints} joint(s)")
-    for channel in CHANNELS[:-1]:
+    for channel in CHANNELS:
         if channel not in logged:
             continue
         offset = np.zeros(joints) if position_offset is None else np.asarray(position_offset, float)

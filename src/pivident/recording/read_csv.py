@@ -61,7 +61,9 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
             _unpacked(path) if path.suffix == ".gz" else path,
             has_header=header.present,
             columns=places,
-            schema_overrides={header.cells[place]: pl.Float64 for place in places},
+            schema_overrides=[
+                pl.Float64 if place in places else pl.String for place in range(len(header.names))
+            ],
             separator=header.separator,
             comment_prefix=COMMENT,
             encoding="utf8-lossy",
@@ -80,15 +82,11 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 
 @dataclass(frozen=True)
 class _Header:
-    """What the first line tells: names as written, names without blanks, how they are separated."""
+    """What the first line tells: names of the columns, separator, whether it is a header at all."""
 
-    cells: tuple[str, ...]
+    names: tuple[str, ...]
     separator: str
     present: bool
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        return tuple(cell.strip() for cell in self.cells)
 
 
 def _header(path: Path) -> _Header:
@@ -103,16 +101,15 @@ def _header(path: Path) -> _Header:
         else:
             raise FileFormatError(f"{path.name} holds no table; export the log again")
     separator = max(SEPARATORS, key=first.count)
-    cells = next(csv.reader([first.rstrip("\r\n")], delimiter=separator))
+    cells = _cells(first, separator)
     if all(_is_number(cell) for cell in cells):
         return _Header(tuple(f"column_{i + 1}" for i in range(len(cells))), separator, False)
-    header = _Header(tuple(cells), separator, True)
-    repeated = sorted({name for name in header.names if header.names.count(name) > 1})
+    repeated = sorted({cell for cell in cells if cells.count(cell) > 1})
     if repeated:
         raise FileFormatError(
             f"{path.name} has more than one column {repeated[0]!r}; rename them in its header"
         )
-    return header
+    return _Header(tuple(cells), separator, True)
 
 
 def _lines(path: Path, text: Iterable[str]) -> Iterator[str]:
@@ -156,11 +153,11 @@ def _explain(path: Path, header: _Header, wanted: Sequence[str], reason: str) ->
     places = {name: header.names.index(name) for name in wanted}
     with _text(path) as lines:
         for number, cells in _rows(lines, header):
-            if len(cells) != len(header.cells):
-                reason = f"it has {len(cells)} cells instead of {len(header.cells)}"
+            if len(cells) != len(header.names):
+                reason = f"it has {len(cells)} cells instead of {len(header.names)}"
                 raise BadCell(path.name, number, None, header.separator.join(cells), reason)
             for name, place in places.items():
-                cell = cells[place].strip()
+                cell = cells[place]
                 if not _is_number(cell):
                     reason = f"{cell!r} is not a number" if cell else "the cell is empty"
                     raise BadCell(path.name, number, name, cell, reason)
@@ -176,7 +173,13 @@ def _rows(lines: Iterable[str], header: _Header) -> Iterator[tuple[int, list[str
         if above:
             above = False
             continue
-        yield number, next(csv.reader([line.rstrip("\r\n")], delimiter=header.separator), [])
+        yield number, _cells(line, header.separator)
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """The cells of one line, without blanks around them and quotes."""
+    reader = csv.reader([line.rstrip("\r\n")], delimiter=separator, skipinitialspace=True)
+    return [cell.strip() for cell in next(reader, [])]
 
 
 def _is_number(cell: str) -> bool:

@@ -15,6 +15,7 @@ import numpy as np
 from pivident.errors import FileFormatError
 from pivident.recording.files import existing_file, refuse_bomb
 
+#: MATLAB's classes of numbers.
 NUMERIC = {"double", "single", "logical"} | {
     f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)
 }
@@ -95,9 +96,8 @@ def _is_numeric(dataset: Any) -> bool:
     kind = dataset.attrs.get("MATLAB_class", b"double")
     kind = kind.decode() if isinstance(kind, bytes) else str(kind)
     # An empty MATLAB array is stored as the list of its dimensions.
-    return (
-        kind in NUMERIC and dataset.dtype.kind in "biuf" and not dataset.attrs.get("MATLAB_empty")
-    )
+    empty = bool(dataset.attrs.get("MATLAB_empty", 0))
+    return kind in NUMERIC and dataset.dtype.kind in "biuf" and not empty
 
 
 def _read_v5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:

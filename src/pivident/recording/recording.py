@@ -17,6 +17,9 @@ from pivident.recording import checks
 from pivident.recording.files import SourceFile
 from pivident.robot.transmission import Transmission
 
+#: Fields that hold samples, besides the inputs.
+CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref")
+
 #: Which instant a torque sample speaks of, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
 
@@ -83,7 +86,7 @@ class Recording:
         settle(self, "joint_names", tuple(self.joint_names))
         settle(self, "sources", tuple(self.sources))
         settle(self, "control_rate", self.control_rate or self.rate)
-        for channel in ("q", "tau", "q_ref", "dq_ref", "ddq_ref"):
+        for channel in CHANNELS:
             if getattr(self, channel) is not None:
                 settle(self, channel, _settled(channel, getattr(self, channel)))
         settle(self, "inputs", {key: _settled(key, value) for key, value in self.inputs.items()})
@@ -92,9 +95,9 @@ class Recording:
     def _check(self) -> None:
         """Refuse what no estimator could use."""
         self._check_options()
-        if len(set(self.joint_names)) != self.joints:
+        if not self.joint_names or len(set(self.joint_names)) != self.joints:
             raise RecordingError(
-                f"recording {self.name!r}: joint names {self.joint_names} are not unique"
+                f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
             )
         for channel, values in self.channels().items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
@@ -114,6 +117,9 @@ class Recording:
         for name in ("delay", "start_time"):
             if not np.isfinite(getattr(self, name)):
                 raise RecordingError(f"{name} is {getattr(self, name)!r} s; a number is needed")
+        taken = [name for name in self.inputs if name in CHANNELS]
+        if taken:
+            raise RecordingError(f"an input is called {taken[0]!r} like a channel; rename it")
         for name, choices in (("torque_timing", TorqueTiming), ("saturation", Saturation)):
             if getattr(self, name) not in get_args(choices):
                 raise RecordingError(
@@ -123,7 +129,7 @@ class Recording:
 
     def channels(self) -> dict[str, np.ndarray]:
         """All arrays that are there, by name: q, tau, references, then inputs."""
-        named = {key: getattr(self, key) for key in ("q", "tau", "q_ref", "dq_ref", "ddq_ref")}
+        named = {channel: getattr(self, channel) for channel in CHANNELS}
         return {key: values for key, values in named.items() if values is not None} | self.inputs
 
     @property
@@ -170,7 +176,7 @@ class Recording:
             )
         cut: dict[str, Any] = {
             channel: None if (values := getattr(self, channel)) is None else values[start:stop]
-            for channel in ("q", "tau", "q_ref", "dq_ref", "ddq_ref")
+            for channel in CHANNELS
         }
         return replace(
             self,

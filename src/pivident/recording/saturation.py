@@ -56,6 +56,5 @@ def _runs(mask: np.ndarray) -> np.ndarray:
 
 
 def _moves(q: np.ndarray, start: int, stop: int) -> bool:
-    """Whether the joint travels between two samples, compared with its whole motion."""
-    travel = abs(q[stop - 1] - q[start]) / (stop - start)
-    return bool(travel > SLOWEST_MOTION * np.ptp(q) / len(q))
+    """Whether the joint travels during some samples, compared with its whole motion."""
+    return bool(np.ptp(q[start:stop]) / (stop - start) > SLOWEST_MOTION * np.ptp(q) / len(q))

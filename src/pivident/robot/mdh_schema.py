@@ -159,6 +159,16 @@ class CouplingEntry(Entry):
     parameters: list[Literal["iam", "fvm", "fcm"]] = ["iam", "fvm", "fcm"]
     nominal: dict[Literal["iam", "fvm", "fcm"], float] = {}
 
+    @model_validator(mode="after")
+    def _nominal_values_belong_to_parameters(self) -> CouplingEntry:
+        foreign = set(self.nominal) - set(self.parameters)
+        if foreign:
+            raise ValueError(
+                f"nominal {', '.join(sorted(foreign))}: not among the coupling's parameters "
+                f"({', '.join(self.parameters) or 'none'}); add it there or remove the value"
+            )
+        return self
+
 
 class TransmissionEntry(Entry):
     """Motor side to joint side, one number for each moving joint in order."""
@@ -204,13 +214,19 @@ def validated(content: dict[str, Any]) -> TableFile:
 def _explained(details: Any, content: dict[str, Any]) -> str:
     where, key = _place(details["loc"], content)
     if details["type"] == "extra_forbidden":
-        return f"{where}unknown key {key!r}; {nearest(key, _keys_at(details['loc'][:-1]))}"
+        *table, last = details["loc"]
+        return f"{where}unknown key {key!r}; {nearest(str(last), _keys_at(table))}"
     if details["type"] == "missing":
         return f"{where}key {key!r} is missing; add it"
-    message = details["msg"].removeprefix("Value error, ")
+    if details["type"] == "model_type":
+        return f"{where}{key or 'this entry'} must be a table of keys, not {details['input']!r}"
+    message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
+    message = message.replace("Input should be", "must be").replace("List should", "must")
     if not key:
         return f"{where}{message}"
-    return f"{where}key {key!r} = {details['input']!r}: {message[0].lower() + message[1:]}"
+    if isinstance(details["input"], dict):
+        return f"{where}key {key!r}: {message}"
+    return f"{where}key {key!r} = {details['input']!r}: {message}"
 
 
 def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]:

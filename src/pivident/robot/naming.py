@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
@@ -25,7 +26,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 def repeated(names: Sequence[str]) -> list[str]:
     """Names that occur more than once, sorted."""
-    return sorted({name for name in names if names.count(name) > 1})
+    return sorted(name for name, count in Counter(names).items() if count > 1)
 
 
 def find_joint(names: Sequence[str], reference: str) -> int:

@@ -42,7 +42,7 @@ class Transmission:
             if not np.isfinite(getattr(self, key)).all():
                 raise RobotDescriptionError(f"transmission: {key} holds NaN or infinite values")
         # Rows are scaled first: a lead screw turns thousands of radians per metre, a wrist one.
-        largest = np.abs(self.reduction).max(axis=1, keepdims=True)
+        largest = np.abs(self.reduction).max(axis=1, keepdims=True, initial=0.0)
         if (largest == 0.0).any() or abs(np.linalg.det(self.reduction / largest)) < 1e-9:
             raise RobotDescriptionError("transmission: the reduction matrix is singular")
 

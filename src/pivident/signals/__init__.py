@@ -1,0 +1,1 @@
+"""From samples to smooth derivatives, noise models and prefilters."""

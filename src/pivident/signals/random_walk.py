@@ -112,6 +112,22 @@ class SmoothedSignal:
             lines.append(line + "; the search ended on a bound" if bound else line)
         return lines
 
+    def channel(self, index: int) -> SmoothedSignal:
+        """One channel of several, trajectories of shape (samples,)."""
+        return SmoothedSignal(
+            q=self.q[:, index],
+            dq=self.dq[:, index],
+            ddq=self.ddq[:, index],
+            nvr=self.nvr[index],
+            f50=self.f50[index],
+            noise_std=self.noise_std[index],
+            on_bound=self.on_bound[index],
+            log_nvr_std=self.log_nvr_std[index],
+            log_likelihood=self.log_likelihood[index],
+            order=self.order,
+            rate=self.rate,
+        )
+
     def _derivative_noise(self) -> np.ndarray:
         pairs = [
             derivative_noise(float(nvr), self.order, self.rate, float(std))
@@ -128,7 +144,6 @@ def smooth(
     passes: int = 1,
     *,
     f50_max: float | None = None,
-    horizon: int = 1,
 ) -> SmoothedSignal:
     """Smooth one channel or several and differentiate twice.
 
@@ -145,7 +160,6 @@ def smooth(
             those of a single pass.
         f50_max: cap of the searched bandwidth [Hz], for records whose quantisation or
             coloured noise lets maximum likelihood smooth too little.
-        horizon: criterion of the search: errors that many samples ahead; 1 is maximum likelihood.
 
     Returns:
         The smoothed record. A channel without visible noise (constant, say) comes back unchanged
@@ -155,16 +169,12 @@ def smooth(
         RecordingError: too few samples, or an NVR too small for the arithmetic.
         NonFiniteSamples: a channel holds NaN or infinite samples.
     """
-    options = {"f50_max": f50_max, "horizon": horizon}
     if np.ndim(y) == 2:
-        return smooth_channels(y, rate, order, nvr, passes, **options)
-    whole = smooth_channels(np.asarray(y)[:, None], rate, order, nvr, passes, **options, threads=1)
-    return SmoothedSignal(
-        **{
-            name: value[..., 0] if isinstance(value, np.ndarray) else value
-            for name, value in vars(whole).items()
-        }
+        return smooth_channels(y, rate, order, nvr, passes, f50_max=f50_max)
+    whole = smooth_channels(
+        np.asarray(y)[:, None], rate, order, nvr, passes, f50_max=f50_max, threads=1
     )
+    return whole.channel(0)
 
 
 def smooth_channels(
@@ -175,7 +185,6 @@ def smooth_channels(
     passes: int = 1,
     *,
     f50_max: float | None = None,
-    horizon: int = 1,
     threads: int | None = None,
 ) -> SmoothedSignal:
     """Smooth several channels on a pool of threads; see :func:`smooth` for the arguments.
@@ -187,7 +196,6 @@ def smooth_channels(
         nvr: noise-to-variance ratio, one for all or one per channel, or None.
         passes: 1 or 2.
         f50_max: cap of the searched bandwidth [Hz].
-        horizon: criterion of the search.
         threads: size of the pool; None: one per processor.
 
     Returns:
@@ -202,10 +210,11 @@ def smooth_channels(
 
     def work(channel: int) -> None:
         fixed = None if np.isnan(given[channel]) else float(given[channel])
-        search = {"f50_max": f50_max, "horizon": horizon}
-        q, forward, figures[:, channel] = _smooth_channel(y[:, channel], rate, order, fixed, search)
+        q, forward, figures[:, channel] = _smooth_channel(
+            y[:, channel], rate, order, fixed, f50_max
+        )
         if passes == 2:
-            forward, _, _ = _smooth_channel(forward, rate, order, fixed, search)
+            forward, _, _ = _smooth_channel(forward, rate, order, fixed, f50_max)
         trajectories[0, :, channel] = q
         _differentiate(forward, rate, trajectories[1, :, channel], trajectories[2, :, channel])
 
@@ -227,7 +236,7 @@ def smooth_channels(
 
 
 def _smooth_channel(
-    y: np.ndarray, rate: float, order: int, nvr: float | None, search: dict
+    y: np.ndarray, rate: float, order: int, nvr: float | None, f50_max: float | None
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, bool, float, float]]:
     """Smoothed record, its forward differences, and nvr, √r, on_bound, std of ln NVR, log L."""
     # Constants pass unchanged, so the mean is taken off where it would only cost digits.
@@ -235,7 +244,7 @@ def _smooth_channel(
     y = y - mean
     on_bound, log_std = False, math.nan
     if nvr is None:
-        estimate = estimate_nvr(y, rate, order, **search)
+        estimate = estimate_nvr(y, rate, order, f50_max)
         nvr, on_bound = estimate.nvr, estimate.on_bound
         log_std = math.nan if on_bound else log_nvr_std(nvr, order, y.size)
     elif not SMALLEST_NVR[order] <= nvr < math.inf:

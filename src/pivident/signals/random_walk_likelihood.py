@@ -29,18 +29,20 @@ from numba import njit
 
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
-#: Smallest NVR at which the smoothed acceleration keeps three digits, by order.
-SMALLEST_NVR = {1: 1e-12, 2: 1e-12, 3: 1e-12, 4: 1e-14}
+#: Smallest NVR at which the smoothed acceleration keeps about three digits, by order.
+SMALLEST_NVR = {1: 1e-8, 2: 1e-10, 3: 1e-12, 4: 1e-14}
 
 #: Largest NVR of the search: here the smoother passes practically everything.
 LARGEST_NVR = 1e4
+
+_GRID_POINTS = 24
+_TOLERANCE = 1e-3
 
 #: Rows of R are rotated until what is left of the start has decayed to this, and a few more.
 _SETTLED = 1e-17
 _EXTRA_ROWS = 20
 
-_GRID_POINTS = 24
-_TOLERANCE = 1e-3
+_GOLDEN = (math.sqrt(5) - 1) / 2
 
 
 @dataclass(frozen=True)
@@ -71,6 +73,46 @@ class DiffuseFit:
     log_likelihood: float
 
 
+def estimate_nvr(
+    y: np.ndarray, rate: float, order: int, f50_max: float | None = None
+) -> NvrEstimate:
+    """NVR of largest exact likelihood, the noise variance r eliminated.
+
+    A coarse grid in log10 NVR finds the valley, golden sections its floor to 0.001 decade.
+
+    Args:
+        y: one channel, shape (samples,), contiguous.
+        rate: sampling rate [Hz].
+        order: order m of the random walk.
+        f50_max: largest bandwidth to consider [Hz].
+
+    Returns:
+        The optimum. A record without visible noise (constant, or a polynomial of degree below m
+        up to rounding) gives the upper bound.
+    """
+    w = np.diff(y, order)
+    lower, upper = math.log10(SMALLEST_NVR[order]), math.log10(LARGEST_NVR)
+    if f50_max is not None and f50_max < rate / 2:
+        upper = max(lower, min(upper, math.log10(nvr_from_f50(f50_max, order, rate))))
+    rounding = np.finfo(float).eps * np.max(np.abs(y)) * 2**order
+    if np.max(np.abs(w)) <= 2 * rounding:
+        return NvrEstimate(10**upper, True)
+    grid = np.linspace(lower, upper, _GRID_POINTS)
+    best = float(_search(y, w, difference_coefficients(order), grid))
+    return NvrEstimate(10**best, min(best - lower, upper - best) <= 2 * _TOLERANCE)
+
+
+def diffuse_fit(y: np.ndarray, nvr: float, order: int) -> DiffuseFit:
+    """Smoothed trajectory and exact likelihood of one channel at a given NVR.
+
+    Args:
+        y: one channel, shape (samples,), contiguous.
+        nvr: noise-to-variance ratio.
+        order: order m of the random walk.
+    """
+    return DiffuseFit(*_smooth(y, np.diff(y, order), difference_coefficients(order), nvr))
+
+
 def innovations_model(nvr: float, order: int) -> tuple[np.ndarray, float]:
     """Spectral factorisation  NVR + (2 sin(ω/2))²ᵐ = f0 · |θ(e^{-iω})|²  in closed form.
 
@@ -84,136 +126,104 @@ def innovations_model(nvr: float, order: int) -> tuple[np.ndarray, float]:
     Returns:
         θ, monic, shape (m + 1,), and f0, the innovation variance in units of r.
     """
-    roots = _outer_roots(nvr, order)
-    return np.real(np.poly(1 / roots)), float(np.real(np.prod(roots)))
+    theta, f0, _ = _spectral_factor(nvr, order)
+    return theta[: order + 1], f0
 
 
-def _outer_roots(nvr: float, order: int) -> np.ndarray:
-    """The 1/ζ_k outside the unit circle: of each pair the root that forms without cancellation."""
-    angles = np.pi * (2 * np.arange(order) + 1) / order
-    s = nvr ** (1 / order) * np.exp(1j * angles)
-    root = np.sqrt(s * (s - 4))
-    candidates = np.array([2 - s + root, 2 - s - root]) / 2
-    return candidates[np.argmax(np.abs(candidates), axis=0), np.arange(order)]
+@njit(cache=True, nogil=True)
+def _spectral_factor(nvr, order):
+    """θ padded with zeros to degree four, f0, and the modulus of the slowest root of θ."""
+    theta = np.zeros(5, dtype=np.complex128)
+    theta[0] = 1.0
+    f0, slowest = 1.0 + 0.0j, 0.0
+    for k in range(order):
+        angle = math.pi * (2 * k + 1) / order
+        s = nvr ** (1 / order) * complex(math.cos(angle), math.sin(angle))
+        root = np.sqrt(s * (s - 4))
+        # The root outside the unit circle is the one that forms without cancellation.
+        outer = (2 - s + root) / 2
+        if abs(outer) < 1:
+            outer = (2 - s - root) / 2
+        zeta = 1 / outer
+        theta[1:] -= zeta * theta[:-1]
+        f0 *= outer
+        slowest = max(slowest, abs(zeta))
+    return theta.real.copy(), f0.real, slowest
 
 
-def estimate_nvr(
-    y: np.ndarray, rate: float, order: int, f50_max: float | None = None, horizon: int = 1
-) -> NvrEstimate:
-    """NVR by maximum likelihood, or by the smallest errors several steps ahead.
-
-    With the innovations e = √f0 c, the error h steps ahead is Σ_{i<h} ψ_i e_{k-i}, where
-    ψ(z) = θ(z) / (1 - z⁻¹)ᵐ: the alternative criterion of the CAPTAIN toolbox. A coarse grid in
-    log10 NVR finds the valley, Brent's method its floor.
-
-    Args:
-        y: one channel, shape (samples,), contiguous.
-        rate: sampling rate [Hz].
-        order: order m of the random walk.
-        f50_max: largest bandwidth to consider [Hz].
-        horizon: number of steps ahead; 1 is maximum likelihood.
-
-    Returns:
-        The optimum. A record without visible noise (constant, or a polynomial of degree below m
-        up to rounding) gives the upper bound.
-    """
-    from scipy.optimize import minimize_scalar
-
-    w = np.diff(y, order)
-    lower, upper = math.log10(SMALLEST_NVR[order]), math.log10(LARGEST_NVR)
-    if f50_max is not None and f50_max < rate / 2:
-        upper = max(lower, min(upper, math.log10(nvr_from_f50(f50_max, order, rate))))
-    rounding = np.finfo(float).eps * np.max(np.abs(y)) * 2**order
-    if np.max(np.abs(w)) <= 2 * rounding:
-        return NvrEstimate(10**upper, True)
-
-    def cost(log_nvr: float) -> float:
-        factor = _factorise(y, w, 10**log_nvr, order)
-        if horizon == 1:
-            return -factor.log_likelihood
-        error = np.convolve(factor.c, _multi_step_weights(factor.theta, horizon), mode="valid")
-        return math.log(factor.f0 * float(error @ error))
-
-    grid = np.linspace(lower, upper, _GRID_POINTS)
-    best = int(np.argmin([cost(x) for x in grid]))
-    around = (grid[max(best - 1, 0)], grid[min(best + 1, _GRID_POINTS - 1)])
-    found = float(minimize_scalar(cost, bounds=around, options={"xatol": _TOLERANCE}).x)
-    return NvrEstimate(10**found, min(found - lower, upper - found) <= 2 * _TOLERANCE)
+@njit(cache=True, nogil=True)
+def _search(y, w, d, grid):
+    """log10 NVR of largest likelihood: best grid point, then golden sections around it."""
+    best, lowest = 0, np.inf
+    for i in range(grid.size):
+        cost = _cost(y, w, d, grid[i])
+        if cost < lowest:
+            best, lowest = i, cost
+    left, right = grid[max(best - 1, 0)], grid[min(best + 1, grid.size - 1)]
+    a, b = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
+    cost_a, cost_b = _cost(y, w, d, a), _cost(y, w, d, b)
+    while right - left > _TOLERANCE:
+        if cost_a < cost_b:
+            right, b, cost_b = b, a, cost_a
+            a = right - _GOLDEN * (right - left)
+            cost_a = _cost(y, w, d, a)
+        else:
+            left, a, cost_a = a, b, cost_b
+            b = left + _GOLDEN * (right - left)
+            cost_b = _cost(y, w, d, b)
+    return (left + right) / 2
 
 
-def diffuse_fit(y: np.ndarray, nvr: float, order: int) -> DiffuseFit:
-    """Smoothed trajectory and exact likelihood of one channel at a given NVR.
+@njit(cache=True, nogil=True)
+def _cost(y, w, d, log_nvr):
+    """-log L at one NVR."""
+    head, c, _, f0 = _factorise(y, w, d, 10.0**log_nvr)
+    return -_likelihood(head, c, f0)[1]
 
-    Args:
-        y: one channel, shape (samples,), contiguous.
-        nvr: noise-to-variance ratio.
-        order: order m of the random walk.
-    """
-    factor = _factorise(y, np.diff(y, order), nvr, order)
+
+@njit(cache=True, nogil=True)
+def _smooth(y, w, d, nvr):
+    """T, r̂ and log L at one NVR."""
+    head, c, theta, f0 = _factorise(y, w, d, nvr)
+    variance, log_likelihood = _likelihood(head, c, f0)
     level = y.copy()
-    _substitute(
-        difference_coefficients(order),
-        factor.head,
-        math.sqrt(factor.f0),
-        _padded(factor.theta),
-        factor.c,
-        level,
-    )
-    return DiffuseFit(level, factor.noise_variance, factor.log_likelihood)
+    _substitute(d, head, math.sqrt(f0), theta, c, level)
+    return level, variance, log_likelihood
 
 
-@dataclass(frozen=True, eq=False)
-class _Factor:
-    """Ω = RᵀR of one record: rows of R until they settle, the settled row, and c = R⁻ᵀ w."""
-
-    head: np.ndarray
-    theta: np.ndarray
-    f0: float
-    c: np.ndarray
-
-    @property
-    def noise_variance(self) -> float:
-        """r̂ = cᵀc / n."""
-        return float(self.c @ self.c) / self.c.size
-
-    @property
-    def log_likelihood(self) -> float:
-        """log L with r eliminated, infinite for a record without noise."""
-        n, settled = self.c.size, self.c.size - len(self.head)
-        log_det = 2 * float(np.sum(np.log(self.head[:, 0]))) + settled * math.log(self.f0)
-        variance = self.noise_variance
-        if variance == 0:
-            return math.inf
-        return -0.5 * (n * (math.log(2 * math.pi * variance) + 1) + log_det)
+@njit(cache=True, nogil=True)
+def _factorise(y, w, d, nvr):
+    """Rows of R until they settle, c = R⁻ᵀ w, and the settled row as θ and f0."""
+    order = len(d) - 1
+    theta, f0, slowest = _spectral_factor(nvr, order)
+    settling = math.ceil(math.log(_SETTLED) / (2 * math.log(slowest))) + _EXTRA_ROWS
+    rows = int(min(settling, w.size))
+    head, c = np.empty((rows, len(d))), np.empty(w.size)
+    _triangularise(y[: rows + order], d, math.sqrt(nvr), head, c)
+    _filter_rest(w, 1 / math.sqrt(f0), theta, rows, c)
+    return head, c, theta, f0
 
 
-def _factorise(y: np.ndarray, w: np.ndarray, nvr: float, order: int) -> _Factor:
-    """Rotations over the head of the record, the settled filter over the rest."""
-    theta, f0 = innovations_model(nvr, order)
-    slowest = np.min(np.abs(_outer_roots(nvr, order)))
-    settling = math.ceil(-math.log(_SETTLED) / (2 * math.log(slowest))) + _EXTRA_ROWS
-    rows = min(settling, w.size)
-    head, c = np.empty((rows, order + 1)), np.empty(w.size)
-    _triangularise(
-        y[: rows + order], difference_coefficients(order), math.sqrt(nvr), head, c
-    )
-    _filter_rest(w, 1 / math.sqrt(f0), _padded(theta), rows, c)
-    return _Factor(head, theta, f0, c)
-
-
-def _padded(theta: np.ndarray) -> tuple[float, float, float, float]:
-    """θ_1 … θ_4, zero beyond the order: one compiled filter for all orders."""
-    t1, t2, t3, t4 = (*theta[1:], 0.0, 0.0, 0.0)[:4]
-    return float(t1), float(t2), float(t3), float(t4)
-
-
-def _multi_step_weights(theta: np.ndarray, horizon: int) -> np.ndarray:
-    """ψ_0 … ψ_{h-1} of θ(z) / (1 - z⁻¹)ᵐ: one cumulative sum per order."""
-    weights = np.zeros(max(horizon, theta.size))
-    weights[: theta.size] = theta
-    for _ in range(theta.size - 1):
-        weights = np.cumsum(weights)
-    return weights[:horizon]
+@njit(cache=True, nogil=True)
+def _likelihood(head, c, f0):
+    """r̂ and log L of a factored record; r̂ = 0 means a record without noise."""
+    # Four sums, because one alone would wait for itself at every sample.
+    s0 = s1 = s2 = s3 = 0.0
+    whole = c.size - c.size % 4
+    for j in range(0, whole, 4):
+        s0 += c[j] ** 2
+        s1 += c[j + 1] ** 2
+        s2 += c[j + 2] ** 2
+        s3 += c[j + 3] ** 2
+    for j in range(whole, c.size):
+        s0 += c[j] ** 2
+    variance = (s0 + s1 + s2 + s3) / c.size
+    log_det = (c.size - len(head)) * math.log(f0)
+    for j in range(len(head)):
+        log_det += 2 * math.log(head[j, 0])
+    if variance == 0:
+        return 0.0, np.inf
+    return variance, -0.5 * (c.size * (math.log(2 * math.pi * variance) + 1) + log_det)
 
 
 @njit(cache=True, nogil=True)
@@ -253,12 +263,9 @@ def _triangularise(y, d, root, factor, rhs):
 
 @njit(cache=True, nogil=True)
 def _filter_rest(w, scale, theta, start, c):
-    """c_j = w_j / √f0 - Σ θ_t c_{j-t} from j = start on, behind the rows that are there."""
-    t1, t2, t3, t4 = theta
-    c1 = c[start - 1] if start > 0 else 0.0
-    c2 = c[start - 2] if start > 1 else 0.0
-    c3 = c[start - 3] if start > 2 else 0.0
-    c4 = c[start - 4] if start > 3 else 0.0
+    """c_j = w_j / √f0 - Σ θ_t c_{j-t} from j = start ≥ 4 on, behind the rows that are there."""
+    _, t1, t2, t3, t4 = theta
+    c4, c3, c2, c1 = c[start - 4 : start]
     for j in range(start, w.size):
         # c1 enters last: it is the only term that has to wait for the sample before.
         now = (w[j] * scale - t4 * c4 - t3 * c3 - t2 * c2) - t1 * c1
@@ -272,7 +279,7 @@ def _substitute(d, head, root_f0, theta, c, level):
 
     Behind the head every row of R is √f0 (1, θ_1 … θ_4), and z beyond the last row is zero.
     """
-    t1, t2, t3, t4 = theta
+    _, t1, t2, t3, t4 = theta
     z1 = z2 = z3 = z4 = 0.0
     for j in range(c.size - 1, -1, -1):
         if j >= len(head):

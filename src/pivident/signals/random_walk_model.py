@@ -76,9 +76,7 @@ def required_f50(dynamic_frequency: float, order: int, loss: float = 1e-3) -> fl
     return float(dynamic_frequency * loss ** (-1 / (2 * order)))
 
 
-def derivative_noise(
-    nvr: float, order: int, rate: float, noise_std: float
-) -> tuple[float, float]:
+def derivative_noise(nvr: float, order: int, rate: float, noise_std: float) -> tuple[float, float]:
     """Standard deviations that white measurement noise leaves on the smoothed derivatives.
 
     With S(ω) the gain of the central difference (sin ω for dq, (2 sin(ω/2))² for ddq),
@@ -122,9 +120,7 @@ def log_nvr_std(nvr: float, order: int, samples: int) -> float:
     return 1 / math.sqrt(information) if information > 0 else math.inf
 
 
-def _spectral_mean(
-    function: Callable[[np.ndarray], np.ndarray], nvr: float, order: int
-) -> float:
+def _spectral_mean(function: Callable[[np.ndarray], np.ndarray], nvr: float, order: int) -> float:
     """(1/π) ∫₀^π f(ω) dω by the trapezoidal rule in ln ω, which resolves a narrow passband."""
     passband = min(nvr ** (1 / (2 * order)), math.pi)
     omega = np.geomspace(1e-4 * passband, math.pi, _GRID_POINTS)

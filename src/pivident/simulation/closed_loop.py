@@ -13,12 +13,18 @@ from numba import njit
 
 from pivident.dynamics.forward import Model
 from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
-from pivident.simulation.controllers import TAPS, Controller, PythonController
+from pivident.simulation.controllers import TAPS, Controller
 from pivident.simulation.integration import (
-    advance_frozen,
+    DDQ,
+    FACTOR,
+    LAYERS,
+    ROWS,
+    Q,
+    V,
+    advance,
     advance_runge_kutta,
+    dry_friction_level,
     evaluate,
-    make_state,
 )
 
 _DONE, _INDEFINITE, _DIVERGED = 0, 1, 2
@@ -76,83 +82,95 @@ class LoopSignals:
     speed_bound: np.ndarray
 
 
-@njit(cache=True, nogil=True)
-def _move(model, state, torque, period, steps, oracle, first):
-    """One control period in so many steps; returns -1 or the joint of an indefinite M(q)."""
-    if oracle > 0:
-        return advance_runge_kutta(model, state, torque, period, oracle)
-    for s in range(steps):
-        if s > 0:
-            joint = evaluate(model, state, torque)
-            if joint >= 0:
-                return joint
-        advance_frozen(model, state, torque, period / steps, first and s == 0)
-    return -1
-
-
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def _run(
     model, law, rate, q_ref, inputs, noise, gain, limit, bound, speed_bound, start, start_speed,
     steps, oracle, q, dq, ddq, tau, command, failure,
 ):  # fmt: skip
     """Simulate all samples; returns (what happened, joint, sample)."""
     n, samples = q_ref.shape[1], q_ref.shape[0]
-    state = make_state(model, start, start_speed)
     period = 1.0 / rate
+    tree, friction = model.tree, model.friction
+    parent, prismatic, rotation = tree.parent, tree.prismatic, tree.rotation
+    translation, gravity, inertia, rotor = tree.translation, tree.gravity, model.inertia, model.rotor
+    linear, term_index, term_value = friction.linear, friction.term_index, friction.term_value
+    pair_index, pair_value = friction.pair_index, friction.pair_value
+    feedback, pole, integrand = law.feedback, law.pole, law.integrand
+    integral_gain, reference = law.integral_gain, law.reference
+    integrand_reference = law.integrand_reference
+    vectors, matrices = np.zeros((ROWS, n)), np.zeros((LAYERS, n, n))
+    slopes, clock = np.zeros((2, n + pair_index.shape[0])), np.zeros(3)
+    pose, motion, force, composite = (
+        np.zeros((n, 12)), np.zeros((n, 9)), np.zeros((n, 6)), np.zeros((n, 10)),
+    )  # fmt: skip
     torque, integral = np.zeros(n), np.zeros(n)
+    vectors[Q], vectors[V] = start, start_speed
+    dry_friction_level(term_index, term_value, pair_index, pair_value, vectors)
     past = np.zeros((n, TAPS))  # inner state of B/A and W/A, direct form II
     for j in range(n):  # the loop has been at rest: the filters hold their stationary state
-        total = 0.0
-        for k in range(TAPS):
-            total += law.pole[j, k]
+        total = pole[j].sum()
         if total != 0.0:
-            for k in range(TAPS):
-                past[j, k] = start[j] / total
+            past[j] = start[j] / total
+    heard = 0  # row of noise and of inputs; a single row stands for all samples
+    given = 0
     for k in range(samples):
+        if noise.shape[0] > 1:
+            heard = k
+        if inputs.shape[0] > 1:
+            given = k
         for j in range(n):
-            w = state.q[j] + noise[k % noise.shape[0], j]
+            w = vectors[Q, j] + noise[heard, j]
             for m in range(1, TAPS):
-                w -= law.pole[j, m] * past[j, m - 1]
-            proportional, integrand = law.feedback[j, 0] * w, law.integrand[j, 0] * w
+                w -= pole[j, m] * past[j, m - 1]
+            proportional, integrated = feedback[j, 0] * w, integrand[j, 0] * w
             for m in range(1, TAPS):
-                proportional += law.feedback[j, m] * past[j, m - 1]
-                integrand += law.integrand[j, m] * past[j, m - 1]
+                proportional += feedback[j, m] * past[j, m - 1]
+                integrated += integrand[j, m] * past[j, m - 1]
             for m in range(TAPS - 1, 0, -1):
                 past[j, m] = past[j, m - 1]
             past[j, 0] = w
-            growth = law.integral_gain[j] * period * (law.integrand_reference[k, j] - integrand)
-            u = law.reference[k, j] - proportional + integral[j] + growth
-            u += inputs[k % inputs.shape[0], j]
+            growth = integral_gain[j] * period * (integrand_reference[k, j] - integrated)
+            u = reference[k, j] - proportional + integral[j] + growth + inputs[given, j]
             held = min(max(u, -limit[j]), limit[j])
             # anti-windup: the integrator rests while it would push further into the limit
             if (u - held) * growth <= 0.0:
                 integral[j] += growth
             command[k, j] = held
             torque[j] = gain[j] * held
-        joint = evaluate(model, state, torque)
-        if joint >= 0:
-            failure[0] = state.mass[1, joint, joint]
-            return _INDEFINITE, joint, k
-        for j in range(n):
-            q[k, j], dq[k, j], ddq[k, j], tau[k, j] = state.q[j], state.v[j], state.ddq[j], torque[j]
-            away = abs(state.q[j] - q_ref[k, j])
-            if not (away <= bound[j] and abs(state.v[j]) <= speed_bound[j]):
-                failure[0] = away
-                return _DIVERGED, j, k
-        joint = _move(model, state, torque, period, steps, oracle, k == 0)
-        if joint >= 0:
-            failure[0] = state.mass[1, joint, joint]
-            return _INDEFINITE, joint, k
+        for s in range(steps):
+            joint = evaluate(
+                parent, prismatic, rotation, translation, gravity, inertia, rotor,
+                linear, term_index, term_value, pair_index, pair_value,
+                vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
+                oracle > 0,
+            )  # fmt: skip
+            if joint >= 0:
+                failure[0] = matrices[FACTOR, joint, joint]
+                return _INDEFINITE, joint, k
+            if s == 0:
+                for j in range(n):
+                    q[k, j], dq[k, j], ddq[k, j] = vectors[Q, j], vectors[V, j], vectors[DDQ, j]
+                    tau[k, j] = torque[j]
+                    away = abs(vectors[Q, j] - q_ref[k, j])
+                    if not (away <= bound[j] and abs(vectors[V, j]) <= speed_bound[j]):
+                        failure[0] = away
+                        return _DIVERGED, j, k
+            if oracle > 0:
+                joint = advance_runge_kutta(
+                    parent, prismatic, rotation, translation, gravity, inertia, rotor,
+                    linear, term_index, term_value, pair_index, pair_value,
+                    vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
+                    period, oracle,
+                )  # fmt: skip
+                if joint >= 0:
+                    failure[0] = matrices[FACTOR, joint, joint]
+                    return _INDEFINITE, joint, k
+                break
+            advance(
+                linear, term_index, term_value, pair_index, pair_value,
+                vectors, matrices, slopes, clock, torque, period / steps,
+            )  # fmt: skip
     return _DONE, -1, -1
-
-
-@njit(cache=True, nogil=True)
-def _single_step(model, state, torque, period, steps, first):
-    """One control period of a loop that is closed in Python."""
-    joint = evaluate(model, state, torque)
-    if joint >= 0:
-        return joint
-    return _move(model, state, torque, period, steps, 0, first)
 
 
 def simulate(
@@ -190,16 +208,12 @@ def simulate(
     inputs = silence if signals.inputs is None else np.ascontiguousarray(signals.inputs, float)
     noise = silence if signals.noise is None else np.ascontiguousarray(signals.noise, float)
     failure = np.zeros(1)
-    if isinstance(controller, PythonController):
-        what, joint, sample = _run_in_python(
-            model, controller, signals, inputs, noise, start, steps, (q, dq, ddq, tau, command), failure
-        )
-    else:
-        what, joint, sample = _run(
-            model, controller.law(signals.rate, q_ref, signals.dq_ref), signals.rate, q_ref, inputs,
-            noise, signals.drive_gain, signals.limit, signals.bound, signals.speed_bound,
-            start[0], start[1], steps, oracle, q, dq, ddq, tau, command, failure,
-        )  # fmt: skip
+    law = controller.law(signals.rate, q_ref, signals.dq_ref)
+    what, joint, sample = _run(
+        model, law, signals.rate, q_ref, inputs, noise, signals.drive_gain, signals.limit,
+        signals.bound, signals.speed_bound, start[0], start[1], steps, oracle,
+        q, dq, ddq, tau, command, failure,
+    )  # fmt: skip
     time = sample / signals.rate
     if what == _INDEFINITE:
         raise MassMatrixNotPositiveDefinite(joint_names[joint], time, float(failure[0]))
@@ -207,33 +221,3 @@ def simulate(
         bound = float(signals.bound[joint])
         raise SimulationDiverged(joint_names[joint], time, float(failure[0]), bound)
     return Trajectory(signals.rate, q, dq, ddq, tau, command)
-
-
-def _run_in_python(model, controller, signals, inputs, noise, start, steps, out, failure):
-    """The same loop around a law that is a Python function."""
-    q, dq, ddq, tau, command = out
-    q_ref = signals.q_ref
-    dq_ref = signals.dq_ref
-    if dq_ref is None:
-        dq_ref = np.gradient(q_ref, 1.0 / signals.rate, axis=0)
-    if controller.reset is not None:
-        controller.reset()
-    state = make_state(model, start[0], start[1])
-    for k in range(len(q_ref)):
-        seen = state.q + noise[k % len(noise)]
-        u = np.asarray(controller.function(k, seen, q_ref[k], dq_ref[k]), dtype=float)
-        command[k] = np.clip(u + inputs[k % len(inputs)], -signals.limit, signals.limit)
-        tau[k] = signals.drive_gain * command[k]
-        q[k], dq[k] = state.q, state.v
-        away = np.abs(state.q - q_ref[k])
-        inside = (away <= signals.bound) & (np.abs(state.v) <= signals.speed_bound)
-        if not (inside.all() and np.isfinite(tau[k]).all()):
-            joint = int(np.argmin(inside & np.isfinite(tau[k])))
-            failure[0] = away[joint]
-            return _DIVERGED, joint, k
-        joint = _single_step(model, state, tau[k], 1.0 / signals.rate, steps, k == 0)
-        if joint >= 0:
-            failure[0] = state.mass[1, joint, joint]
-            return _INDEFINITE, joint, k
-        ddq[k] = state.ddq
-    return _DONE, -1, -1

@@ -105,8 +105,8 @@ class PID:
         )
 
 
-def PD(kp: np.ndarray, kd: np.ndarray, derivative_time: float = 0.0) -> PID:  # noqa: N802
-    """u = kp (q_ref - q) + kd (dq_ref - dq̂): a :class:`PID` without integrator."""
+def PD(kp: np.ndarray, kd: np.ndarray, derivative_time: float = 0.0) -> PID:
+    """U = kp (q_ref - q) + kd (dq_ref - dq̂): a :class:`PID` without integrator."""
     return PID(kp, kd, None, derivative_time)
 
 

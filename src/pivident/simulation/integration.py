@@ -1,226 +1,373 @@
 """One sampling period of the robot under a held torque.
 
-Rigid-body terms change slowly over a sampling period, friction near standstill does not: its
+Rigid-body terms change slowly over a sampling period, friction near standstill does not: the
 slope 2/π γ fc over a wrist's inertia gives rates of 27,000 1/s, five per period at 5 kHz. So the
-rigid body is evaluated once per step, extrapolated to the step's middle,
+rigid body is frozen at the middle of the step,
 
-    M⁻¹ ≈ M_k⁻¹ + (M_k⁻¹ - M_{k-1}⁻¹)/2,     h ≈ h_k + (h_k - h_{k-1})/2
+    M⁻¹ ≈ M_k⁻¹ + ΔM⁻¹/2,     h ≈ h_k + (h_k - h_{k-1})/2
 
-and dv/dt = M⁻¹ (τ - h - f(v)) is integrated inside the step by Runge–Kutta 4 with as many inner
-steps as the friction's stiffness Λ asks for. Runge–Kutta 4 on the full dynamics is there as the
-oracle that this scheme is measured against.
+(M⁻¹ is renewed when a joint has moved ``RENEWAL`` since, and extrapolated linearly in between),
+and dv/dt = M⁻¹ (τ - h - f(v)) is integrated inside the step:
+
+*linear step*, almost always: with D = df/dv at v_k the linear equation dy/dt = a_k - M⁻¹ D y is
+integrated by its fourth-order Taylor polynomial, in as many inner steps as ‖M⁻¹D‖h asks for. What
+the linearisation misses, r = f(v_{k+1}) - f(v_k) - D y, grows like t² and is corrected by its
+integral, (h/3) M⁻¹ r. f(v_{k+1}) serves the next step too.
+
+*nonlinear step*, while a joint passes through standstill (r not small): Runge–Kutta 4 on the
+friction itself, as many inner steps as its stiffness asks for.
+
+Runge–Kutta 4 on the full dynamics is there as the oracle that this scheme is measured against.
 """
 
 from __future__ import annotations
-
-from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
 from pivident.dynamics.forward import friction_torque
 from pivident.dynamics.kernels import (
-    RigidBodyWork,
+    bias_torque,
+    composite_mass_matrix,
     invert_mass_matrix,
-    mass_matrix_and_bias,
-    rigid_body_work,
+    link_poses,
 )
 
-#: Largest Λ·h of an inner Runge–Kutta step; its stability ends at 2.8, its accuracy before.
+#: Largest ‖M⁻¹D‖·h of an inner step; Runge–Kutta 4 is stable to 2.8 and accurate before.
 STIFFNESS_PER_STEP = 0.8
 
+#: Motion of any joint after which M⁻¹ is computed anew [rad or m].
+RENEWAL = 2e-3
 
-class State(NamedTuple):
-    """Everything that one simulated robot carries from step to step, changed in place.
+#: Friction that the linearisation may miss over a step, relative to the joint's friction level.
+LINEAR_REMAINDER = 1e-3
 
-    Attributes:
-        q: joint positions [rad or m], shape (joints,); ``v`` speeds and ``ddq`` accelerations.
-        v: joint speeds.
-        ddq: joint accelerations right after the torque was applied.
-        inverse: M⁻¹ at this step and, first axis, the one before, shape (2, joints, joints).
-        bias: h at this step and the one before, shape (2, joints).
-        mass: scratch for M and its factor, shape (2, joints, joints).
-        stages: scratch of the Runge–Kutta stages, shape (10, joints).
-        friction: friction torques, shape (joints,).
-        slope: friction slopes, shape (2, joints + couplings).
-        work: scratch of the rigid body.
-    """
+# The state of a simulated robot is a handful of arrays, not an object: numba counts references of
+# every array in a tuple at every call, which took two thirds of the simulation's time.
+# Rows of ``vectors``, shape (ROWS, joints):
+Q, V, DDQ = 0, 1, 2  # positions, speeds, accelerations right after the torque was applied
+FRICTION, LEVEL = 3, 4  # friction torque at V, largest dry friction (for tolerances)
+BIAS, LAST_BIAS, MIDDLE_BIAS = 5, 6, 7  # h now, one step before, extrapolated to the middle
+RENEWED_AT = 8  # positions at which M⁻¹ was computed last
+_A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = 9, 10, 11, 12, 13, 14, 15, 16
+ROWS = 17
+# Layers of ``matrices``, shape (LAYERS, joints, joints):
+INVERSE, CHANGE, RENEWED, MIDDLE, MASS, FACTOR = 0, 1, 2, 3, 4, 5  # M⁻¹, its rate, …
+LAYERS = 6
+# Entries of ``clock``: time since M⁻¹ was computed, how often it was, whether FRICTION is valid.
+SINCE, RENEWALS, FRICTION_KNOWN = 0, 1, 2
 
-    q: np.ndarray
-    v: np.ndarray
-    ddq: np.ndarray
-    inverse: np.ndarray
-    bias: np.ndarray
-    mass: np.ndarray
-    stages: np.ndarray
-    friction: np.ndarray
-    slope: np.ndarray
-    work: RigidBodyWork
+_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
-@njit(cache=True, nogil=True)
-def make_state(model, q, v):
-    """State at rest or in motion at the given positions and speeds."""
-    n = q.size
-    return State(
-        q.copy(),
-        v.copy(),
-        np.zeros(n),
-        np.zeros((2, n, n)),
-        np.zeros((2, n)),
-        np.zeros((2, n, n)),
-        np.zeros((10, n)),
-        np.zeros(n),
-        np.zeros((2, n + model.friction.pair_sign.size)),
-        rigid_body_work(n),
-    )
+@_inline
+def dry_friction_level(term_index, term_value, pair_index, pair_value, vectors):
+    """Largest dry friction of each joint, the scale of the integrator's tolerance."""
+    for i in range(vectors.shape[1]):
+        vectors[LEVEL, i] = 1e-9
+    for k in range(term_index.shape[0]):
+        vectors[LEVEL, term_index[k, 0]] += abs(term_value[k, 0])
+    for k in range(pair_index.shape[0]):
+        vectors[LEVEL, pair_index[k, 0]] += abs(pair_value[k, 2])
+        vectors[LEVEL, pair_index[k, 1]] += abs(pair_value[k, 0] * pair_value[k, 2])
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _product(matrix, torque, bias, friction, out):
-    """out = matrix (torque - bias - friction)."""
-    n = out.size
+@_inline
+def _apply(matrices, layer, vectors, torque, bias, friction, out):
+    """out = matrix (torque - bias - friction), matrix symmetric."""
+    n = torque.size
     for i in range(n):
-        out[i] = 0.0
+        vectors[out, i] = 0.0
     for j in range(n):
-        net = torque[j] - bias[j] - friction[j]
+        net = torque[j] - vectors[bias, j] - vectors[friction, j]
         for i in range(n):
-            out[i] += matrix[j, i] * net
+            vectors[out, i] += matrices[layer, j, i] * net
 
 
-@njit(cache=True, nogil=True)
-def evaluate(model, state, torque):
-    """Rigid body and acceleration at the present state under ``torque``.
+@_inline
+def _has_moved(vectors, clock):
+    """Whether M⁻¹ must be computed anew."""
+    if clock[RENEWALS] < 2.0:
+        return True
+    for i in range(vectors.shape[1]):
+        if abs(vectors[Q, i] - vectors[RENEWED_AT, i]) > RENEWAL:
+            return True
+    return False
+
+
+@_inline
+def evaluate(
+    parent, prismatic, rotation, translation, gravity, inertia, rotor,
+    linear, term_index, term_value, pair_index, pair_value,
+    vectors, matrices, slopes, clock, pose, motion, force, composite, torque, exact,
+):  # fmt: skip
+    """Rigid body, friction and acceleration at the present state under ``torque``.
+
+    Args:
+        parent: parents of the links; the next six are the robot's geometry and inertia.
+        prismatic: which joints slide.
+        rotation: frames of the links in their parents at q = 0.
+        translation: their origins.
+        gravity: acceleration of gravity in the base frame.
+        inertia: ten inertial parameters of every link, shape (joints, 10).
+        rotor: rotor inertias, shape (joints, joints).
+        linear: friction, see ``FrictionTable``; likewise the next four.
+        term_index: nonlinear terms.
+        term_value: their values.
+        pair_index: couplings.
+        pair_value: their values.
+        vectors: state, changed in place; likewise the next three.
+        matrices: mass matrices.
+        slopes: friction slopes at V and scratch, shape (2, joints + couplings).
+        clock: see above.
+        pose: scratch of the rigid body; likewise the next three.
+        motion: scratch.
+        force: scratch.
+        composite: scratch.
+        torque: held joint torques, shape (joints,).
+        exact: compute M⁻¹ anew in any case.
 
     Returns:
-        -1, or the joint whose pivot of M(q) is not positive (pivot on the diagonal of
-        ``state.mass[1]``).
+        -1, or the joint whose pivot of M(q) is not positive (on the diagonal of layer FACTOR).
     """
-    n = state.q.size
+    n = torque.size
     for i in range(n):
-        state.bias[1, i] = state.bias[0, i]
-        for j in range(n):
-            state.inverse[1, i, j] = state.inverse[0, i, j]
-    mass_matrix_and_bias(
-        model.tree,
-        model.inertia,
-        model.rotor,
-        state.q,
-        state.v,
-        state.work,
-        state.mass[0],
-        state.bias[0],
+        vectors[LAST_BIAS, i] = vectors[BIAS, i]
+    link_poses(prismatic, rotation, translation, vectors[Q], pose)
+    bias_torque(
+        parent, prismatic, gravity, pose, inertia, vectors[V], motion, force, vectors[BIAS]
     )
-    joint = invert_mass_matrix(state.mass[0], state.mass[1], state.inverse[0])
-    if joint >= 0:
-        return joint
-    friction_torque(model.friction, state.v, state.friction, state.slope[0])
-    _product(state.inverse[0], torque, state.bias[0], state.friction, state.ddq)
+    if exact or _has_moved(vectors, clock):
+        composite_mass_matrix(parent, prismatic, pose, inertia, rotor, composite, matrices[MASS])
+        joint = invert_mass_matrix(matrices[MASS], matrices[FACTOR], matrices[INVERSE])
+        if joint >= 0:
+            return joint
+        known = clock[RENEWALS] > 0.0 and clock[SINCE] > 0.0
+        for i in range(n):
+            vectors[RENEWED_AT, i] = vectors[Q, i]
+            for j in range(n):
+                fresh = matrices[INVERSE, i, j]
+                if known:
+                    matrices[CHANGE, i, j] = (fresh - matrices[RENEWED, i, j]) / clock[SINCE]
+                matrices[RENEWED, i, j] = fresh
+        clock[SINCE] = 0.0
+        clock[RENEWALS] += 1.0
+    else:
+        for i in range(n):
+            for j in range(n):
+                matrices[INVERSE, i, j] = (
+                    matrices[RENEWED, i, j] + clock[SINCE] * matrices[CHANGE, i, j]
+                )
+    if exact or clock[FRICTION_KNOWN] == 0.0:
+        friction_torque(
+            linear, term_index, term_value, pair_index, pair_value, vectors, V, FRICTION, slopes, 0
+        )
+    _apply(matrices, INVERSE, vectors, torque, BIAS, FRICTION, DDQ)
     return -1
 
 
-@njit(cache=True, nogil=True)
-def _stiffness(friction, inverse, slope):
+@_inline
+def _stiffness(pair_index, pair_value, matrices, slopes, row):
     """Upper bound of the largest eigenvalue of M⁻¹ D, D the friction's slope matrix: its trace."""
-    n = inverse.shape[0]
+    n = matrices.shape[1]
     total = 0.0
     for i in range(n):
-        total += inverse[i, i] * slope[i]
-    for k in range(friction.pair_sign.size):
-        i, j, ratio = friction.pair[k, 0], friction.pair[k, 1], friction.pair_value[k, 0]
-        total += slope[n + k] * (
-            inverse[i, i] + 2.0 * ratio * inverse[i, j] + ratio * ratio * inverse[j, j]
+        total += matrices[MIDDLE, i, i] * slopes[row, i]
+    for k in range(pair_index.shape[0]):
+        i, j, ratio = pair_index[k, 0], pair_index[k, 1], pair_value[k, 0]
+        cross = 2.0 * ratio * matrices[MIDDLE, i, j]
+        total += cross * pair_value[k, 1] + slopes[row, n + k] * (
+            matrices[MIDDLE, i, i] + cross + ratio * ratio * matrices[MIDDLE, j, j]
         )
     return total
 
 
-@njit(cache=True, nogil=True)
-def advance_frozen(model, state, torque, h, first):
+@_inline
+def _slope_times(pair_index, pair_value, slopes, row, vectors, y, out):
+    """out = D y."""
+    n = vectors.shape[1]
+    for i in range(n):
+        vectors[out, i] = slopes[row, i] * vectors[y, i]
+    for k in range(pair_index.shape[0]):
+        i, j = pair_index[k, 0], pair_index[k, 1]
+        ratio, viscous = pair_value[k, 0], pair_value[k, 1]
+        common = slopes[row, n + k] * (vectors[y, i] + ratio * vectors[y, j])
+        vectors[out, i] += common + ratio * viscous * vectors[y, j]
+        vectors[out, j] += ratio * (common + viscous * vectors[y, i])
+
+
+@_inline
+def _subtract_product(matrices, vectors, x, scale, base, out):
+    """out = base - scale · M⁻¹ x, M⁻¹ that of the middle."""
+    n = vectors.shape[1]
+    for i in range(n):
+        vectors[out, i] = vectors[base, i]
+    for j in range(n):
+        factor = scale * vectors[x, j]
+        for i in range(n):
+            vectors[out, i] -= matrices[MIDDLE, j, i] * factor
+
+
+@_inline
+def advance(
+    linear, term_index, term_value, pair_index, pair_value,
+    vectors, matrices, slopes, clock, torque, h,
+):  # fmt: skip
     """Integrate one step of length ``h`` [s] with the rigid body frozen at the step's middle.
 
-    Args:
-        model: robot and parameters.
-        state: state after ``evaluate``, moved on in place.
-        torque: held joint torques, shape (joints,).
-        h: length of the step.
-        first: whether there is no earlier step to extrapolate from.
+    The state must come from ``evaluate``; the arguments are described there.
     """
-    n = state.q.size
-    q, v = state.q, state.v
-    middle, bias = state.mass[0], state.stages[0]
-    weight = 0.0 if first else 0.5
+    n = torque.size
+    weight = 0.0 if clock[RENEWALS] < 2.0 else 0.5
     for i in range(n):
-        bias[i] = state.bias[0, i] + weight * (state.bias[0, i] - state.bias[1, i])
+        vectors[MIDDLE_BIAS, i] = vectors[BIAS, i] + weight * (
+            vectors[BIAS, i] - vectors[LAST_BIAS, i]
+        )
         for j in range(n):
-            middle[i, j] = state.inverse[0, i, j] + weight * (
-                state.inverse[0, i, j] - state.inverse[1, i, j]
-            )
-    k1, k2, k3, k4 = state.stages[1], state.stages[2], state.stages[3], state.stages[4]
-    trial, f = state.stages[5], state.stages[6]
+            matrices[MIDDLE, i, j] = matrices[INVERSE, i, j] + 0.5 * h * matrices[CHANGE, i, j]
+    clock[SINCE] += h
+    _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, FRICTION, _A0)
+    _linear_step(pair_index, pair_value, vectors, matrices, slopes, h)
+    _slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
     for i in range(n):
-        f[i] = state.friction[i]
-    stiffness = _stiffness(model.friction, middle, state.slope[0])
+        vectors[_AHEAD, i] = vectors[V, i] + vectors[_Y, i]
+    friction_torque(
+        linear, term_index, term_value, pair_index, pair_value, vectors, _AHEAD, _REST, slopes, 1
+    )
+    small = True
+    for i in range(n):
+        vectors[_REST, i] -= vectors[FRICTION, i] + vectors[_Z, i]
+        if not abs(vectors[_REST, i]) <= LINEAR_REMAINDER * vectors[LEVEL, i]:
+            small = False
+    if not small:
+        _nonlinear_step(
+            linear, term_index, term_value, pair_index, pair_value,
+            vectors, matrices, slopes, torque, h,
+        )  # fmt: skip
+        clock[FRICTION_KNOWN] = 0.0
+        return
+    _subtract_product(matrices, vectors, _REST, h / 3.0, _AHEAD, V)
+    for i in range(n):
+        vectors[FRICTION, i] += vectors[_Z, i] + vectors[_REST, i]
+        vectors[_A, i] = vectors[V, i] - vectors[_AHEAD, i]
+        vectors[Q, i] += vectors[_X, i] + 0.25 * h * vectors[_A, i]
+    # f was taken at the uncorrected speed: carried on by its slope there
+    _slope_times(pair_index, pair_value, slopes, 1, vectors, _A, _Z)
+    for i in range(n):
+        vectors[FRICTION, i] += vectors[_Z, i]
+    for k in range(slopes.shape[1]):
+        slopes[0, k] = slopes[1, k]
+    clock[FRICTION_KNOWN] = 1.0
+
+
+@_inline
+def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
+    """Change of speed _Y and of position _X from dy/dt = a - M⁻¹ D y, over ``h`` [s].
+
+    Taylor polynomial of fourth order by Horner's rule, with K = M⁻¹ D:
+    y(s) = s (1 - sK/2 (1 - sK/3 (1 - sK/4))) a.
+    """
+    n = vectors.shape[1]
+    stiffness = _stiffness(pair_index, pair_value, matrices, slopes, 0)
+    count = int(np.ceil(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3)))
+    step = h / count
+    for i in range(n):
+        vectors[_Y, i], vectors[_X, i], vectors[_A, i] = 0.0, 0.0, vectors[_A0, i]
+    for s in range(count):
+        for i in range(n):
+            vectors[_W, i] = vectors[_A, i]
+        for order in range(4, 1, -1):
+            _slope_times(pair_index, pair_value, slopes, 0, vectors, _W, _Z)
+            _subtract_product(matrices, vectors, _Z, step / order, _A, _W)
+            if order == 3:
+                for i in range(n):
+                    vectors[_X, i] += step * (
+                        vectors[V, i] + vectors[_Y, i] + 0.5 * step * vectors[_W, i]
+                    )
+        for i in range(n):
+            vectors[_Y, i] += step * vectors[_W, i]
+        if s < count - 1:
+            _slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
+            _subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _nonlinear_step(
+    linear, term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h
+):
+    """One step by Runge–Kutta 4 on the friction, rigid body frozen as prepared by ``advance``."""
+    n = torque.size
+    k1, k2, k3, k4, trial, f = _A0, _A, _Y, _X, _Z, _W
     left = h
-    while left > 0.0:
-        step = left
-        if stiffness * step > STIFFNESS_PER_STEP:
-            # equal inner steps: a last sliver would cost as much as a whole one
-            step = left / np.ceil(stiffness * left / STIFFNESS_PER_STEP)
-        _product(middle, torque, bias, f, k1)
+    while left > 1e-9 * h:
+        friction_torque(
+            linear, term_index, term_value, pair_index, pair_value, vectors, V, f, slopes, 1
+        )
+        stiffness = _stiffness(pair_index, pair_value, matrices, slopes, 1)
+        step = left / np.ceil(max(stiffness * left / STIFFNESS_PER_STEP, 1e-3))
+        _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
         while True:
             for i in range(n):
-                trial[i] = v[i] + 0.5 * step * k1[i]
-            friction_torque(model.friction, trial, f, state.slope[1])
+                vectors[trial, i] = vectors[V, i] + 0.5 * step * vectors[k1, i]
+            friction_torque(
+                linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes, 1
+            )
             # friction may be stiffer half a step ahead: joints pass through standstill
-            ahead = _stiffness(model.friction, middle, state.slope[1])
+            ahead = _stiffness(pair_index, pair_value, matrices, slopes, 1)
             if ahead * step <= 1.5 * STIFFNESS_PER_STEP or step < 1e-3 * h:
                 break
             step = max(STIFFNESS_PER_STEP / ahead, 0.999e-3 * h)
-        _product(middle, torque, bias, f, k2)
+        _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k2)
+        for stage in range(2):
+            last, weight = (k2, 0.5) if stage == 0 else (k3, 1.0)
+            for i in range(n):
+                vectors[trial, i] = vectors[V, i] + weight * step * vectors[last, i]
+            friction_torque(
+                linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes, 1
+            )
+            target = k3 if stage == 0 else k4
+            _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, target)
         for i in range(n):
-            trial[i] = v[i] + 0.5 * step * k2[i]
-        friction_torque(model.friction, trial, f, state.slope[1])
-        _product(middle, torque, bias, f, k3)
-        for i in range(n):
-            trial[i] = v[i] + step * k3[i]
-        friction_torque(model.friction, trial, f, state.slope[1])
-        _product(middle, torque, bias, f, k4)
-        for i in range(n):
-            q[i] += step * (v[i] + step / 6.0 * (k1[i] + k2[i] + k3[i]))
-            v[i] += step / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i])
+            inner = vectors[k2, i] + vectors[k3, i]
+            vectors[Q, i] += step * (vectors[V, i] + step / 6.0 * (vectors[k1, i] + inner))
+            vectors[V, i] += step / 6.0 * (vectors[k1, i] + 2.0 * inner + vectors[k4, i])
         left -= step
-        if left <= 1e-9 * h:
-            break
-        friction_torque(model.friction, v, f, state.slope[1])
-        stiffness = _stiffness(model.friction, middle, state.slope[1])
 
 
-@njit(cache=True, nogil=True)
-def advance_runge_kutta(model, state, torque, h, substeps):
+@njit(cache=True, nogil=True, error_model="numpy")
+def advance_runge_kutta(
+    parent, prismatic, rotation, translation, gravity, inertia, rotor,
+    linear, term_index, term_value, pair_index, pair_value,
+    vectors, matrices, slopes, clock, pose, motion, force, composite, torque, h, substeps,
+):  # fmt: skip
     """Integrate one step by classical Runge–Kutta on the full dynamics, the oracle.
 
     Returns:
         -1, or the joint whose pivot of M(q) is not positive.
     """
-    n = state.q.size
+    n = torque.size
     step = h / substeps
-    q0, v0, dq, dv = state.stages[0], state.stages[1], state.stages[2], state.stages[3]
+    q0, v0, dq, dv = _A0, _A, _Y, _X
     for _ in range(substeps):
         for i in range(n):
-            q0[i], v0[i] = state.q[i], state.v[i]
-            dq[i], dv[i] = 0.0, 0.0
+            vectors[q0, i], vectors[v0, i] = vectors[Q, i], vectors[V, i]
+            vectors[dq, i], vectors[dv, i] = 0.0, 0.0
         for stage in range(4):
-            joint = evaluate(model, state, torque)
+            joint = evaluate(
+                parent, prismatic, rotation, translation, gravity, inertia, rotor,
+                linear, term_index, term_value, pair_index, pair_value,
+                vectors, matrices, slopes, clock, pose, motion, force, composite, torque, True,
+            )  # fmt: skip
             if joint >= 0:
                 return joint
             weight = 2.0 if stage in (1, 2) else 1.0
             ahead = step if stage == 2 else 0.5 * step
             for i in range(n):
-                dq[i] += weight * state.v[i]
-                dv[i] += weight * state.ddq[i]
-                state.q[i] = q0[i] + ahead * state.v[i]
-                state.v[i] = v0[i] + ahead * state.ddq[i]
+                vectors[dq, i] += weight * vectors[V, i]
+                vectors[dv, i] += weight * vectors[DDQ, i]
+                vectors[Q, i] = vectors[q0, i] + ahead * vectors[V, i]
+                vectors[V, i] = vectors[v0, i] + ahead * vectors[DDQ, i]
         for i in range(n):
-            state.q[i] = q0[i] + step / 6.0 * dq[i]
-            state.v[i] = v0[i] + step / 6.0 * dv[i]
+            vectors[Q, i] = vectors[q0, i] + step / 6.0 * vectors[dq, i]
+            vectors[V, i] = vectors[v0, i] + step / 6.0 * vectors[dv, i]
     return -1

@@ -1,0 +1,275 @@
+"""URDF → Robot: trees of revolute, continuous, prismatic and fixed joints.
+
+**Frame rule.** A URDF joint may turn about any axis a of its frame, whereas here a link's frame
+has its joint's axis as z. So each moving link gets a frame of its own: the URDF link frame turned
+by A, the *smallest* rotation that takes z to the axis (about z × a; the half turn about x where
+a = -z; no turn where a = z). The origin stays. A link's inertial parameters are printed in that
+frame: ``mx`` of a link that turns about its URDF y axis lies along A · x = x, ``my`` along
+A · y = -z and ``mz`` along A · z = y.
+
+The base frame is the frame of the root link, whose own inertia does not enter. Bodies behind fixed
+and frozen joints are added to the moving link that carries them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.assembly import Member, chosen_order, merge_fixed, tree_order
+from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot
+from pivident.robot.frames import Pose, rotation_about, rotation_from_z_to
+from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
+from pivident.robot.inertia import moved
+from pivident.robot.naming import errors_name, nearest, repeated
+from pivident.robot.transmission import Transmission
+from pivident.robot.urdf_xml import MOVING, UrdfJoint, UrdfModel, file_content, parse_model
+
+DOWN = (0.0, 0.0, -STANDARD_GRAVITY)
+
+
+def read_urdf(
+    path: str | Path,
+    *,
+    joints: Sequence[str] | None = None,
+    frozen: Mapping[str, float] | None = None,
+    gravity: Sequence[float] = DOWN,
+    friction: FrictionLaw = DEFAULT_FRICTION,
+) -> Robot:
+    """Read a robot from a URDF, gzip or not.
+
+    Position limits, rated speeds and torque limits come from ``<limit>`` (a velocity or effort of
+    zero counts as unknown), nominal ``fv`` and ``fc`` from ``<dynamics>``. Drives are unknown to
+    a URDF; add them with `pivident.robot.drives.with_drives`.
+
+    Args:
+        path: the file.
+        joints: names of the joints to keep, in the order of the log's columns; default all, depth
+            first in the order of the file. The others are frozen.
+        frozen: position at which a joint is frozen [rad or m], by name; joints that are not kept
+            and not named here are frozen at zero.
+        gravity: acceleration of gravity in the root link's frame [m/s²], shape (3,).
+        friction: friction law of all joints; open slopes follow from the rated speeds.
+
+    Raises:
+        RobotDescriptionError: the file cannot be read or used; names element, value, next step.
+    """
+    with errors_name(str(path)):
+        content = file_content(Path(path))
+    return parse_urdf(
+        content,
+        joints=joints,
+        frozen=frozen,
+        gravity=gravity,
+        friction=friction,
+        source=str(path),
+    )
+
+
+def parse_urdf(
+    content: bytes | str,
+    *,
+    joints: Sequence[str] | None = None,
+    frozen: Mapping[str, float] | None = None,
+    gravity: Sequence[float] = DOWN,
+    friction: FrictionLaw = DEFAULT_FRICTION,
+    source: str = "URDF",
+) -> Robot:
+    """Build a robot from the text of a URDF; arguments as for `read_urdf`.
+
+    Args:
+        content: text of the file.
+        joints: names of the joints to keep, in order.
+        frozen: positions of frozen joints by name [rad or m].
+        gravity: acceleration of gravity in the root link's frame [m/s²], shape (3,).
+        friction: friction law of all joints.
+        source: what errors call the file.
+
+    Raises:
+        RobotDescriptionError: it cannot be used; names element, value, next step.
+    """
+    with errors_name(source):
+        model = parse_model(content)
+        positions = _frozen_positions(model, joints, frozen or {})
+        moving, links = merge_fixed(_members(model, positions, friction))
+        if joints is not None:
+            moving, links = chosen_order(moving, links, joints)
+            _check_parents_first(moving)
+        robot = Robot(
+            name=model.name,
+            joints=moving,
+            links=links,
+            gravity=np.array(gravity, dtype=float),
+            rotor_inertia=np.zeros(len(moving)),
+            transmission=Transmission.direct(len(moving)),
+            description=source,
+        )
+        return replace(robot, friction_nominal=_nominal_friction(robot, model))
+
+
+def _frozen_positions(
+    model: UrdfModel, kept: Sequence[str] | None, frozen: Mapping[str, float]
+) -> dict[str, float]:
+    """Position of every joint that could move and does not.
+
+    Raises:
+        RobotDescriptionError: an unknown name, a joint both kept and frozen, a kept joint that is
+            not one independent degree of freedom.
+    """
+    movable = [joint.name for joint in model.joints if joint.type != "fixed"]
+    for key, names in (("joints", kept or ()), ("frozen", frozen)):
+        for name in names:
+            if name not in movable:
+                raise RobotDescriptionError(
+                    f"{key}: there is no moving joint {name!r}; {nearest(name, movable)}"
+                )
+    if kept is not None:
+        both = sorted(set(kept) & set(frozen))
+        if both or repeated(list(kept)):
+            raise RobotDescriptionError(
+                f"joints: {', '.join(both or repeated(list(kept)))} cannot be kept "
+                f"{'and frozen' if both else 'twice'}; name each joint once"
+            )
+    positions = {
+        name: float(frozen.get(name, 0.0))
+        for name in movable
+        if name in frozen or (kept is not None and name not in kept)
+    }
+    for joint in model.joints:
+        if joint.name in positions:
+            _check_frozen(joint, positions[joint.name])
+        elif joint.type != "fixed":
+            _check_kept(joint)
+    return positions
+
+
+def _check_kept(joint: UrdfJoint) -> None:
+    """Refuse joints that are not one independent degree of freedom with room to move."""
+    where = f"joint {joint.name!r}"
+    freeze = f"freeze it, frozen={{{joint.name!r}: 0.0}}, or leave it out of `joints`"
+    if joint.type not in MOVING:
+        raise RobotDescriptionError(f"{where}: type {joint.type!r} is not supported; {freeze}")
+    if joint.mimics is not None:
+        raise RobotDescriptionError(
+            f"{where}: it mimics {joint.mimics!r}, and dependent joints are not supported; {freeze}"
+        )
+    if joint.limits is not None and not joint.limits[0] < joint.limits[1]:
+        raise RobotDescriptionError(
+            f"{where}: limit lower = {joint.limits[0]:g}, upper = {joint.limits[1]:g} leaves no "
+            f"room to move; correct it, or {freeze}"
+        )
+
+
+def _check_frozen(joint: UrdfJoint, position: float) -> None:
+    if not np.isfinite(position):
+        raise RobotDescriptionError(f"frozen: position of {joint.name!r} is {position}; not finite")
+    if joint.type not in MOVING and position != 0.0:
+        raise RobotDescriptionError(
+            f"frozen: joint {joint.name!r} of type {joint.type!r} can only be frozen at 0, "
+            f"not at {position:g}"
+        )
+
+
+def _members(
+    model: UrdfModel, positions: Mapping[str, float], friction: FrictionLaw
+) -> list[Member]:
+    """All joints with their bodies, parents first, in frames with the joint's axis as z."""
+    order, parents = _tree(model)
+    members: list[Member] = []
+    turns: list[np.ndarray] = []  # the frame rule's A of each member
+    place = {-1: -1}
+    for i in order:
+        joint = model.joints[i]
+        place[i] = len(members)
+        parent = place[parents[i]]
+        fixed = joint.type == "fixed" or joint.name in positions
+        turn = np.eye(3) if fixed else rotation_from_z_to(joint.axis)
+        origin = joint.origin @ _motion(joint, positions.get(joint.name, 0.0))
+        back = turns[parent].T if parent >= 0 else np.eye(3)
+        pose = Pose(back, np.zeros(3)) @ origin @ Pose(turn, np.zeros(3))
+        inertia = moved(model.links[joint.child], turn.T, np.zeros(3))
+        members.append(
+            Member(
+                _joint(joint, parent, pose).with_friction(friction),
+                Link(joint.child, inertia),
+                fixed,
+            )
+        )
+        turns.append(turn)
+    return members
+
+
+def _joint(joint: UrdfJoint, parent: int, pose: Pose) -> Joint:
+    return Joint(
+        name=joint.name,
+        kind="prismatic" if joint.type == "prismatic" else "revolute",
+        parent=parent,
+        rotation=pose.rotation,
+        translation=pose.translation,
+        position_limits=joint.limits,
+        rated_speed=joint.velocity,
+        torque_limit=joint.effort,
+    )
+
+
+def _motion(joint: UrdfJoint, position: float) -> Pose:
+    """Displacement of the child frame at a joint position [rad or m]."""
+    if joint.type == "prismatic":
+        return Pose(np.eye(3), position * joint.axis)
+    return Pose(rotation_about(joint.axis, position), np.zeros(3))
+
+
+def _tree(model: UrdfModel) -> tuple[list[int], list[int]]:
+    """Joints in depth-first order, and the joint before each one (-1 at the root link).
+
+    Raises:
+        RobotDescriptionError: the links do not form one tree.
+    """
+    carried_by: dict[str, int] = {}
+    for i, joint in enumerate(model.joints):
+        if joint.child in carried_by:
+            other = model.joints[carried_by[joint.child]].name
+            raise RobotDescriptionError(
+                f"link {joint.child!r} is the child of joints {other!r} and {joint.name!r}: a "
+                "closed loop cannot be identified as a tree; remove one of the two joints"
+            )
+        carried_by[joint.child] = i
+    roots = [name for name in model.links if name not in carried_by]
+    if len(roots) > 1:
+        raise RobotDescriptionError(
+            f"the links {', '.join(map(repr, roots))} have no parent joint, one root is needed; "
+            "connect them with fixed joints or remove them"
+        )
+    parents = [carried_by.get(joint.parent, -1) for joint in model.joints]
+    order = tree_order(parents)
+    if len(order) < len(model.joints):
+        ring = [j.name for i, j in enumerate(model.joints) if i not in set(order)]
+        raise RobotDescriptionError(
+            f"the joints {', '.join(map(repr, ring))} form a ring without a root link; remove "
+            "the joint that closes it"
+        )
+    return order, parents
+
+
+def _check_parents_first(joints: Sequence[Joint]) -> None:
+    for i, joint in enumerate(joints):
+        if joint.parent > i:
+            raise RobotDescriptionError(
+                f"joints: {joint.name!r} is listed before {joints[joint.parent].name!r}, which "
+                "carries it; list joints from the base outwards"
+            )
+
+
+def _nominal_friction(robot: Robot, model: UrdfModel) -> dict[str, float]:
+    """Nominal ``fv`` and ``fc`` by parameter name, where file and friction law both have them."""
+    written = {joint.name: {"fv": joint.damping, "fc": joint.friction} for joint in model.joints}
+    return {
+        f"{term.stem}{robot.label(i)}": written[joint.name][term.stem]
+        for i, joint in enumerate(robot.joints)
+        for term in joint.friction.terms
+        if written[joint.name].get(term.stem)
+    }

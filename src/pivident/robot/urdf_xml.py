@@ -1,0 +1,302 @@
+"""The text of a URDF as plain records: every element, attribute and number checked.
+
+Only what dynamics needs is read: links with their inertials, joints with their frames, axes,
+limits and friction. Visuals, collisions, transmissions and simulator extensions are passed over.
+"""
+
+from __future__ import annotations
+
+import gzip
+import math
+import xml.etree.ElementTree as ElementTree
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.frames import Pose, rotation_from_rpy
+from pivident.robot.inertia import from_center_of_mass, moved, tensor
+from pivident.robot.naming import nearest, repeated
+
+#: Largest URDF that is read, after decompression [bytes]; real ones have some 100 kB.
+MAXIMUM_SIZE = 64 * 2**20
+
+MOVING = ("revolute", "continuous", "prismatic")
+JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
+GZIP_MAGIC = b"\x1f\x8b"
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfJoint:
+    """A ``<joint>``.
+
+    Attributes:
+        name: its name.
+        type: one of ``JOINT_TYPES``.
+        parent: name of the parent link.
+        child: name of the child link.
+        origin: pose of the joint frame in the parent link's frame.
+        axis: unit vector in the joint frame, shape (3,).
+        limits: lower and upper position [rad or m], None where not given.
+        velocity: highest speed [rad/s or m/s], None where not given or zero.
+        effort: highest torque or force [N m or N], None where not given or zero.
+        damping: viscous friction [N m s/rad or N s/m].
+        friction: Coulomb friction [N m or N].
+        mimics: name of the joint that it follows, if any.
+    """
+
+    name: str
+    type: str
+    parent: str
+    child: str
+    origin: Pose
+    axis: np.ndarray
+    limits: tuple[float, float] | None
+    velocity: float | None
+    effort: float | None
+    damping: float
+    friction: float
+    mimics: str | None
+
+
+@dataclass(frozen=True, eq=False)
+class UrdfModel:
+    """A whole URDF.
+
+    Attributes:
+        name: name of the robot.
+        links: ten inertial parameters of each link in its URDF frame, by name.
+        joints: joints in the order of the file.
+    """
+
+    name: str
+    links: dict[str, np.ndarray]
+    joints: tuple[UrdfJoint, ...]
+
+
+class _NoDoctype(ElementTree.TreeBuilder):
+    """A tree builder that stops at a DOCTYPE, before any entity is declared or expanded."""
+
+    def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
+        raise RobotDescriptionError(
+            f"has a document type declaration (<!DOCTYPE {name}>), through which a file can "
+            "expand without bound or read other files; a URDF needs none, remove it"
+        )
+
+
+def file_content(path: Path) -> bytes:
+    """The bytes of a file, decompressed if it is gzip.
+
+    Raises:
+        RobotDescriptionError: it cannot be read, is damaged or larger than ``MAXIMUM_SIZE``.
+    """
+    try:
+        with path.open("rb") as file:
+            compressed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
+        with gzip.open(path) if compressed else path.open("rb") as file:
+            content = file.read(MAXIMUM_SIZE + 1)
+    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
+        raise RobotDescriptionError(
+            f"is a damaged gzip file ({error}); fetch or compress it again"
+        ) from error
+    except OSError as error:
+        raise RobotDescriptionError(
+            f"cannot be read ({error.strerror}); check the path and its permissions"
+        ) from error
+    if len(content) > MAXIMUM_SIZE:
+        raise RobotDescriptionError(
+            f"is larger than {MAXIMUM_SIZE // 2**20} MiB; this is not a robot description"
+        )
+    return content
+
+
+def parse_model(content: bytes | str) -> UrdfModel:
+    """The records of a URDF.
+
+    Args:
+        content: text of the file.
+
+    Raises:
+        RobotDescriptionError: it is not XML or not a URDF, or names the element and value that
+            cannot be used.
+    """
+    root = _root(content)
+    link_elements = root.findall("link")
+    joint_elements = root.findall("joint")
+    link_names = [_attribute(element, "name", "link") for element in link_elements]
+    joint_names = [_attribute(element, "name", "joint") for element in joint_elements]
+    for kind, names in (("link", link_names), ("joint", joint_names)):
+        if repeated(names):
+            raise RobotDescriptionError(
+                f"{kind} names used twice: {', '.join(repeated(names))}; rename one of each"
+            )
+    links = {
+        name: _inertia(element, f"link {name!r}")
+        for name, element in zip(link_names, link_elements, strict=True)
+    }
+    joints = [
+        _joint(element, name, link_names)
+        for name, element in zip(joint_names, joint_elements, strict=True)
+    ]
+    return UrdfModel(root.get("name", "robot"), links, tuple(joints))
+
+
+def _root(content: bytes | str) -> ElementTree.Element:
+    parser = ElementTree.XMLParser(target=_NoDoctype())
+    try:
+        root = ElementTree.fromstring(content, parser)
+    except (ElementTree.ParseError, LookupError, ValueError) as error:
+        if isinstance(error, RobotDescriptionError):
+            raise
+        raise RobotDescriptionError(f"is not XML: {error}; correct this place") from error
+    if root.tag != "robot":
+        raise RobotDescriptionError(
+            f"is not a URDF: its root element is <{root.tag}>, expected <robot>; convert it first"
+        )
+    return root
+
+
+def _joint(element: ElementTree.Element, name: str, link_names: list[str]) -> UrdfJoint:
+    where = f"joint {name!r}"
+    joint_type = _attribute(element, "type", where)
+    if joint_type not in JOINT_TYPES:
+        raise RobotDescriptionError(
+            f"{where}: type {joint_type!r} does not exist; {nearest(joint_type, JOINT_TYPES)}"
+        )
+    limit = element.find("limit")
+    dynamics = element.find("dynamics")
+    mimic = element.find("mimic")
+    return UrdfJoint(
+        name=name,
+        type=joint_type,
+        parent=_end(element, "parent", where, link_names),
+        child=_end(element, "child", where, link_names),
+        origin=_origin(element, where),
+        axis=_axis(element, joint_type, where),
+        limits=_limits(limit, joint_type, where),
+        velocity=_bound(limit, "velocity", where) or None,
+        effort=_bound(limit, "effort", where) or None,
+        damping=_non_negative(dynamics, "damping", f"{where}: dynamics"),
+        friction=_non_negative(dynamics, "friction", f"{where}: dynamics"),
+        mimics=None if mimic is None else _attribute(mimic, "joint", f"{where}: mimic"),
+    )
+
+
+def _end(element: ElementTree.Element, tag: str, where: str, link_names: list[str]) -> str:
+    """Name of the link in ``<parent>`` or ``<child>``."""
+    end = element.find(tag)
+    if end is None:
+        raise RobotDescriptionError(f"{where}: element <{tag}> is missing; add it")
+    link = _attribute(end, "link", f"{where}: {tag}")
+    if link not in link_names:
+        raise RobotDescriptionError(
+            f"{where}: {tag} link {link!r} is not in the file; {nearest(link, link_names)}"
+        )
+    return link
+
+
+def _origin(element: ElementTree.Element, where: str) -> Pose:
+    origin = element.find("origin")
+    if origin is None:
+        return Pose.identity()
+    xyz = _numbers(origin.get("xyz", "0 0 0"), 3, f"{where}: origin xyz")
+    rpy = _numbers(origin.get("rpy", "0 0 0"), 3, f"{where}: origin rpy")
+    return Pose(rotation_from_rpy(*rpy), xyz)
+
+
+def _axis(element: ElementTree.Element, joint_type: str, where: str) -> np.ndarray:
+    """The joint's unit axis, x where none is given (as URDF says)."""
+    axis = element.find("axis")
+    if axis is None or joint_type not in MOVING:
+        return np.array([1.0, 0.0, 0.0])
+    vector = _numbers(_attribute(axis, "xyz", f"{where}: axis"), 3, f"{where}: axis xyz")
+    length = np.linalg.norm(vector)
+    if not length > 1e-9:
+        raise RobotDescriptionError(
+            f"{where}: axis xyz = {axis.get('xyz')!r} has no direction; give the joint's axis"
+        )
+    return vector / length
+
+
+def _limits(
+    limit: ElementTree.Element | None, joint_type: str, where: str
+) -> tuple[float, float] | None:
+    if limit is None or joint_type == "continuous" or not {"lower", "upper"} & set(limit.keys()):
+        return None
+    lower = _number(limit.get("lower", "0"), f"{where}: limit lower")
+    upper = _number(limit.get("upper", "0"), f"{where}: limit upper")
+    return lower, upper
+
+
+def _bound(limit: ElementTree.Element | None, key: str, where: str) -> float:
+    """A speed or torque limit; zero, which many files write for unknown, where there is none."""
+    return _non_negative(limit, key, f"{where}: limit")
+
+
+def _inertia(element: ElementTree.Element, where: str) -> np.ndarray:
+    """Ten parameters in the link's frame; zeros for a link without ``<inertial>``."""
+    inertial = element.find("inertial")
+    if inertial is None:
+        return np.zeros(10)
+    where = f"{where}: inertial"
+    mass_element, inertia_element = inertial.find("mass"), inertial.find("inertia")
+    if mass_element is None or inertia_element is None:
+        missing = "mass" if mass_element is None else "inertia"
+        raise RobotDescriptionError(f"{where}: element <{missing}> is missing; add it")
+    mass = _number(_attribute(mass_element, "value", f"{where} mass"), f"{where} mass value")
+    if mass < 0.0:
+        raise RobotDescriptionError(
+            f"{where} mass value = {mass:g} is negative; give the mass in kg, 0 where unknown"
+        )
+    keys = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+    at_center = [
+        _number(_attribute(inertia_element, key, f"{where} inertia"), f"{where} inertia {key}")
+        for key in keys
+    ]
+    body = from_center_of_mass(mass, np.zeros(3), tensor(np.array(at_center)))
+    center = _origin(inertial, where)
+    return moved(body, center.rotation, center.translation)
+
+
+def _attribute(element: ElementTree.Element, key: str, where: str) -> str:
+    value = element.get(key)
+    if not value:
+        raise RobotDescriptionError(f"{where}: attribute {key!r} is missing or empty; add it")
+    return value
+
+
+def _non_negative(element: ElementTree.Element | None, key: str, where: str) -> float:
+    """An optional attribute that is not negative, zero where there is none."""
+    if element is None:
+        return 0.0
+    value = _number(element.get(key, "0"), f"{where} {key}")
+    if value < 0.0:
+        raise RobotDescriptionError(
+            f"{where} {key} = {value:g} is negative; give its magnitude or remove it"
+        )
+    return value
+
+
+def _numbers(text: str, count: int, where: str) -> np.ndarray:
+    words = text.split()
+    if len(words) != count:
+        raise RobotDescriptionError(f"{where} = {text!r}: {count} numbers are needed")
+    return np.array([_number(word, where) for word in words])
+
+
+def _number(text: str, where: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        if "$" in text:
+            advice = "this looks like xacro, expand it to a URDF first"
+        else:
+            advice = "write a decimal number"
+        raise RobotDescriptionError(f"{where} = {text!r} is not a number; {advice}") from None
+    if not math.isfinite(value):
+        raise RobotDescriptionError(
+            f"{where} = {text!r} is not finite; give a number, or leave an unknown limit out"
+        )
+    return value

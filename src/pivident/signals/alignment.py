@@ -1,0 +1,128 @@
+"""Torque samples brought to the instants of the position samples.
+
+Central differences at t_k see the motion between t_{k-1} and t_{k+1}. A torque that is *held* from
+its instant on acts half a period later than its samples say; on the instant belongs the average
+over the two adjoining periods. For a mass with a held torque, sampled every h, this is exact:
+
+    J (q_{k+1} - 2 q_k + q_{k-1}) / h² = (τ_k + τ_{k-1}) / 2
+
+Left out, half a period times the jerk remains, J h/2 · d³q/dt³, which opposes the speed and is
+taken for viscous friction: ten standard deviations of it at 5 kHz.
+
+In general a torque that belongs s sampling periods behind its sample is interpolated there,
+
+    aligned_k = (1 - a) τ_{k-n} + a τ_{k-n-1},     n = ⌊s⌋,  a = s - n.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pivident.errors import RecordingError
+
+TorqueTiming = Literal["held", "averaged", "sampled"]
+
+#: Shifts within this fraction of a period of a whole one are taken for whole.
+_WHOLE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedTorque:
+    """Torque on the instants of the positions.
+
+    Attributes:
+        tau: aligned torque, of the shape of the input [N m or N]. Samples that would need values
+            from outside the record repeat the nearest one.
+        lost_start: number of such samples at the start.
+        lost_end: number of such samples at the end.
+    """
+
+    tau: np.ndarray
+    lost_start: int
+    lost_end: int
+
+
+def align_torque(
+    tau: np.ndarray,
+    rate: float,
+    timing: TorqueTiming = "held",
+    *,
+    control_rate: float | None = None,
+    delay: float = 0.0,
+) -> AlignedTorque:
+    """Move the torque channel to where central differences of the positions belong.
+
+    Args:
+        tau: torque as logged, shape (samples,) or (samples, joints) [N m or N].
+        rate: sampling rate 1/h of the log [Hz].
+        timing: what a sample says. ``held``: applied from its instant until the next control
+            instant; ``averaged``: mean over the sampling period before its instant;
+            ``sampled``: value at its instant.
+        control_rate: rate of the control loop [Hz]; None: the sampling rate.
+        delay: how much later the torque channel was logged than the positions [s]. A positive
+            delay advances the torque: what stands at t_k was true at t_k - delay.
+
+    Returns:
+        The aligned torque, with the number of samples at both ends that are not to be used.
+
+    Raises:
+        RecordingError: unknown timing, a rate that is not positive, or a shift beyond the record.
+    """
+    tau = np.asarray(tau, dtype=float)
+    shift = torque_shift(rate, timing, control_rate=control_rate, delay=delay)
+    whole = math.floor(shift)
+    part = shift - whole
+    lost_start, lost_end = max(0, whole + (part > 0)), max(0, -whole)
+    if lost_start + lost_end >= len(tau):
+        raise RecordingError(
+            f"the torque would be moved by {shift:.1f} samples in a record of {len(tau)}; check "
+            f"the delay ({delay:g} s) and its unit"
+        )
+    aligned = (1 - part) * _moved(tau, whole)
+    if part > 0:
+        aligned += part * _moved(tau, whole + 1)
+    return AlignedTorque(aligned, lost_start, lost_end)
+
+
+def torque_shift(
+    rate: float,
+    timing: TorqueTiming = "held",
+    *,
+    control_rate: float | None = None,
+    delay: float = 0.0,
+) -> float:
+    """Sampling periods s by which the torque is later than its sample says.
+
+        held:      s = (min(Tc, h)/2 - delay) / h
+        averaged:  s = -1/2 - delay / h
+        sampled:   s = -delay / h
+
+    A log that is faster than the control loop (h < Tc) shows the staircase itself, so a sample
+    stands for one sampling period only; a slower one knows the torque for one control period.
+
+    Args:
+        rate: sampling rate 1/h of the log [Hz].
+        timing: what a sample says, see :func:`align_torque`.
+        control_rate: rate 1/Tc of the control loop [Hz]; None: the sampling rate.
+        delay: how much later the torque channel was logged than the positions [s].
+    """
+    control_rate = rate if control_rate is None else control_rate
+    if not (rate > 0 and control_rate > 0 and math.isfinite(delay)):
+        raise RecordingError(
+            f"torque timing with rate {rate:g} Hz, control rate {control_rate:g} Hz and delay "
+            f"{delay:g} s; rates must be positive and the delay finite"
+        )
+    halves = {"held": min(rate / control_rate, 1.0) / 2, "averaged": -0.5, "sampled": 0.0}
+    if timing not in halves:
+        raise RecordingError(f"torque timing {timing!r}; expected held, averaged or sampled")
+    shift = halves[timing] - delay * rate
+    return float(round(shift)) if abs(shift - round(shift)) < _WHOLE else shift
+
+
+def _moved(tau: np.ndarray, samples: int) -> np.ndarray:
+    """τ_{k - samples}, the end samples repeated outwards."""
+    return tau[np.clip(np.arange(len(tau)) - samples, 0, len(tau) - 1)]

@@ -1,0 +1,126 @@
+"""Zero-phase Butterworth filtering, central differences and outlier removal.
+
+The classical recipe of IDIM: a low-pass filter run forwards and backwards on the positions, two
+central differences, and later the decimation of both sides of the equation (see
+:mod:`pivident.signals.decimation`). Forwards and backwards the gain is |H(f)|², with no phase;
+the low-pass and the differentiators together are the band-pass that gives the recipe its name.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import RecordingError
+
+#: Samples at each end that a regression should skip at least.
+EDGE = 50
+
+
+@dataclass(frozen=True, eq=False)
+class BandpassedSignal:
+    """A filtered record with its derivatives, each of the shape of the input.
+
+    Attributes:
+        q: filtered position [rad or m].
+        dq: its central difference [rad/s or m/s].
+        ddq: the central difference of dq [rad/s² or m/s²].
+        edge: samples to skip at each end, where filter and differences know only one side.
+    """
+
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    edge: int
+
+
+def bandpass(
+    q: np.ndarray,
+    rate: float,
+    cutoff: float = 50.0,
+    order: int = 4,
+    *,
+    median: int = 1,
+    padlen: int | None = None,
+    edge: int | None = None,
+) -> BandpassedSignal:
+    """Median filter, zero-phase Butterworth low-pass and two central differences.
+
+    Args:
+        q: measured positions [rad or m], shape (samples,) or (samples, joints).
+        rate: sampling rate [Hz].
+        cutoff: cut-off frequency of one run of the filter, -3 dB; -6 dB after both [Hz].
+        order: order of one run.
+        median: odd length of a moving median before the filter; 1: none.
+        padlen: samples of odd extension at each end; None: three times the order.
+        edge: samples to declare unusable at each end; None: 50, or one period of the cut-off
+            frequency if that is longer.
+
+    Returns:
+        Filtered position, velocity and acceleration.
+    """
+    smooth = butterworth(median_filter(q, median), rate, cutoff, order, padlen=padlen)
+    dq = central_difference(smooth, rate)
+    if edge is None:
+        edge = max(EDGE, math.ceil(rate / cutoff))
+    return BandpassedSignal(smooth, dq, central_difference(dq, rate), edge)
+
+
+def butterworth(
+    x: np.ndarray, rate: float, cutoff: float, order: int = 4, *, padlen: int | None = None
+) -> np.ndarray:
+    """Low-pass x forwards and backwards along time, by second-order sections.
+
+    Args:
+        x: samples along axis 0.
+        rate: sampling rate [Hz].
+        cutoff: cut-off frequency [Hz].
+        order: order of one run.
+        padlen: samples of odd extension at each end; None: three times the order, as MATLAB's
+            ``filtfilt`` has it.
+
+    Raises:
+        RecordingError: the cut-off is not below half the rate, or the record too short.
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    padlen = 3 * order if padlen is None else padlen
+    if not 0 < cutoff < rate / 2:
+        raise RecordingError(
+            f"cut-off frequency {cutoff:g} Hz at a rate of {rate:g} Hz; it must lie between zero "
+            f"and half the rate, {rate / 2:g} Hz"
+        )
+    if len(x) <= padlen:
+        raise RecordingError(
+            f"{len(x)} samples are too few for a zero-phase filter of order {order}; "
+            f"it needs more than {padlen}"
+        )
+    sections = butter(order, cutoff, fs=rate, output="sos")
+    return sosfiltfilt(sections, x, axis=0, padlen=padlen)
+
+
+def central_difference(x: np.ndarray, rate: float) -> np.ndarray:
+    """(x_{k+1} - x_{k-1}) · rate/2 along axis 0, one-sided at the two end samples."""
+    return np.gradient(x, 1 / rate, axis=0)
+
+
+def median_filter(x: np.ndarray, length: int = 3) -> np.ndarray:
+    """Moving median along axis 0, the end samples repeated outwards.
+
+    Args:
+        x: samples along axis 0.
+        length: odd number of samples; 3 removes single outliers and 1 changes nothing.
+
+    Raises:
+        RecordingError: the length is even or not positive.
+    """
+    from scipy.ndimage import median_filter as moving_median
+
+    if length < 1 or length % 2 == 0:
+        raise RecordingError(f"median filter of length {length}; expected an odd number")
+    if length == 1:
+        return np.asarray(x)
+    size = (length,) + (1,) * (np.ndim(x) - 1)
+    return moving_median(x, size=size, mode="nearest")

@@ -1,0 +1,309 @@
+"""Autoregressive noise models by Burg's method, and whether a residual is white.
+
+A residual v is modelled as filtered white noise (the noise model of (P-28)),
+
+    v_k = e_k / A(z⁻¹),     A = 1 + a_1 z⁻¹ + … + a_p z⁻ᵖ,     var e = λ
+
+so that A whitens it. Burg (1975) minimises the forward and backward prediction errors f and b
+order by order; with sums over all stretches of the record,
+
+    k_p = -2 Σ f b / Σ (f² + b²),   f ← f + k_p b,   b ← b + k_p f,   λ_p = λ_{p-1} (1 - k_p²).
+
+All orders come out of one pass, every one of them stable, without the window of the Yule-Walker
+equations, which fail on spectra with a deep notch such as low-pass filtering leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numba import njit
+
+from pivident.errors import IdentificationError
+from pivident.signals.prefilter import StreamingFilter
+
+Criterion = Literal["aic", "aicc", "bic"]
+
+#: A stretch must have this many samples for every order searched.
+_SAMPLES_PER_ORDER = 2
+
+#: Fewer samples than this, in the longest stretch, carry no noise model.
+_SHORTEST_STRETCH = 10
+
+
+@dataclass(frozen=True, eq=False)
+class ArModel:
+    """An autoregressive model A(z⁻¹) v = e.
+
+    Attributes:
+        coefficients: A, monic, shape (order + 1,).
+        innovation_variance: λ, variance of e, in squared units of v.
+        criteria: value of the criterion at orders 0 … p_max.
+        criterion: which one it is.
+        order_max: largest order searched.
+        given: whether the order was given, not searched.
+        mean: mean of the samples, which was removed before the fit.
+        samples: number of samples used.
+    """
+
+    coefficients: np.ndarray
+    innovation_variance: float
+    criteria: np.ndarray
+    criterion: Criterion
+    order_max: int
+    given: bool
+    mean: float
+    samples: int
+
+    @property
+    def order(self) -> int:
+        """Order p."""
+        return len(self.coefficients) - 1
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether the search ended at its largest order.
+
+        The spectrum then has a zero close to the unit circle: over-filtered data, or a
+        prefilter with a zero at z = 1.
+        """
+        return not self.given and self.order == self.order_max
+
+    def spectrum(self, frequency: np.ndarray, rate: float) -> np.ndarray:
+        """One-sided power spectral density 2λ / (rate |A|²) at the frequencies [units²/Hz]."""
+        z = np.exp(-2j * np.pi * np.asarray(frequency) / rate)
+        return (
+            2
+            * self.innovation_variance
+            / (rate * np.abs(np.polyval(self.coefficients[::-1], z)) ** 2)
+        )
+
+
+@dataclass(frozen=True)
+class LjungBox:
+    """Test of a residual for whiteness.
+
+    Attributes:
+        statistic: Q = n (n + 2) Σ_k ρ_k² / (n - k).
+        degrees_of_freedom: lags minus fitted parameters.
+        p_value: probability of a larger Q if the residual is white.
+        largest: largest |ρ_k|: with many samples tiny correlations are significant, so look at
+            their size as well.
+    """
+
+    statistic: float
+    degrees_of_freedom: int
+    p_value: float
+    largest: float
+
+
+def fit_ar(
+    v: np.ndarray,
+    p_max: int = 150,
+    criterion: Criterion = "aic",
+    *,
+    order: int | None = None,
+    mask: np.ndarray | None = None,
+    segments: np.ndarray | None = None,
+    skip: int = 0,
+    shortest: int | None = None,
+) -> ArModel:
+    """Burg's autoregressive model of a residual, order by an information criterion.
+
+    AIC = N ln λ_p + 2 (p + 1); AICc adds 2 (p+1)(p+2) / (N - p - 2); BIC has ln N for 2.
+
+    Args:
+        v: residual, shape (samples,).
+        p_max: largest order; lowered to half the longest stretch on short records.
+        criterion: ``aic``, ``aicc`` or ``bic``; BIC gives about half the order of AIC.
+        order: order to use instead of searching one.
+        mask: True where samples are left out, shape (samples,). The model is fitted over the
+            stretches between them, without a product across a gap.
+        segments: the stretches themselves, rows of (start, stop), instead of a mask.
+        skip: samples to leave out at the start (transients of a filter).
+        shortest: stretches of fewer samples are ignored; None: twice the largest order.
+
+    Raises:
+        IdentificationError: no stretch is long enough, or the residual is constant.
+    """
+    v = np.ascontiguousarray(v, dtype=float)
+    if segments is None:
+        left_out = np.zeros(v.size, dtype=bool) if mask is None else np.array(mask, dtype=bool)
+        left_out[:skip] = True
+        segments = unmasked_stretches(left_out)
+    else:
+        segments = np.array(segments, dtype=np.int64).reshape(-1, 2)
+        segments[:, 0] = np.maximum(segments[:, 0], skip)
+    lengths = segments[:, 1] - segments[:, 0]
+    longest = int(lengths.max(initial=0))
+    highest = min(p_max if order is None else order, longest // _SAMPLES_PER_ORDER)
+    wanted = _SAMPLES_PER_ORDER * highest if shortest is None else shortest
+    segments = segments[lengths >= max(wanted, 2)]
+    if longest < _SHORTEST_STRETCH or not len(segments) or (order or 0) > highest:
+        raise IdentificationError(
+            f"the longest stretch of residual has {longest} sample(s), too few for a noise model "
+            f"of order {p_max if order is None else order}; lower the order or mask fewer samples"
+        )
+    used = np.concatenate([v[start:stop] for start, stop in segments])
+    mean = float(used.mean())
+    variance = float(np.mean((used - mean) ** 2))
+    if not math.isfinite(variance):
+        raise IdentificationError(
+            f"the residual has {np.count_nonzero(~np.isfinite(used))} sample(s) that are NaN or "
+            "infinite; there is no noise model of it"
+        )
+    if variance <= (np.finfo(float).eps * np.abs(used).max()) ** 2:
+        raise IdentificationError(
+            f"the residual is constant ({mean:.6g}) over {used.size} samples; there is no noise "
+            "to model. Check that the torque channel is not a computed one"
+        )
+    reflections = _burg(used - mean, np.cumsum(segments[:, 1] - segments[:, 0]), highest)
+    variances = variance * np.cumprod(np.r_[1.0, 1 - reflections**2])
+    criteria = _information(variances, used.size, criterion)
+    chosen = int(np.argmin(criteria)) if order is None else order
+    return ArModel(
+        coefficients=_step_up(reflections[:chosen]),
+        innovation_variance=float(variances[chosen]),
+        criteria=criteria,
+        criterion=criterion,
+        order_max=highest,
+        given=order is not None,
+        mean=mean,
+        samples=used.size,
+    )
+
+
+def whiten(model: ArModel, x: np.ndarray) -> np.ndarray:
+    """A(z⁻¹) x along axis 0, from rest; the first ``order`` samples are a transient.
+
+    Args:
+        model: noise model.
+        x: samples, shape (samples,) or (samples, columns).
+    """
+    rows = np.atleast_2d(np.asarray(x, dtype=float).T)
+    white = StreamingFilter((1.0,), (1.0,), model.coefficients, len(rows)).process(rows)
+    return white[0] if np.ndim(x) == 1 else np.ascontiguousarray(white.T)
+
+
+def unmasked_stretches(mask: np.ndarray) -> np.ndarray:
+    """Rows (start, stop) of the stretches where the mask is False, shape (stretches, 2)."""
+    edges = np.flatnonzero(np.diff(np.r_[True, np.asarray(mask, dtype=bool), True]))
+    return edges.reshape(-1, 2)
+
+
+def autocorrelation(residual: np.ndarray, lags: int) -> np.ndarray:
+    """ρ_k = Σ_i x_i x_{i+k} / Σ_i x_i² of the centred residual, k = 0 … lags, by FFT.
+
+    Args:
+        residual: shape (samples,).
+        lags: largest lag.
+    """
+    from scipy.fft import irfft, next_fast_len, rfft
+
+    x = np.asarray(residual, dtype=float) - np.mean(residual)
+    length = next_fast_len(x.size + lags, real=True)
+    covariance = irfft(np.abs(rfft(x, length)) ** 2, length)[: lags + 1]
+    if covariance[0] == 0:
+        raise IdentificationError("the residual is constant and has no autocorrelation")
+    return covariance / covariance[0]
+
+
+def ljung_box(residual: np.ndarray, lags: int, fitted: int = 0) -> LjungBox:
+    """Ljung and Box's test: Q = n (n + 2) Σ_{k≤lags} ρ_k² / (n - k) against χ²(lags - fitted).
+
+    Args:
+        residual: shape (samples,).
+        lags: number of lags; raised to ``fitted + 40`` where it is not above ``fitted``.
+        fitted: number of noise parameters that were fitted to the residual.
+    """
+    from scipy.stats import chi2
+
+    lags = lags if lags > fitted else fitted + 40
+    n = len(residual)
+    rho = autocorrelation(residual, lags)[1:]
+    statistic = float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, lags + 1))))
+    freedom = lags - fitted
+    return LjungBox(
+        statistic, freedom, float(chi2.sf(statistic, freedom)), float(np.abs(rho).max())
+    )
+
+
+def _information(variances: np.ndarray, samples: int, criterion: Criterion) -> np.ndarray:
+    """The criterion at all orders."""
+    count = np.arange(variances.size) + 1
+    fit = samples * np.log(np.maximum(variances, np.finfo(float).tiny))
+    if criterion == "bic":
+        return fit + math.log(samples) * count
+    if criterion == "aic":
+        return fit + 2 * count
+    if criterion == "aicc":
+        return fit + 2 * count + 2 * count * (count + 1) / np.maximum(samples - count - 1, 1)
+    raise IdentificationError(
+        f"criterion {criterion!r} for a noise model; expected aic, aicc or bic"
+    )
+
+
+def _step_up(reflections: np.ndarray) -> np.ndarray:
+    """A from its reflection coefficients: a ← (a, 0) + k (0, reversed a)  (Levinson)."""
+    a = np.ones(1)
+    for k in reflections:
+        a = np.r_[a, 0.0] + k * np.r_[0.0, a[::-1]]
+    return a
+
+
+@njit(cache=True, nogil=True)
+def _burg(v, stops, order):
+    """Reflection coefficients k_1 … k_p over stretches that lie one behind the other in v.
+
+    At order p the errors of a stretch pair f[p+1+i] with b[i]: forward errors lose their first
+    sample, backward errors their last, and nothing is ever moved.
+    """
+    forward, backward = v.copy(), v.copy()
+    reflections = np.zeros(order)
+    for p in range(order):
+        cross, energy = 0.0, 0.0
+        start = 0
+        for stop in stops:
+            if stop - start > p + 1:
+                part = _products(forward[start + p + 1 : stop], backward[start : stop - p - 1])
+                cross += part[0]
+                energy += part[1]
+            start = stop
+        if energy == 0:
+            break
+        k = -2 * cross / energy
+        reflections[p] = k
+        start = 0
+        for stop in stops:
+            if stop - start > p + 1:
+                _reflect(forward[start + p + 1 : stop], backward[start : stop - p - 1], k)
+            start = stop
+    return reflections
+
+
+@njit(cache=True, nogil=True)
+def _products(f, b):
+    """Σ f b and Σ (f² + b²), in eight interleaved sums that the processor adds side by side."""
+    cross, energy = np.zeros(8), np.zeros(8)
+    whole = f.size - f.size % 8
+    for i in range(0, whole, 8):
+        for lane in range(8):
+            x, y = f[i + lane], b[i + lane]
+            cross[lane] += x * y
+            energy[lane] += x * x + y * y
+    for i in range(whole, f.size):
+        cross[0] += f[i] * b[i]
+        energy[0] += f[i] * f[i] + b[i] * b[i]
+    return cross.sum(), energy.sum()
+
+
+@njit(cache=True, nogil=True)
+def _reflect(f, b, k):
+    """One order of the lattice in place: f ← f + k b, b ← b + k f."""
+    for i in range(f.size):
+        x, y = f[i], b[i]
+        f[i] = x + k * y
+        b[i] = y + k * x

@@ -1,0 +1,218 @@
+"""The prefilter L = λ^(-1/2) A(z⁻¹) N(z⁻¹)/D(z⁻¹), run block by block.
+
+N/D is usually the stable inverse of the controller's proportional-derivative part and A whitens
+what is left of the noise, (P-28) and (P-29); λ is the variance of the whitened noise, so that its
+root on both sides of the equation gives every joint its weight. All columns, instruments and the
+torque pass the same causal filter. Filters keep their state: a record that is processed in blocks
+gives the numbers of the whole.
+
+In this module time is the *last* axis: each row is one column of the observation matrix,
+contiguous in memory.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numba import njit
+
+from pivident.errors import IdentificationError
+
+#: Taps that the compiled filter adds up in one pass over a tile; filters are padded to it.
+_TAPS = 8
+
+#: Samples of a tile: input and output together stay in the first-level cache.
+_TILE = 1024
+
+#: Below this many multiplications a pool of threads costs more than it saves.
+_WORTH_A_THREAD = 2_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Prefilter:
+    """One joint's prefilter.
+
+    Attributes:
+        numerator: N, coefficients of z⁻¹, earliest first.
+        denominator: D, the same, with all poles inside the unit circle.
+        fir: A, monic whitening polynomial; (1,) for none.
+        variance: λ, variance of the whitened noise.
+    """
+
+    numerator: Sequence[float] = (1.0,)
+    denominator: Sequence[float] = (1.0,)
+    fir: Sequence[float] = (1.0,)
+    variance: float = 1.0
+
+    def stream(self, rows: int, threads: int = 2) -> StreamingFilter:
+        """A filter at rest for that many rows."""
+        taps = np.asarray(self.fir, dtype=float) / math.sqrt(self.variance)
+        return StreamingFilter(self.numerator, self.denominator, taps, rows, threads)
+
+    def transient(self, tolerance: float = 1e-4) -> int:
+        """Samples until the filter has forgotten its start, see :func:`transient_length`."""
+        return transient_length(
+            self.numerator, self.denominator, len(self.fir) - 1, tolerance=tolerance
+        )
+
+
+class StreamingFilter:
+    """y = FIR(z⁻¹) N(z⁻¹)/D(z⁻¹) x on many rows at once, with carried state.
+
+    Args:
+        numerator: N, coefficients of z⁻¹, earliest first.
+        denominator: D, the same; its first coefficient must not be zero.
+        fir: taps applied after N/D.
+        rows: number of rows, each with a state of its own.
+        threads: threads among which the rows are shared.
+    """
+
+    def __init__(
+        self,
+        numerator: Sequence[float] | np.ndarray,
+        denominator: Sequence[float] | np.ndarray,
+        fir: Sequence[float] | np.ndarray,
+        rows: int,
+        threads: int = 2,
+    ) -> None:
+        numerator = np.asarray(numerator, dtype=float)
+        denominator = np.asarray(denominator, dtype=float)
+        fir = np.asarray(fir, dtype=float)
+        length = max(len(numerator), len(denominator))
+        self._numerator = np.zeros(length)
+        self._denominator = np.zeros(length)
+        self._numerator[: len(numerator)] = numerator / denominator[0]
+        self._denominator[: len(denominator)] = denominator / denominator[0]
+        self._taps = np.zeros(-(-len(fir) // _TAPS) * _TAPS)
+        self._taps[: len(fir)] = fir
+        self._state = np.zeros((rows, length - 1))
+        self._history = np.zeros((rows, len(self._taps) - 1))
+        self._threads = threads
+
+    def reset(self) -> None:
+        """Return to rest, as at the start of another record."""
+        self._state[:] = 0.0
+        self._history[:] = 0.0
+
+    def process(self, x: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
+        """Filter the next block.
+
+        Args:
+            x: next samples, shape (rows, block), C order.
+            out: array of the same shape to write to (not x itself); None: a new one.
+
+        Returns:
+            The filtered block, shape (rows, block).
+        """
+        rows = len(self._state)
+        x = np.ascontiguousarray(x, dtype=float)
+        if x.shape[0] != rows:
+            raise ValueError(f"block of {x.shape[0]} rows for a filter of {rows} rows")
+        out = np.empty_like(x) if out is None else out
+
+        def work(part: slice) -> None:
+            _filter_rows(
+                x[part],
+                self._numerator,
+                self._denominator,
+                self._taps,
+                self._state[part],
+                self._history[part],
+                out[part],
+            )
+
+        threads = self._threads if x.size * len(self._taps) > _WORTH_A_THREAD else 1
+        if threads == 1:
+            work(slice(0, rows))
+            return out
+        bounds = np.linspace(0, rows, min(threads, rows) + 1).astype(int)
+        with ThreadPoolExecutor(threads) as pool:
+            list(pool.map(work, [slice(*pair) for pair in pairwise(bounds)]))
+        return out
+
+
+def transient_length(
+    numerator: Sequence[float] | np.ndarray,
+    denominator: Sequence[float] | np.ndarray,
+    order: int,
+    tolerance: float = 1e-4,
+) -> int:
+    """Samples until the start is forgotten: p + deg N + ln(tolerance) / ln(largest pole modulus).
+
+    Args:
+        numerator: N of the recursive part.
+        denominator: D of the recursive part.
+        order: order p of the whitening polynomial behind it.
+        tolerance: what may be left of the start.
+
+    Raises:
+        IdentificationError: a pole of N/D lies on or outside the unit circle.
+    """
+    poles = np.abs(np.roots(np.asarray(denominator, dtype=float)))
+    slowest = float(poles.max(initial=0.0))
+    if slowest >= 1:
+        raise IdentificationError(
+            f"the prefilter has a pole of modulus {slowest:.6g}; it must be below one. Leave the "
+            "integrator out of the controller's inverse and reflect zeros outside the unit circle"
+        )
+    decay = math.ceil(math.log(tolerance) / math.log(slowest)) if slowest > 0 else 0
+    return order + len(numerator) - 1 + decay
+
+
+@njit(cache=True, nogil=True)
+def _filter_rows(x, numerator, denominator, taps, state, history, out):
+    """Recursive part, then taps, on every row, tile by tile; state and history move along."""
+    past = taps.size - 1
+    tile = np.empty(past + _TILE)
+    for row in range(x.shape[0]):
+        tile[:past] = history[row]
+        for start in range(0, x.shape[1], _TILE):
+            stop = min(start + _TILE, x.shape[1])
+            length = stop - start
+            fresh = tile[past : past + length]
+            _recursive(x[row, start:stop], numerator, denominator, state[row], fresh)
+            _convolve(tile[: past + length], taps, out[row, start:stop])
+            for t in range(past):
+                tile[t] = tile[length + t]
+        history[row] = tile[:past]
+
+
+@njit(cache=True, nogil=True)
+def _recursive(x, numerator, denominator, state, y):
+    """Direct form II transposed of N/D, D monic."""
+    order = state.size
+    if order == 0:
+        y[:] = numerator[0] * x
+        return
+    for t in range(x.size):
+        now = numerator[0] * x[t] + state[0]
+        for i in range(order - 1):
+            state[i] = state[i + 1] + numerator[i + 1] * x[t] - denominator[i + 1] * now
+        state[order - 1] = numerator[order] * x[t] - denominator[order] * now
+        y[t] = now
+
+
+@njit(cache=True, nogil=True)
+def _convolve(x, taps, y):
+    """y_t = Σ_k taps_k x_{t + past - k}: taps outside, samples inside, so that it vectorises."""
+    past = taps.size - 1
+    y[:] = 0.0
+    for k in range(0, taps.size, _TAPS):
+        c0, c1, c2, c3, c4, c5, c6, c7 = taps[k : k + _TAPS]
+        z = x[past - k - _TAPS + 1 :]
+        for t in range(y.size):
+            y[t] += (
+                c0 * z[t + 7]
+                + c1 * z[t + 6]
+                + c2 * z[t + 5]
+                + c3 * z[t + 4]
+                + c4 * z[t + 3]
+                + c5 * z[t + 2]
+                + c6 * z[t + 1]
+                + c7 * z[t]
+            )

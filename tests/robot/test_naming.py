@@ -1,0 +1,41 @@
+import pytest
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.naming import errors_name, find_joint, nearest, repeated
+
+NAMES = ("shoulder", "elbow", "wrist")
+
+
+def test_a_joint_is_found_by_name_and_by_its_number_from_one():
+    assert find_joint(NAMES, "elbow") == 1
+    assert find_joint(NAMES, "3") == 2
+
+
+def test_a_name_that_looks_like_a_number_wins_over_the_number():
+    assert find_joint(("2", "1"), "2") == 0
+
+
+@pytest.mark.parametrize("number", ["0", "4", "-1"])
+def test_a_joint_number_outside_the_robot_is_refused(number):
+    with pytest.raises(RobotDescriptionError, match=f"joint number {number}.*from 1 to 3"):
+        find_joint(NAMES, number)
+
+
+def test_a_misspelt_joint_gets_the_nearest_name():
+    with pytest.raises(RobotDescriptionError, match="'elbwo'; did you mean 'elbow'"):
+        find_joint(NAMES, "elbwo")
+
+
+def test_a_name_like_no_other_gets_the_whole_list():
+    assert nearest("gripper", NAMES) == "known are 'shoulder', 'elbow', 'wrist'"
+    assert nearest("gripper", ()) == "known are none"
+
+
+def test_repeated_names_are_listed_once():
+    assert repeated(["b", "a", "b", "a", "c"]) == ["a", "b"]
+
+
+def test_errors_name_their_source():
+    with pytest.raises(RobotDescriptionError, match=r"^arm\.urdf: broken$"):
+        with errors_name("arm.urdf"):
+            raise RobotDescriptionError("broken")
