@@ -99,7 +99,7 @@ def _run(
     integral_gain, reference = law.integral_gain, law.reference
     integrand_reference = law.integrand_reference
     vectors, matrices = np.zeros((ROWS, n)), np.zeros((LAYERS, n, n))
-    slopes, clock = np.zeros((2, n + pair_index.shape[0])), np.zeros(3)
+    slopes, clock = np.zeros((2, n + pair_index.shape[0])), np.zeros(4)
     pose, motion, force, composite = (
         np.zeros((n, 12)), np.zeros((n, 9)), np.zeros((n, 6)), np.zeros((n, 10)),
     )  # fmt: skip

@@ -34,13 +34,16 @@ from pivident.dynamics.kernels import (
 )
 
 #: Largest ‖M⁻¹D‖·h of an inner step; Runge–Kutta 4 is stable to 2.8 and accurate before.
-STIFFNESS_PER_STEP = 0.8
+STIFFNESS_PER_STEP = 1.0
 
 #: Motion of any joint after which M⁻¹ is computed anew [rad or m].
 RENEWAL = 2e-3
 
+#: Steps after which it is computed anew in any case: extrapolation goes on when the robot stops.
+RENEWAL_STEPS = 4.0
+
 #: Friction that the linearisation may miss over a step, relative to the joint's friction level.
-LINEAR_REMAINDER = 1e-3
+LINEAR_REMAINDER = 2e-4
 
 # The state of a simulated robot is a handful of arrays, not an object: numba counts references of
 # every array in a tuple at every call, which took two thirds of the simulation's time.
@@ -54,8 +57,9 @@ ROWS = 17
 # Layers of ``matrices``, shape (LAYERS, joints, joints):
 INVERSE, CHANGE, RENEWED, MIDDLE, MASS, FACTOR = 0, 1, 2, 3, 4, 5  # M⁻¹, its rate, …
 LAYERS = 6
-# Entries of ``clock``: time since M⁻¹ was computed, how often it was, whether FRICTION is valid.
-SINCE, RENEWALS, FRICTION_KNOWN = 0, 1, 2
+# Entries of ``clock``: time since M⁻¹ was computed, how often it was, whether FRICTION is valid,
+# steps since M⁻¹ was computed.
+SINCE, RENEWALS, FRICTION_KNOWN, STEPS = 0, 1, 2, 3
 
 _inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
@@ -87,7 +91,7 @@ def _apply(matrices, layer, vectors, torque, bias, friction, out):
 @_inline
 def _has_moved(vectors, clock):
     """Whether M⁻¹ must be computed anew."""
-    if clock[RENEWALS] < 2.0:
+    if clock[RENEWALS] < 2.0 or clock[STEPS] >= RENEWAL_STEPS:
         return True
     for i in range(vectors.shape[1]):
         if abs(vectors[Q, i] - vectors[RENEWED_AT, i]) > RENEWAL:
@@ -151,6 +155,7 @@ def evaluate(
                     matrices[CHANGE, i, j] = (fresh - matrices[RENEWED, i, j]) / clock[SINCE]
                 matrices[RENEWED, i, j] = fresh
         clock[SINCE] = 0.0
+        clock[STEPS] = 0.0
         clock[RENEWALS] += 1.0
     else:
         for i in range(n):
@@ -226,6 +231,7 @@ def advance(
         for j in range(n):
             matrices[MIDDLE, i, j] = matrices[INVERSE, i, j] + 0.5 * h * matrices[CHANGE, i, j]
     clock[SINCE] += h
+    clock[STEPS] += 1.0
     _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, FRICTION, _A0)
     _linear_step(pair_index, pair_value, vectors, matrices, slopes, h)
     _slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
