@@ -100,7 +100,7 @@ def test_a_part_outside_the_recording_is_refused(indices):
 
 
 def test_a_part_may_stand_still():
-    q, tau = motion()
+    q = motion()[0]
     q[100:200] = q[100]
     assert recording(q=q).part(100, 200).samples == 100
 

@@ -77,8 +77,11 @@ def load_recording(
     if robot is not None:
         joint_names = joint_names or robot.joint_names
         transmission = transmission or robot.transmission
-    logged = _read(channels, paths, None if joint_names is None else len(joint_names), samples_axis)
-    joint_names = tuple(joint_names or (f"joint_{j + 1}" for j in range(logged["q"].shape[1])))
+    elif transmission is not None:
+        joint_names = joint_names or _numbered(len(transmission.drive_gain))
+    joints = None if joint_names is None else len(joint_names)
+    logged = _read(channels, paths, joints, samples_axis)
+    joint_names = tuple(joint_names or _numbered(logged["q"].shape[1]))
     _check_sizes(len(joint_names), robot, transmission)
 
     sides = _sides(side, logged, transmission)
@@ -107,6 +110,11 @@ def load_recording(
         rate=rate,
         **fields | {"start_time": start_time} | options,
     )
+
+
+def _numbered(joints: int) -> list[str]:
+    """Names of joints that nobody named."""
+    return [f"joint_{j + 1}" for j in range(joints)]
 
 
 def _paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:

@@ -17,10 +17,13 @@ from pivident.recording.datasets import fetch
 from pivident.recording.load import load_recording
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 
 #: Motor positions and motor torque references, logged at the rate of the control loop. Despite
-#: its name the file curr_data.csv holds newton metres.
+#: its name the file curr_data.csv holds newton metres. At the log's zero the arm does not stand at
+#: the zero of every description: the gallery's robot needs no offset, the FIGAROH URDF needs
+#: position_offset = [0, -π/2, π/2, 0, 0, 0].
 STAUBLI_TX40: dict[str, Any] = {
     "name": "staubli_tx40",
     "columns": {
@@ -32,15 +35,6 @@ STAUBLI_TX40: dict[str, Any] = {
     "rate": 5000.0,
     "torque_timing": "held",
 }
-
-#: The motor of axis 6 also turns with joint 5; the model's zero differs on axes 2 and 3.
-_TX40_REDUCTION = np.diag([32.0, 32.0, 45.0, -48.0, 45.0, 32.0])
-_TX40_REDUCTION[5, 4] = 32.0
-TX40_TRANSMISSION = Transmission(
-    reduction=_TX40_REDUCTION,
-    drive_gain=np.ones(6),
-    position_offset=np.array([0.0, -np.pi / 2, np.pi / 2, 0.0, 0.0, 0.0]),
-)
 
 #: Load side, drive input in volts; the gain is the file's own gtau [N/V].
 EMPS: dict[str, Any] = {
@@ -101,13 +95,13 @@ def load_staubli_tx40(
 
     Args:
         files: its two files as ``q`` and ``tau``; those of `fetch` where they are not given.
-        robot: gives joint names and transmission; the record's own ones otherwise.
+        robot: gives joint names, transmission and zero position; the gallery's robot otherwise.
 
     Raises:
         DatasetUnavailable: the files are not here and cannot be fetched.
     """
     files = files or fetch("staubli_tx40", "q", "tau")
-    return load_recording(files, **STAUBLI_TX40, **_machine(robot, TX40_TRANSMISSION))
+    return load_recording(files, **STAUBLI_TX40, robot=robot or load_robot("staubli_tx40"))
 
 
 def load_emps(file: str | Path | None = None, robot: Robot | None = None) -> Recording:
@@ -115,12 +109,13 @@ def load_emps(file: str | Path | None = None, robot: Robot | None = None) -> Rec
 
     Args:
         file: DATA_EMPS.mat; that of `fetch` where it is not given.
-        robot: gives the joint's name.
+        robot: gives the joint's name; the gallery's robot otherwise.
 
     Raises:
         DatasetUnavailable: the file is not here and cannot be fetched.
     """
-    return load_recording(file or fetch("emps", "estimation")["estimation"], robot=robot, **EMPS)
+    file = file or fetch("emps", "estimation")["estimation"]
+    return load_recording(file, **EMPS, robot=robot or load_robot("emps"))
 
 
 def load_emps_pulses(file: str | Path | None = None, robot: Robot | None = None) -> Recording:
@@ -128,12 +123,13 @@ def load_emps_pulses(file: str | Path | None = None, robot: Robot | None = None)
 
     Args:
         file: DATA_EMPS_PULSES.mat; that of `fetch` where it is not given.
-        robot: gives the joint's name.
+        robot: gives the joint's name; the gallery's robot otherwise.
 
     Raises:
         DatasetUnavailable: the file is not here and cannot be fetched.
     """
-    return load_recording(file or fetch("emps", "pulses")["pulses"], robot=robot, **EMPS_PULSES)
+    file = file or fetch("emps", "pulses")["pulses"]
+    return load_recording(file, **EMPS_PULSES, robot=robot or load_robot("emps"))
 
 
 def load_kuka_kr300(
@@ -153,13 +149,5 @@ def load_kuka_kr300(
     if motion not in ("A", "B"):
         raise RecordingError(f"the KR300 record has motions A and B, not {motion!r}")
     file = file or fetch("kuka_kr300", motion)[motion]
-    machine = _machine(robot, KR300_TRANSMISSION)
+    machine: dict[str, Any] = {"robot": robot} if robot else {"transmission": KR300_TRANSMISSION}
     return load_recording(file, name=f"kuka_kr300_{motion}", **KUKA_KR300, **machine)
-
-
-def _machine(robot: Robot | None, transmission: Transmission) -> dict[str, Any]:
-    """The robot, or without one the record's own transmission and numbered joints."""
-    if robot is not None:
-        return {"robot": robot}
-    names = [f"joint_{j + 1}" for j in range(len(transmission.drive_gain))]
-    return {"transmission": transmission, "joint_names": names}

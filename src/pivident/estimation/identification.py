@@ -1,0 +1,210 @@
+"""The answer: estimated parameters, their covariance, and what is needed to doubt them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.robot.description import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class Iteration:
+    """One pass of an iterative estimator.
+
+    Attributes:
+        theta: parameters after it, shape (parameters,).
+        change: largest |Δθ| / max(|θ|, 2σ).
+        residual: relative error of the reconstructed torque, weighted as in the estimate.
+        halvings: how often the step had to be halved before the loop could be simulated.
+        ar_orders: orders of the noise models used, one per joint, empty without noise models.
+    """
+
+    theta: np.ndarray
+    change: float
+    residual: float
+    halvings: int = 0
+    ar_orders: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class JointFit:
+    """How one joint was fitted.
+
+    Attributes:
+        name: joint.
+        torque_unit: N m or N.
+        relative_error: ‖τ - Φθ‖/‖τ‖ over the rows that the estimate used, unfiltered by the
+            noise model.
+        rms_error: rms of τ - Φθ over the same rows [torque_unit].
+        noise_std: standard deviation of the innovations, in the unit of the filtered equation
+            (the joint's torque, or the encoder where the controller was inverted).
+        noise_unit: that unit.
+        ar_order: order of the noise model; 0 without one.
+        ar_at_bound: whether the order criterion had its minimum at the largest order allowed.
+        rows: number of rows (samples) that voted.
+        masked: share of the samples left out at low speed, 0 to 1.
+        f50: half-power frequency of the position smoother [Hz], NaN with a fixed band-pass.
+        encoder_std: measurement noise found by the smoother [rad or m], NaN likewise.
+    """
+
+    name: str
+    torque_unit: str
+    relative_error: float
+    rms_error: float
+    noise_std: float
+    noise_unit: str
+    ar_order: int
+    ar_at_bound: bool
+    rows: int
+    masked: float
+    f50: float
+    encoder_std: float
+
+
+@dataclass(frozen=True, eq=False)
+class FittedRecording:
+    """Signals of one recording as the estimator saw them, for plots; arrays (rows, joints).
+
+    Attributes:
+        name: name of the recording.
+        t: time of each row [s], shape (rows,).
+        q: estimated positions [rad or m].
+        dq: estimated speeds [rad/s or m/s].
+        ddq: estimated accelerations [rad/s² or m/s²].
+        q_measured: measured positions on the same rows [rad or m].
+        tau: measured torque, aligned with the positions [N m or N].
+        tau_model: reconstructed torque Φθ.
+        mask: rows that did not vote.
+        whitened: residual of the equation that was solved, scaled to unit variance, on the
+            rows of the estimator (decimated where it decimates), shape (rows', joints).
+        whitened_rate: rate of ``whitened`` [Hz].
+    """
+
+    name: str
+    t: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    q_measured: np.ndarray
+    tau: np.ndarray
+    tau_model: np.ndarray
+    mask: np.ndarray
+    whitened: np.ndarray
+    whitened_rate: float
+
+
+@dataclass(frozen=True, eq=False)
+class Identification:
+    """Estimated base parameters with everything that came with them.
+
+    Attributes:
+        method: name of the method as the papers call it (``IDIM-PIV``).
+        robot: the robot.
+        parameters: heads of the estimated groups.
+        names: names of the base parameters (``zz1r``).
+        expressions: their groups written out.
+        theta: estimates, shape (parameters,).
+        covariance: covariance by (P-31), summed over samples, shape (parameters, parameters).
+        robust_covariance: sandwich over blocks of time, valid for correlated residuals.
+        converged: whether the iteration met both criteria (a single solution always has).
+        history: iterations, the last one first to hold the estimate.
+        joints: fit of each joint.
+        relative_error: ‖τ - Φθ‖/‖τ‖ over all joints, weighted as in the estimate.
+        condition: condition number of the column-scaled observation matrix.
+        recordings: signals for plots.
+        options: the method's options, plain values.
+        warnings: what the estimator noticed, whole sentences.
+        sources: SHA-256 of every input file by its name.
+        version: version of pivident.
+    """
+
+    method: str
+    robot: Robot
+    parameters: tuple[Parameter, ...]
+    names: tuple[str, ...]
+    expressions: tuple[str, ...]
+    theta: np.ndarray
+    covariance: np.ndarray
+    robust_covariance: np.ndarray
+    converged: bool
+    history: tuple[Iteration, ...]
+    joints: tuple[JointFit, ...]
+    relative_error: float
+    condition: float
+    recordings: tuple[FittedRecording, ...]
+    options: dict[str, Any] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    sources: dict[str, str] = field(default_factory=dict)
+    version: str = ""
+
+    @property
+    def iterations(self) -> int:
+        """Number of iterations."""
+        return len(self.history)
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """Unit of each parameter."""
+        return tuple(p.unit for p in self.parameters)
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviations by the method's own covariance, shape (parameters,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def robust_std(self) -> np.ndarray:
+        """Standard deviations by the sandwich, shape (parameters,)."""
+        return np.sqrt(np.diag(self.robust_covariance))
+
+    @property
+    def relative_std(self) -> np.ndarray:
+        """100 σ/|θ| [%], shape (parameters,); infinite for an estimate of zero."""
+        size = np.abs(self.theta)
+        return np.divide(100.0 * self.std, size, out=np.full(size.shape, np.inf), where=size > 0)
+
+    def value(self, name: str) -> float:
+        """Estimate of one parameter, by its name with or without the trailing ``r``.
+
+        Raises:
+            KeyError: names the parameters there are.
+        """
+        for k, (own, p) in enumerate(zip(self.names, self.parameters, strict=True)):
+            if name.lower() in (own.lower(), p.name.lower()):
+                return float(self.theta[k])
+        raise KeyError(f"no parameter {name!r}; there are {', '.join(self.names)}")
+
+    def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """Torque of the identified model, Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].
+
+        Args:
+            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
+            dq: joint speeds.
+            ddq: joint accelerations.
+        """
+        from pivident.dynamics.regressor import Regressor
+
+        return Regressor.build(self.robot, self.parameters).torque(q, dq, ddq, self.theta)
+
+    def __str__(self) -> str:
+        return self.summary()
+
+    def summary(self) -> str:
+        """The result as a table: name, value, σ, relative σ, unit, group."""
+        from pivident.estimation.tables import identification_table
+
+        return identification_table(self)
+
+    def save(self, folder: Any) -> None:
+        """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.
+
+        Args:
+            folder: folder to create or to write into.
+        """
+        from pivident.estimation.export import save_identification
+
+        save_identification(self, folder)
