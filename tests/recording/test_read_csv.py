@@ -6,7 +6,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pivident.errors import BadCell, FileFormatError
+from pivident.errors import BadCell, FileFormatError, UnknownColumn
 from pivident.recording import files
 from pivident.recording.read_csv import csv_names, read_csv
 from pivident.recording.tables import names_in, read_table
@@ -107,6 +107,18 @@ def test_a_missing_file_a_folder_and_an_unknown_kind_are_refused(tmp_path):
     for name in ("log.xlsx", "log.npz.gz", "log"):
         with pytest.raises(FileFormatError, match="no reader"):
             read_table(tmp_path / name)
+
+
+def test_a_column_that_is_not_there_is_answered_with_near_ones(tmp_path):
+    with pytest.raises(UnknownColumn, match="did you mean tau1"):
+        read_table(written(tmp_path, "q1,tau1\n1,2\n"), ["tua1"])
+
+
+def test_a_file_of_one_endless_line_is_not_swallowed(tmp_path):
+    path = tmp_path / "log.csv.gz"
+    path.write_bytes(gzip.compress(b"\0" * 2**26))
+    with pytest.raises(FileFormatError, match="binary"):
+        csv_names(path)
 
 
 def test_a_broken_gzip_file_is_refused(tmp_path):

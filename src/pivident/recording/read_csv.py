@@ -26,6 +26,9 @@ if TYPE_CHECKING:
 SEPARATORS = ",;\t"
 COMMENT = "#"
 
+#: Longest header, in characters; a file without line ends is not read into memory to find out.
+LONGEST_LINE = 2**20
+
 
 def csv_names(path: str | Path) -> tuple[str, ...]:
     """Names of the columns, without loading them.
@@ -41,7 +44,8 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 
     Args:
         path: the file; ``.gz`` is unpacked on the way.
-        names: the columns wanted, all where it is not given. Other columns may hold text.
+        names: the columns wanted, which are in the file; all where it is not given. Other
+            columns may hold text.
 
     Returns:
         Each column by its name, shape (samples,).
@@ -58,7 +62,7 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
     places = sorted({header.names.index(name) for name in wanted})
     try:
         frame = pl.read_csv(
-            _unpacked(path) if path.suffix == ".gz" else path,
+            _unpacked(path) if _is_gzipped(path) else path,
             has_header=header.present,
             columns=places,
             schema_overrides=[
@@ -112,10 +116,11 @@ def _header(path: Path) -> _Header:
     return _Header(tuple(cells), separator, True)
 
 
-def _lines(path: Path, text: Iterable[str]) -> Iterator[str]:
+def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
     """The lines of a text, or one readable error where its gzip stream breaks."""
     try:
-        yield from text
+        while line := text.readline(LONGEST_LINE):
+            yield line
     except (OSError, EOFError, zlib.error) as error:
         raise FileFormatError(f"{path.name} is not a whole gzip file ({error})") from error
 
@@ -128,9 +133,14 @@ def _without_blank_end(frame: pl.DataFrame) -> pl.DataFrame:
     return frame.head(int(filled[-1]) + 1) if len(filled) else frame.clear()
 
 
+def _is_gzipped(path: Path) -> bool:
+    """Whether the file's name says that it is packed."""
+    return path.suffix.lower() == ".gz"
+
+
 def _text(path: Path) -> io.TextIOWrapper:
     """The file as lines of text, unpacked on the way."""
-    raw = gzip.open(path, "rb") if path.suffix == ".gz" else path.open("rb")
+    raw = gzip.open(path, "rb") if _is_gzipped(path) else path.open("rb")
     return io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
 
 

@@ -35,7 +35,7 @@ def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 
     Args:
         path: the file.
-        names: the variables wanted; all numeric ones where it is not given.
+        names: the variables wanted, which are in the file; all numeric ones where it is not given.
 
     Returns:
         Each variable by its name, in the shape it has in MATLAB (vectors are (n, 1) or (1, n)).

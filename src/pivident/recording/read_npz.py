@@ -31,7 +31,7 @@ def read_npz(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 
     Args:
         path: the file.
-        names: the arrays wanted; all numeric ones where it is not given.
+        names: the arrays wanted, which are in the file; all numeric ones where it is not given.
 
     Returns:
         Each array by its name, in the shape it has in the file.

@@ -32,7 +32,7 @@ def read_parquet(path: str | Path, names: Sequence[str] | None = None) -> dict[s
 
     Args:
         path: the file.
-        names: the columns wanted; all numeric ones where it is not given.
+        names: the columns wanted, which are in the file; all numeric ones where it is not given.
 
     Returns:
         Each column by its name, shape (samples,), float64.

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
-from pivident.errors import FileFormatError
+from pivident.errors import FileFormatError, UnknownColumn
 from pivident.recording.read_csv import csv_names, read_csv
 from pivident.recording.read_mat import mat_names, read_mat
 from pivident.recording.read_npz import npz_names, read_npz
@@ -40,12 +41,18 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
 
     Args:
         path: a .csv, .csv.gz, .txt, .tsv, .npz, .mat or .parquet file.
-        names: those wanted, which must be in the file; all where it is not given.
+        names: those wanted; all where it is not given.
 
     Raises:
         FileFormatError: no reader for that kind of file, or the file cannot be read.
+        UnknownColumn: a wanted column or array is not in the file.
     """
-    return _reader(Path(path))[1](Path(path), names)
+    path = Path(path)
+    known = names_in(path)
+    for name in names or ():
+        if name not in known:
+            raise UnknownColumn(path.name, name, get_close_matches(name, known, n=3), known)
+    return _reader(path)[1](path, names)
 
 
 def _reader(path: Path) -> tuple[Names, Read]:

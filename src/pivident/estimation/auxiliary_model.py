@@ -1,0 +1,200 @@
+"""The auxiliary model: the closed loop simulated with the current parameters makes the instruments.
+
+The simulation knows the reference and the law, but no measured noise; its motion is correlated
+with the true one and not with the noise, which is what an instrument has to be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.forward import make_model
+from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
+from pivident.estimation.problem import Loop, Problem
+from pivident.recording.recording import Recording
+from pivident.signals.random_walk import smooth_channels
+from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.threads import run_in_threads
+
+#: How often a step may be halved before the loop is declared impossible to simulate.
+HALVINGS = 6
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedMotion:
+    """Noise-free motion of one recording, time **last**, on the samples of the record.
+
+    Attributes:
+        q: positions [rad or m], shape (joints, samples).
+        dq: speeds; with ``differences`` they are central differences of q, as the smoother's.
+        ddq: accelerations, likewise.
+        tau: torque held from each sample on [N m or N].
+        command: controller output [its own unit].
+    """
+
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    tau: np.ndarray
+    command: np.ndarray
+
+
+class AuxiliaryModel:
+    """Simulates all recordings of a problem for given parameters.
+
+    Args:
+        problem: robot, recordings and loop.
+        differences: replace dq and ddq by central differences of q. A torque held over a
+            sampling period and averaged over the two that adjoin an instant belongs to exactly
+            these differences.
+    """
+
+    def __init__(self, problem: Problem, differences: bool) -> None:
+        if problem.loop is None:
+            raise ExperimentError(
+                "IV and PIV need the control loop for their instruments: give the controller and "
+                "its gains ([controller] in an experiment file), or use a least-squares method"
+            )
+        self.problem = problem
+        self.differences = differences
+        self.loop = problem.loop
+        self.signals = [loop_signals(self.loop, recording) for recording in problem.recordings]
+
+    def simulate(self, theta: np.ndarray) -> list[SimulatedMotion]:
+        """Simulate every recording.
+
+        Args:
+            theta: the problem's parameters, shape (parameters,).
+
+        Raises:
+            SimulationDiverged: the loop leaves its reference.
+            MassMatrixNotPositiveDefinite: M(q) is indefinite on the way.
+        """
+        problem = self.problem
+        model = make_model(problem.robot, problem.regressor.parameters, theta, clip=True)
+        motions: list[SimulatedMotion | None] = [None] * len(self.signals)
+
+        def run(k: int) -> None:
+            recording, (signals, start) = problem.recordings[k], self.signals[k]
+            made = simulate(
+                model, self.loop.controller, signals, problem.robot.joint_names, start
+            )
+            channels = (made.q, made.dq, made.ddq, made.tau, made.command)
+            motion = [resample(x, signals.rate, recording) for x in channels]
+            if self.differences:
+                motion[1:3] = central_differences(motion[0], recording.rate)
+            motions[k] = SimulatedMotion(*(np.ascontiguousarray(x.T) for x in motion))
+
+        run_in_threads(run, range(len(self.signals)))
+        return [motion for motion in motions if motion is not None]
+
+    def simulate_or_halve(
+        self, previous: np.ndarray | None, theta: np.ndarray
+    ) -> tuple[list[SimulatedMotion], np.ndarray, int]:
+        """Simulate, going back half the step as long as the loop cannot be simulated.
+
+        Args:
+            previous: parameters of the last successful simulation, or None at the start.
+            theta: parameters wanted.
+
+        Returns:
+            Motions, the parameters they were made with, number of halvings.
+
+        Raises:
+            SimulationDiverged: even the start, or the smallest step, cannot be simulated.
+            MassMatrixNotPositiveDefinite: likewise.
+        """
+        step = theta
+        for halvings in range(HALVINGS + 1):
+            try:
+                return self.simulate(step), step, halvings
+            except (SimulationDiverged, MassMatrixNotPositiveDefinite):
+                if previous is None or halvings == HALVINGS:
+                    raise
+                step = previous + 0.5 * (step - previous)
+        raise AssertionError("unreachable")
+
+
+def loop_signals(
+    loop: Loop, recording: Recording
+) -> tuple[LoopSignals, tuple[np.ndarray, np.ndarray]]:
+    """What drives the simulated loop of one recording, and its initial positions and speeds.
+
+    Raises:
+        ExperimentError: if the reference is to be taken from the record and is not there.
+    """
+    n = recording.joints
+    smoothed = smooth_channels(recording.q, recording.rate)
+    if loop.reference == "smoothed":
+        q_ref, dq_ref = smoothed.q, smoothed.dq
+    elif recording.q_ref is None:
+        raise ExperimentError(
+            f"recording {recording.name!r} has no reference q_ref; map its column, or set "
+            'reference = "smoothed" to let the smoothed measurement stand for it'
+        )
+    else:
+        q_ref, dq_ref = recording.q_ref, recording.dq_ref
+    inputs = sum(recording.inputs.values()) if recording.inputs else None
+    tracking = np.abs(recording.q - q_ref).max(axis=0)
+    reach = np.ptp(q_ref, axis=0)
+    speed = np.abs(smoothed.dq).max(axis=0)
+    rate = recording.control_rate
+    signals = LoopSignals(
+        rate=rate,
+        q_ref=_upsampled(q_ref, recording.rate, rate),
+        dq_ref=None if dq_ref is None else _upsampled(dq_ref, recording.rate, rate),
+        inputs=None if inputs is None else _held(inputs, recording.rate, rate),
+        noise=None,
+        drive_gain=np.broadcast_to(np.asarray(loop.drive_gain, float), (n,)).copy(),
+        limit=np.broadcast_to(np.asarray(loop.limit, float), (n,)).copy(),
+        bound=np.maximum(10.0 * tracking, np.minimum(0.5, 0.5 * reach + 1e-3)),
+        speed_bound=5.0 * speed + 1e-3,
+    )
+    return signals, (smoothed.q[0].copy(), smoothed.dq[0].copy())
+
+
+def central_differences(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """(q_{k+1} - q_{k-1}) rate/2 and (q_{k+1} - 2 q_k + q_{k-1}) rate², ends repeated.
+
+    Args:
+        q: positions, shape (samples, joints).
+        rate: sampling rate [Hz].
+    """
+    dq, ddq = np.empty_like(q), np.empty_like(q)
+    dq[1:-1] = 0.5 * rate * (q[2:] - q[:-2])
+    ddq[1:-1] = rate**2 * ((q[2:] - q[1:-1]) - (q[1:-1] - q[:-2]))
+    for x in (dq, ddq):
+        x[0], x[-1] = x[1], x[-2]
+    return dq, ddq
+
+
+def resample(x: np.ndarray, rate: float, recording: Recording) -> np.ndarray:
+    """A channel simulated at the control rate, on the samples of the record, (samples, joints)."""
+    ratio = rate / recording.rate
+    step = round(ratio)
+    if step >= 1 and abs(ratio - step) < 1e-9:
+        return x[::step][: recording.samples]
+    from scipy.interpolate import CubicSpline
+
+    wanted = np.arange(recording.samples) / recording.rate
+    return CubicSpline(np.arange(len(x)) / rate, x, axis=0)(wanted)
+
+
+def _upsampled(x: np.ndarray, rate: float, wanted: float) -> np.ndarray:
+    """A smooth reference at the control rate."""
+    if abs(rate - wanted) < 1e-9 * rate:
+        return x
+    from scipy.interpolate import CubicSpline
+
+    t = np.arange(len(x)) / rate
+    return CubicSpline(t, x, axis=0)(np.arange(int(t[-1] * wanted + 1e-6) + 1) / wanted)
+
+
+def _held(x: np.ndarray, rate: float, wanted: float) -> np.ndarray:
+    """An input at the control rate, held between the samples of the record."""
+    if abs(rate - wanted) < 1e-9 * rate:
+        return x
+    times = np.arange(int((len(x) - 1) / rate * wanted + 1e-6) + 1) / wanted
+    return x[np.minimum((times * rate + 1e-6).astype(int), len(x) - 1)]

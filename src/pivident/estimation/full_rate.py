@@ -1,0 +1,162 @@
+"""Equations at the full sampling rate: Φ, instruments and torque through the joints' prefilters.
+
+The record is walked through in blocks. A block's columns are made, filtered with carried states
+and added to the normal equations; nothing of the size of the observation matrix is ever held.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.auxiliary_model import SimulatedMotion
+from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.normal_equations import JointSums
+from pivident.signals.prefilter import Prefilter
+from pivident.threads import run_in_threads
+
+BLOCK = 8192
+
+#: Blocks of time per record whose scores the sandwich sums.
+SCORE_BLOCKS = 160
+
+
+@dataclass(frozen=True, eq=False)
+class FullRateRecord:
+    """One recording at full rate with its instruments and votes.
+
+    Attributes:
+        kinematics: estimated motion and torque.
+        motion: simulated motion that makes the instruments; None: least squares.
+        votes: True where a sample of a joint counts, shape (joints, samples).
+    """
+
+    kinematics: Kinematics
+    motion: SimulatedMotion | None
+    votes: np.ndarray
+
+
+def voting(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Samples that count: inside the usable range, and faster than the joint's limit.
+
+    Args:
+        kinematics: gives the usable range.
+        dq: speeds that decide, shape (joints, samples): the instruments', where there are any.
+        limits: shape (joints,) [rad/s or m/s]; zero: all samples count.
+    """
+    votes = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
+    votes[:, : kinematics.start] = False
+    votes[:, kinematics.stop :] = False
+    return votes
+
+
+def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:
+    """Φθ on a recording, time last, shape (joints, samples)."""
+    return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta).T
+
+
+def accumulate(
+    regressor: Regressor, records: Sequence[FullRateRecord], filters: Sequence[Prefilter]
+) -> list[JointSums]:
+    """Normal equations of all joints over all recordings.
+
+    Args:
+        regressor: the observation matrix.
+        records: recordings with instruments.
+        filters: one prefilter per joint.
+    """
+    sums = [JointSums.empty(regressor.columns_of(j)) for j in range(regressor.robot.size)]
+    for record in records:
+
+        def add(j: int, span: slice, phi, z, tau, votes=record.votes) -> None:
+            sums[j].add(phi, z, tau, votes[j, span])
+
+        _walk(regressor, record, filters, BLOCK, add)
+    return sums
+
+
+def scores_and_residuals(
+    regressor: Regressor,
+    records: Sequence[FullRateRecord],
+    filters: Sequence[Prefilter],
+    theta: np.ndarray,
+    variance: np.ndarray,
+    weight_power: float = 1.0,
+) -> tuple[np.ndarray, list[np.ndarray]]:
+    """Scores Σ zε/λ over blocks of time, for the sandwich, and whitened residuals ε/√λ.
+
+    Args:
+        regressor: the observation matrix.
+        records: recordings with instruments.
+        filters: one prefilter per joint.
+        theta: parameters, shape (parameters,).
+        variance: λ of each joint, shape (joints,).
+        weight_power: power of λ in the weights.
+
+    Returns:
+        Scores, shape (blocks, parameters), and for each recording its residuals, shape
+        (joints, samples).
+    """
+    scores, residuals = [], []
+    for record in records:
+        samples = record.votes.shape[1]
+        length = max(32, samples // SCORE_BLOCKS)
+        own = np.zeros((-(-samples // length), len(theta)))
+        residual = np.zeros(record.votes.shape)
+
+        def add(
+            j: int, span: slice, phi, z, tau,
+            own=own, residual=residual, length=length, votes=record.votes,
+        ) -> None:  # fmt: skip
+            columns = regressor.columns_of(j)
+            e = tau - theta[columns] @ phi
+            residual[j, span] = e / np.sqrt(variance[j])
+            e = np.where(votes[j, span], e, 0.0) / variance[j] ** weight_power
+            starts = np.arange(0, e.size, length)
+            products = np.add.reduceat((phi if z is None else z) * e, starts, axis=1)
+            first = span.start // length
+            with_lock[first : first + starts.size, columns, j] = products.T
+
+        with_lock = np.zeros((*own.shape, regressor.robot.size))
+        _walk(regressor, record, filters, length * -(-BLOCK // length), add)
+        scores.append(with_lock.sum(axis=2))
+        residuals.append(residual)
+    return np.vstack(scores), residuals
+
+
+def _walk(regressor: Regressor, record: FullRateRecord, filters, block: int, add) -> None:
+    """Hand the filtered columns of each block and joint to ``add(joint, span, Φ, Z, τ)``."""
+    k, motion = record.kinematics, record.motion
+    samples = k.q.shape[1]
+    joints = range(regressor.robot.size)
+    copies = 1 if motion is None else 2
+    rows = [copies * regressor.columns_of(j).size + 1 for j in joints]
+    streams = [f.stream(r, threads=1) for f, r in zip(filters, rows, strict=True)]
+    plain = all(len(f.fir) == 1 and len(f.denominator) == 1 for f in filters)
+    for start in range(0, samples, block):
+        span = slice(start, min(start + block, samples))
+        sources = [k] if motion is None else [k, motion]
+        packed: list[np.ndarray] = [np.empty(0)] * copies
+
+        def make(i: int, span=span, sources=sources, packed=packed) -> None:
+            s = sources[i]
+            packed[i] = regressor.packed(s.q[:, span], s.dq[:, span], s.ddq[:, span])
+
+        run_in_threads(make, range(copies))
+
+        def work(j: int, span=span, packed=packed) -> None:
+            own = slice(regressor.offsets[j], regressor.offsets[j + 1])
+            width = own.stop - own.start
+            if plain:
+                z = packed[1][own] if copies == 2 else None
+                add(j, span, packed[0][own], z, k.tau[j, span])
+                return
+            stack = np.vstack([p[own] for p in packed] + [k.tau[j : j + 1, span]])
+            stack = streams[j].process(stack)
+            z = stack[width : 2 * width] if copies == 2 else None
+            add(j, span, stack[:width], z, stack[-1])
+
+        run_in_threads(work, joints)

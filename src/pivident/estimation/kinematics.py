@@ -1,0 +1,89 @@
+"""From a recording to what the equations need: positions, speeds, accelerations, aligned torque."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.methods import Bandpass, RandomWalk
+from pivident.recording.recording import Recording
+from pivident.signals.alignment import align_torque
+from pivident.signals.bandpass import bandpass
+from pivident.signals.random_walk import smooth_channels
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """Estimated motion of one recording, time **last**, with the torque on the same instants.
+
+    Attributes:
+        recording: where it comes from.
+        q: positions [rad or m], shape (joints, samples); ``dq ddq tau`` likewise.
+        dq: speeds.
+        ddq: accelerations.
+        tau: torque [N m or N].
+        start: first sample that may be used.
+        stop: one past the last.
+        f50: half-power frequency of the smoother [Hz], shape (joints,); NaN with a band-pass.
+        encoder_std: measurement noise found [rad or m], shape (joints,); NaN with a band-pass.
+    """
+
+    recording: Recording
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    tau: np.ndarray
+    start: int
+    stop: int
+    f50: np.ndarray
+    encoder_std: np.ndarray
+
+
+def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) -> Kinematics:
+    """Differentiate the positions and put the torque where the derivatives are.
+
+    Args:
+        recording: the run.
+        signals: the recipe.
+    """
+    timing = recording.torque_timing if signals.align else "sampled"
+    torque = align_torque(
+        recording.tau,
+        recording.rate,
+        timing,
+        control_rate=recording.control_rate,
+        delay=recording.delay,
+    )
+    unknown = np.full(recording.joints, np.nan)
+    if isinstance(signals, Bandpass):
+        passed = bandpass(
+            recording.q,
+            recording.rate,
+            signals.cutoff,
+            signals.order,
+            median=signals.median,
+            padlen=signals.padlen,
+            edge=signals.edge,
+        )
+        motion = (passed.q, passed.dq, passed.ddq)
+        edge, f50, encoder_std = passed.edge, unknown, unknown
+    else:
+        smoothed = smooth_channels(
+            recording.q, recording.rate, signals.order, passes=signals.passes, f50_max=signals.f50_max
+        )
+        motion = (smoothed.q, smoothed.dq, smoothed.ddq)
+        edge = smoothed.edge
+        f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
+    q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
+    return Kinematics(
+        recording,
+        q,
+        dq,
+        ddq,
+        np.ascontiguousarray(torque.tau.T),
+        max(edge, torque.lost_start),
+        recording.samples - max(edge, torque.lost_end),
+        f50,
+        encoder_std,
+    )

@@ -1,0 +1,175 @@
+"""The methods as small frozen dataclasses: how to estimate, and nothing else.
+
+The signal recipe belongs to the method, since methods are compared with different ones.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+from pivident.errors import ExperimentError
+
+
+@dataclass(frozen=True)
+class Bandpass:
+    """Zero-phase Butterworth, central differences, parallel decimation of Φ and τ.
+
+    Attributes:
+        cutoff: cut-off of the position filter [Hz].
+        order: order of the Butterworth filter.
+        decimation: factor n_d, or its stages (10, 10); None: to ``bandwidth``.
+        bandwidth: frequency kept by the decimation [Hz]: n_d = (rate/2)/bandwidth.
+        median: length of a median filter before, 1 for none.
+        padlen: samples the zero-phase filters extend the record by; None: scipy's choice.
+        edge: samples dropped at both ends before decimation; None: one period of the cut-off.
+        align: whether the torque is moved to the instants of the differences first; the
+            literature does not, a declared delay is taken out in any case.
+    """
+
+    cutoff: float = 50.0
+    order: int = 4
+    decimation: int | tuple[int, ...] | None = None
+    bandwidth: float = 20.0
+    median: int = 1
+    padlen: int | None = None
+    edge: int | None = None
+    align: bool = False
+
+    def factor(self, rate: float) -> int | tuple[int, ...]:
+        """Decimation factor for a sampling rate [Hz]."""
+        if self.decimation is not None:
+            return self.decimation
+        return max(1, int(rate / 2.0 / self.bandwidth))
+
+
+@dataclass(frozen=True)
+class RandomWalk:
+    """Integrated random walk smoother at full rate, torque aligned with the positions.
+
+    Attributes:
+        order: order of integration m; 2 is the paper's, 3 the better prior of a trajectory.
+        passes: how often it is applied (2 with m = 2: the paper's ``irwsm`` twice).
+        f50_max: cap of the half-power frequency [Hz]; None: none.
+        align: whether the torque is moved to the instants of the central differences.
+    """
+
+    order: int = 3
+    passes: int = 1
+    f50_max: float | None = None
+    align: bool = True
+
+
+@dataclass(frozen=True)
+class AutoRegressive:
+    """AR noise model by Burg, all orders at once.
+
+    Attributes:
+        p_max: largest order tried.
+        criterion: ``aic``, ``aicc`` or ``bic``.
+        on_unmasked: whether it is fitted on the rows that vote only.
+    """
+
+    p_max: int = 150
+    criterion: Literal["aic", "aicc", "bic"] = "aic"
+    on_unmasked: bool = True
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """IDIM-LS: ordinary (weighted = False) or weighted by each joint's own residual.
+
+    Attributes:
+        weighted: whether joints are weighted by the inverse of their residual variance.
+        signals: how positions become speeds and accelerations.
+    """
+
+    weighted: bool = True
+    signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
+
+    @property
+    def label(self) -> str:
+        """Name as in the literature."""
+        return "IDIM-WLS" if self.weighted else "IDIM-OLS"
+
+
+@dataclass(frozen=True)
+class InstrumentalVariables:
+    """IDIM-IV: instruments Φ(q_s) from the simulated loop.
+
+    Attributes:
+        signals: ``Bandpass()`` as in the literature, ``RandomWalk()`` at full rate.
+        tolerance: both criteria of convergence.
+        max_iterations: give up after so many.
+    """
+
+    signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
+    tolerance: float = 1e-2
+    max_iterations: int = 20
+
+    def __post_init__(self) -> None:
+        _check_iteration(self.tolerance, self.max_iterations)
+
+    @property
+    def label(self) -> str:
+        """Name as in the literature."""
+        return "IDIM-IV" if isinstance(self.signals, Bandpass) else "IDIM-IV (full rate)"
+
+
+@dataclass(frozen=True)
+class PrefilteredIV:
+    """IDIM-PIV: IV with prefilters from the identified noise.
+
+    Attributes:
+        signals: the smoother.
+        noise: the noise model.
+        prefilter: ``controller``: inverse of the law's proportional and derivative part, then
+            the AR whitener; ``direct``: the AR whitener on the torque residual.
+        as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
+            AR orders up to 32, and (P-22), (P-28) with λ⁻¹ on both sides instead of λ^(-1/2).
+        tolerance: both criteria of convergence.
+        max_iterations: give up after so many.
+    """
+
+    signals: RandomWalk = field(default_factory=RandomWalk)
+    noise: AutoRegressive = field(default_factory=AutoRegressive)
+    prefilter: Literal["controller", "direct"] = "controller"
+    as_printed: bool = False
+    tolerance: float = 1e-2
+    max_iterations: int = 20
+
+    def __post_init__(self) -> None:
+        _check_iteration(self.tolerance, self.max_iterations)
+        if self.prefilter not in ("controller", "direct"):
+            raise ExperimentError(
+                f"prefilter is {self.prefilter!r}; choose 'controller' or 'direct'"
+            )
+        if self.as_printed:
+            object.__setattr__(self, "signals", RandomWalk(order=2, passes=2, align=False))
+            object.__setattr__(self, "noise", AutoRegressive(p_max=32, on_unmasked=False))
+
+    @property
+    def label(self) -> str:
+        """Name as in the literature."""
+        return "IDIM-PIV (as printed)" if self.as_printed else "IDIM-PIV"
+
+
+Method = LeastSquares | InstrumentalVariables | PrefilteredIV
+
+#: Names that the command line and experiment files use.
+METHODS: dict[str, Method] = {
+    "ols": LeastSquares(weighted=False),
+    "ls": LeastSquares(),
+    "wls": LeastSquares(),
+    "iv": InstrumentalVariables(),
+    "iv-full-rate": InstrumentalVariables(signals=RandomWalk()),
+    "piv": PrefilteredIV(),
+    "piv-as-printed": PrefilteredIV(as_printed=True),
+}
+
+
+def _check_iteration(tolerance: float, max_iterations: int) -> None:
+    if not 0 < tolerance < 1:
+        raise ExperimentError(f"tolerance must lie between 0 and 1, not {tolerance}")
+    if max_iterations < 1:
+        raise ExperimentError(f"max_iterations must be at least 1, not {max_iterations}")

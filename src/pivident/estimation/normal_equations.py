@@ -1,0 +1,187 @@
+"""Normal equations of all joints, accumulated block by block.
+
+Everything that LS, IV and PIV need of a record are, per joint j and summed over its samples,
+
+    Zᵀ Φ,  Zᵀ Z,  Φᵀ Φ,  Zᵀ τ,  Φᵀ τ,  τᵀ τ          (Z = Φ for least squares)
+
+on the joint's structurally non-zero columns only. They have the size of the parameters, not of
+the record, add over blocks and over recordings, and every weighting of the joints is applied
+afterwards:
+
+    θ = (Σ_j Zᵀ Φ / λ_j)⁻¹ Σ_j Zᵀ τ / λ_j             (D5)
+    P = (Σ_j Zᵀ Z / λ_j)⁻¹                            (P-31), summed over samples
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import RankDeficientRegressor
+
+#: Smallest singular value of the scaled observation matrix, relative to the largest.
+RANK_TOLERANCE = 1e-6
+
+
+@dataclass(eq=False)
+class JointSums:
+    """Sums of one joint over samples, on its own columns.
+
+    Attributes:
+        columns: parameters that act on the joint, shape (k,).
+        zf: Zᵀ Φ, shape (k, k); ``zz`` Zᵀ Z and ``ff`` Φᵀ Φ likewise.
+        zz: Zᵀ Z.
+        ff: Φᵀ Φ.
+        zt: Zᵀ τ, shape (k,); ``ft`` Φᵀ τ likewise.
+        ft: Φᵀ τ.
+        tt: τᵀ τ.
+        rows: number of samples that voted.
+    """
+
+    columns: np.ndarray
+    zf: np.ndarray
+    zz: np.ndarray
+    ff: np.ndarray
+    zt: np.ndarray
+    ft: np.ndarray
+    tt: float = 0.0
+    rows: int = 0
+
+    @classmethod
+    def empty(cls, columns: np.ndarray) -> JointSums:
+        """No samples yet."""
+        k = columns.size
+        square = [np.zeros((k, k)) for _ in range(3)]
+        return cls(columns, *square, np.zeros(k), np.zeros(k))
+
+    def add(self, phi: np.ndarray, z: np.ndarray | None, tau: np.ndarray, votes: np.ndarray | None) -> None:
+        """Add samples, time last.
+
+        Args:
+            phi: the joint's columns, shape (k, samples).
+            z: instruments of the same shape; None: Z = Φ.
+            tau: torque, shape (samples,).
+            votes: True where a sample votes, shape (samples,); None: all do.
+        """
+        if votes is not None and not votes.all():
+            phi, tau = phi[:, votes], tau[votes]
+            z = None if z is None else z[:, votes]
+        self.ff += phi @ phi.T
+        self.ft += phi @ tau
+        if z is None:
+            self.zf, self.zz, self.zt = self.ff, self.ff, self.ft
+        else:
+            self.zf += z @ phi.T
+            self.zz += z @ z.T
+            self.zt += z @ tau
+        self.tt += float(tau @ tau)
+        self.rows += tau.size
+
+    def residual_sum(self, theta: np.ndarray) -> float:
+        """‖τ - Φθ‖² for all parameters ``theta``, from the sums."""
+        own = theta[self.columns]
+        return max(float(self.tt - 2.0 * own @ self.ft + own @ self.ff @ own), 0.0)
+
+    def own_variance(self) -> float:
+        """Residual variance of the joint's own least squares, with its degrees of freedom."""
+        scale = _scales(self.ff)
+        solution = np.linalg.pinv(self.ff / np.outer(scale, scale), rcond=1e-12, hermitian=True) @ (
+            self.ft / scale
+        )
+        remainder = self.tt - float(self.ft / scale @ solution)
+        rank = self.columns.size
+        return max(remainder, 1e-30 * max(self.tt, 1e-300)) / max(self.rows - rank, 1)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Solved normal equations.
+
+    Attributes:
+        theta: parameters, shape (parameters,).
+        covariance: (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters).
+        bread: (Σ ZᵀΦ w)⁻¹, for the sandwich.
+        condition: condition number of the column-scaled observation matrix.
+    """
+
+    theta: np.ndarray
+    covariance: np.ndarray
+    bread: np.ndarray
+    condition: float
+
+
+def solve(
+    sums: Sequence[JointSums], variance: np.ndarray, names: Sequence[str], weight_power: float = 1.0
+) -> Solution:
+    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹.
+
+    Args:
+        sums: one per joint.
+        variance: λ_j of each joint, shape (joints,).
+        names: names of the parameters, for the error.
+        weight_power: w; 1 is generalised least squares, 2 what (P-22) and (P-28) amount to.
+
+    Raises:
+        RankDeficientRegressor: names the parameters that the motion does not separate.
+    """
+    size = len(names)
+    zf, zz, ff = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    zt = np.zeros(size)
+    for joint, lam in zip(sums, variance, strict=True):
+        grid = np.ix_(joint.columns, joint.columns)
+        zf[grid] += joint.zf / lam**weight_power
+        zt[joint.columns] += joint.zt / lam**weight_power
+        zz[grid] += joint.zz / lam
+        ff[grid] += joint.ff / lam
+    condition = _check_rank(ff, names)
+    scale = _scales(ff)
+    outer = np.outer(scale, scale)
+    bread = np.linalg.inv(zf / outer) / outer
+    theta = np.linalg.solve(zf / outer, zt / scale) / scale
+    return Solution(theta, np.linalg.inv(zz / outer) / outer, bread, condition)
+
+
+def sandwich(bread: np.ndarray, scores: np.ndarray) -> np.ndarray:
+    """Covariance P = (ZᵀΦ)⁻¹ S (ΦᵀZ)⁻¹ that holds for correlated residuals, (E3).
+
+    S sums the outer products of the scores Zᵀε over blocks of time. Within a block any
+    correlation is allowed; blocks are longer than the correlation and taken as independent.
+
+    Args:
+        bread: (ZᵀΦ)⁻¹, shape (parameters, parameters).
+        scores: Σ zε over each block, shape (blocks, parameters).
+    """
+    blocks = len(scores)
+    if blocks < 2:
+        return np.full(bread.shape, np.nan)
+    return bread @ (scores.T @ scores * blocks / (blocks - 1)) @ bread.T
+
+
+def _scales(gram: np.ndarray) -> np.ndarray:
+    """Length of each column, one where a column is empty."""
+    length = np.sqrt(np.diag(gram))
+    return np.where(length > 0, length, 1.0)
+
+
+def _check_rank(gram: np.ndarray, names: Sequence[str]) -> float:
+    """Condition number of the scaled columns.
+
+    Raises:
+        RankDeficientRegressor: if some cannot be told apart.
+    """
+    scale = _scales(gram)
+    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
+    weak = np.flatnonzero(values < RANK_TOLERANCE**2 * values[-1])
+    empty = np.flatnonzero(np.diag(gram) <= 0)
+    if weak.size or empty.size:
+        groups = [(names[i],) for i in empty]
+        for k in weak:
+            share = np.abs(vectors[:, k])
+            members = [names[i] for i in np.argsort(-share) if share[i] > 0.1 and i not in empty]
+            if members:
+                groups.append(tuple(members))
+        missing = max(weak.size, empty.size)
+        raise RankDeficientRegressor(len(names) - missing, len(names), groups)
+    return float(np.sqrt(values[-1] / values[0]))

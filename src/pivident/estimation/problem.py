@@ -1,0 +1,163 @@
+"""What is given: robot, recordings, control loop, parameters to estimate, mask.
+
+A ``Problem`` is method-free: the same one goes to ``identify`` with LS, IV and PIV.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import nominal_values
+from pivident.dynamics.regressor import Regressor
+from pivident.errors import ExperimentError, IdentificationError
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.simulation.controllers import Controller
+
+#: Share of the rated speed below which rows do not vote on measured records.
+LOW_SPEED = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The control loop that a record was taken in.
+
+    Attributes:
+        controller: the sampled control law.
+        drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+        limit: largest controller output, shape (joints,) or a scalar; infinite without one.
+        reference: ``recorded``: the log holds q_ref; ``smoothed``: it does not, and the
+            smoothed measurement takes its place. Such a loop is virtual: it only has to carry
+            the simulation along the motion, and the instruments then depend on the noise that
+            the smoother let through.
+    """
+
+    controller: Controller
+    drive_gain: np.ndarray | float = 1.0
+    limit: np.ndarray | float = np.inf
+    reference: Literal["recorded", "smoothed"] = "recorded"
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Robot, recordings and loop: everything but the method.
+
+    Attributes:
+        robot: the robot.
+        recordings: one run or several that share the parameters.
+        loop: the control loop; only IV and PIV need it.
+        parameters: names of the base parameters to estimate (with or without the trailing
+            ``r``); None: all of them.
+        mask: ``auto``: rows of a joint below 1 % of its rated speed do not vote on measured
+            records and do on simulated ones; a number: that share of the rated speed; None or
+            0: all rows vote.
+        initial: starting values by parameter name; base parameters not named start at their
+            nominal value, frictions at zero.
+    """
+
+    robot: Robot
+    recordings: tuple[Recording, ...]
+    loop: Loop | None = None
+    parameters: tuple[str, ...] | None = None
+    mask: Literal["auto"] | float | None = "auto"
+    initial: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        if isinstance(self.recordings, Recording):
+            object.__setattr__(self, "recordings", (self.recordings,))
+        object.__setattr__(self, "recordings", tuple(self.recordings))
+        if not self.recordings:
+            raise IdentificationError("no recording given; at least one is needed")
+        for recording in self.recordings:
+            if recording.joints != self.robot.size:
+                raise ExperimentError(
+                    f"recording {recording.name!r} has {recording.joints} joints, robot "
+                    f"{self.robot.name!r} has {self.robot.size}; map one column per joint"
+                )
+        if self.loop is not None:
+            self.loop.controller.check(self.robot.size)
+        if isinstance(self.mask, (int, float)) and not 0 <= self.mask < 1:
+            raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")
+        base = base_parameters(self.robot)
+        object.__setattr__(self, "base", base)
+        object.__setattr__(self, "selection", _selection(base, self.parameters))
+        object.__setattr__(
+            self,
+            "regressor",
+            Regressor.build(self.robot, [base.parameters[k] for k in self.selection]),
+        )
+        self.initial_values()  # unknown names are refused now, not after minutes of work
+
+    base: BaseParameters = field(init=False, repr=False)
+    selection: tuple[int, ...] = field(init=False, repr=False)
+    regressor: Regressor = field(init=False, repr=False)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the estimated parameters."""
+        return tuple(self.base.names[k] for k in self.selection)
+
+    @property
+    def expressions(self) -> tuple[str, ...]:
+        """Their groups written out."""
+        expressions = self.base.expressions
+        return tuple(expressions[k] for k in self.selection)
+
+    def speed_limits(self, recording: Recording) -> np.ndarray:
+        """Speed of each joint below which its rows do not vote [rad/s or m/s], shape (joints,).
+
+        Where the rated speed is not known, the fastest motion of the record stands for it.
+        """
+        share = self.mask
+        if share == "auto":
+            share = 0.0 if recording.simulated else LOW_SPEED
+        share = float(share or 0.0)
+        if share == 0.0:
+            return np.zeros(self.robot.size)
+        rated = self.robot.rated_speeds
+        fastest = np.abs(np.diff(recording.q, axis=0)).max(axis=0) * recording.rate
+        return share * np.where(np.isfinite(rated), rated, fastest)
+
+    def initial_values(self) -> np.ndarray:
+        """Start of the iteration: nominal inertias, zero friction, then ``initial`` by name.
+
+        Raises:
+            ExperimentError: names an unknown parameter and the nearest known one.
+        """
+        nominal = nominal_values(self.robot, self.base.standard)
+        for k, p in enumerate(self.base.standard):
+            if p.friction is not None or p.coupling is not None:
+                nominal[k] = 0.0
+        values = self.base.values(nominal)
+        for name, value in self.initial.items():
+            values[_index(self.base, name)] = float(value)
+        return values[list(self.selection)]
+
+
+def _selection(base: BaseParameters, names: Sequence[str] | None) -> tuple[int, ...]:
+    """Indices of the chosen base parameters, in the base set's order."""
+    if names is None:
+        return tuple(range(len(base)))
+    chosen = [_index(base, name) for name in names]
+    if len(set(chosen)) != len(chosen):
+        twice = next(name for name in names if chosen.count(_index(base, name)) > 1)
+        raise ExperimentError(f"parameter {twice!r} is asked for twice")
+    if not chosen:
+        raise ExperimentError("the list of parameters is empty; leave it out to estimate all")
+    return tuple(sorted(chosen))
+
+
+def _index(base: BaseParameters, name: str) -> int:
+    try:
+        return base.index(name)
+    except KeyError:
+        heads = [p.name for p in base.parameters]
+        near = difflib.get_close_matches(name.lower().removesuffix("r"), heads, n=3)
+        hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(heads)}"
+        raise ExperimentError(f"no base parameter {name!r}; {hint}") from None
