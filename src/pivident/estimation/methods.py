@@ -11,6 +11,13 @@ from typing import Literal
 from pivident.errors import ExperimentError
 
 
+def _check_iteration(tolerance: float, max_iterations: int) -> None:
+    if not 0 < tolerance < 1:
+        raise ExperimentError(f"tolerance must lie between 0 and 1, not {tolerance}")
+    if max_iterations < 1:
+        raise ExperimentError(f"max_iterations must be at least 1, not {max_iterations}")
+
+
 @dataclass(frozen=True)
 class Bandpass:
     """Zero-phase Butterworth, central differences, parallel decimation of Φ and τ.
@@ -166,10 +173,3 @@ METHODS: dict[str, Method] = {
     "piv": PrefilteredIV(),
     "piv-as-printed": PrefilteredIV(as_printed=True),
 }
-
-
-def _check_iteration(tolerance: float, max_iterations: int) -> None:
-    if not 0 < tolerance < 1:
-        raise ExperimentError(f"tolerance must lie between 0 and 1, not {tolerance}")
-    if max_iterations < 1:
-        raise ExperimentError(f"max_iterations must be at least 1, not {max_iterations}")

@@ -1,0 +1,102 @@
+"""The answer of an estimator that worked at the full sampling rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.estimation.full_rate import FullRateRecord, scores_and_residuals, torque_of
+from pivident.estimation.identification import FittedRecording, Identification, Iteration
+from pivident.estimation.iteration import joint_fits, make_identification
+from pivident.estimation.methods import InstrumentalVariables, LeastSquares, PrefilteredIV
+from pivident.estimation.normal_equations import Solution
+from pivident.estimation.problem import Problem
+from pivident.signals.noise_models import ArModel
+from pivident.signals.prefilter import Prefilter
+
+
+def full_rate_answer(
+    problem: Problem,
+    method: LeastSquares | InstrumentalVariables | PrefilteredIV,
+    records: Sequence[FullRateRecord],
+    filters: Sequence[Prefilter],
+    solution: Solution,
+    variance: np.ndarray,
+    history: Sequence[Iteration],
+    converged: bool,
+    noise_units: Sequence[str],
+    weight_power: float = 1.0,
+    models: Sequence[ArModel] = (),
+    warnings: Sequence[str] = (),
+) -> Identification:
+    """Residuals, scores and plots on all samples.
+
+    Args:
+        problem: what was given.
+        method: how it was estimated.
+        records: recordings with instruments and votes.
+        filters: prefilter of each joint.
+        solution: the solution.
+        variance: λ of each joint, shape (joints,).
+        history: iterations.
+        converged: whether they converged.
+        noise_units: unit of √λ of each joint.
+        weight_power: power of λ in the weights.
+        models: noise models, where there are any.
+        warnings: sentences.
+    """
+    regressor, theta = problem.regressor, solution.theta
+    scores, whitened = scores_and_residuals(
+        regressor, records, filters, theta, variance, weight_power
+    )
+    torques = [torque_of(regressor, r.kinematics, theta) for r in records]
+    errors = [
+        (r.kinematics.tau - m, r.kinematics.tau, r.votes)
+        for r, m in zip(records, torques, strict=True)
+    ]
+    fits = joint_fits(
+        problem,
+        errors,
+        np.sqrt(variance),
+        noise_units,
+        np.mean([r.kinematics.f50 for r in records], axis=0),
+        np.mean([r.kinematics.encoder_std for r in records], axis=0),
+        [m.order for m in models],
+        [m.at_bound for m in models],
+    )
+    # one figure for all joints: each weighted by its own unfiltered error
+    spread = np.array([max(f.rms_error, 1e-300) ** 2 for f in fits])
+    error = sum(np.sum(np.sum(np.where(v, e, 0.0) ** 2, axis=1) / spread) for e, _, v in errors)
+    total = sum(np.sum(np.sum(np.where(v, t, 0.0) ** 2, axis=1) / spread) for _, t, v in errors)
+    fitted = []
+    for r, model, residual in zip(records, torques, whitened, strict=True):
+        k = r.kinematics
+        part = slice(k.start, k.stop)
+        fitted.append(
+            FittedRecording(
+                k.recording.name,
+                k.recording.t[part],
+                k.q[:, part].T,
+                k.dq[:, part].T,
+                k.ddq[:, part].T,
+                k.recording.q[part],
+                k.tau[:, part].T,
+                model[:, part].T,
+                ~r.votes[:, part].T,
+                residual[:, part].T,
+                k.recording.rate,
+            )
+        )
+    return make_identification(
+        problem,
+        method,
+        solution,
+        scores,
+        history,
+        converged,
+        fits,
+        float(np.sqrt(error / total)),
+        fitted,
+        warnings,
+    )

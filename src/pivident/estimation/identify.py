@@ -1,0 +1,81 @@
+"""One verb: ``identify(problem, method)``; and ``build_regression`` for estimators of your own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.identification import Identification
+from pivident.estimation.instrumental_variables import identify_iv
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.least_squares import identify_ls
+from pivident.estimation.methods import (
+    METHODS,
+    Bandpass,
+    InstrumentalVariables,
+    LeastSquares,
+    Method,
+    PrefilteredIV,
+    RandomWalk,
+)
+from pivident.estimation.prefiltered_iv import identify_piv
+from pivident.estimation.problem import Problem
+
+Progress = Callable[[str], None]
+
+
+def identify(
+    problem: Problem, method: Method | str = "piv", progress: Progress | None = None
+) -> Identification:
+    """Estimate a problem's parameters.
+
+    Args:
+        problem: robot, recordings, loop, parameters, mask.
+        method: a method object, or one of the names in ``METHODS`` (``ls``, ``iv``, ``piv`` …).
+        progress: called with one line at each stage.
+
+    Returns:
+        The identification.
+
+    Raises:
+        IdentificationError: unknown method, rank-deficient motion, a loop that cannot be
+            simulated (its children say which).
+    """
+    if isinstance(method, str):
+        if method not in METHODS:
+            raise IdentificationError(
+                f"unknown method {method!r}; choose one of {', '.join(METHODS)}"
+            )
+        method = METHODS[method]
+    say = progress or (lambda line: None)
+    if isinstance(method, LeastSquares):
+        return identify_ls(problem, method, say)
+    if isinstance(method, InstrumentalVariables):
+        return identify_iv(problem, method, say)
+    if isinstance(method, PrefilteredIV):
+        return identify_piv(problem, method, say)
+    raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
+
+
+def build_regression(
+    problem: Problem, signals: Bandpass | RandomWalk | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Observation matrix and torque of all recordings, dense, at the full rate.
+
+    Args:
+        problem: robot, recordings, parameters.
+        signals: recipe; default: random walk smoother with aligned torque.
+
+    Returns:
+        Φ, shape (samples, joints, parameters), and τ, shape (samples, joints) [N m or N], over
+        the usable samples of all recordings.
+    """
+    blocks = []
+    for recording in problem.recordings:
+        k = estimate_kinematics(recording, signals or RandomWalk())
+        part = slice(k.start, k.stop)
+        phi = problem.regressor.matrix(k.q[:, part].T, k.dq[:, part].T, k.ddq[:, part].T)
+        blocks.append((phi, k.tau[:, part].T))
+    return np.concatenate([b[0] for b in blocks]), np.concatenate([b[1] for b in blocks])

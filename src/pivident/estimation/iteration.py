@@ -1,0 +1,247 @@
+"""What LS, IV and PIV share: weights, the fixed-point iteration, and the making of the answer."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
+from pivident.estimation.identification import (
+    FittedRecording,
+    Identification,
+    Iteration,
+    JointFit,
+)
+from pivident.estimation.normal_equations import JointSums, Solution, sandwich, solve
+from pivident.estimation.problem import Problem
+
+Stage = Callable[[int, np.ndarray, list[SimulatedMotion]], Sequence[JointSums]]
+
+
+def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
+    """λ_j: residual variance of each joint at θ, with its degrees of freedom, shape (joints,)."""
+    return np.array(
+        [
+            max(s.residual_sum(theta), 1e-30 * max(s.tt, 1e-300)) / max(s.rows - s.columns.size, 1)
+            for s in sums
+        ]
+    )
+
+
+def weighted_solution(
+    sums: Sequence[JointSums], names: Sequence[str], start: np.ndarray, weight_power: float
+) -> tuple[Solution, np.ndarray]:
+    """Solve with weights from the residual, twice, so that weights and estimate agree.
+
+    Args:
+        sums: normal equations.
+        names: parameter names.
+        start: parameters of the first weights.
+        weight_power: see ``solve``.
+
+    Returns:
+        The solution and the variances λ that belong to it.
+    """
+    theta = start
+    for _ in range(3):
+        variance = joint_variances(sums, theta)
+        solution = solve(sums, variance, names, weight_power)
+        theta = solution.theta
+    return solution, joint_variances(sums, theta)
+
+
+def iterate(
+    problem: Problem,
+    auxiliary: AuxiliaryModel,
+    stage: Stage,
+    tolerance: float,
+    max_iterations: int,
+    say: Callable[[str], None],
+    weight_power: float = 1.0,
+    orders: Callable[[], tuple[int, ...]] = tuple,
+    earliest: int = 2,
+) -> tuple[Solution, np.ndarray, list[Iteration], bool]:
+    """Simulate, build the equations, solve; until parameters and residual stand still.
+
+    Both must change by less than ``tolerance``: the parameters relative to the larger of their
+    size and two standard deviations, and at the same time by less than a fifth of a standard
+    deviation; the residual relative to itself.
+
+    Args:
+        problem: what is given.
+        auxiliary: makes the instruments.
+        stage: builds the normal equations from iteration number, parameters and instruments.
+        tolerance: of both criteria.
+        max_iterations: stop after so many.
+        say: progress.
+        weight_power: see ``solve``.
+        orders: orders of the noise models after a stage.
+        earliest: first iteration that may be the last.
+
+    Returns:
+        Last solution, its variances, the history, whether it converged.
+    """
+    theta = problem.initial_values()
+    previous: np.ndarray | None = None
+    residual = np.inf
+    history: list[Iteration] = []
+    for k in range(max_iterations):
+        motions, theta, halvings = auxiliary.simulate_or_halve(previous, theta)
+        sums = stage(k, theta, motions)
+        solution, variance = weighted_solution(sums, problem.names, theta, weight_power)
+        std = np.sqrt(np.diag(solution.covariance))
+        step = np.abs(solution.theta - theta)
+        change = float((step / np.maximum(np.abs(solution.theta), 2.0 * std)).max())
+        settled = float((step / std).max())
+        last, residual = residual, relative_residual(sums, solution.theta, variance)
+        history.append(Iteration(solution.theta, change, residual, halvings, orders()))
+        say(f"iteration {k + 1}: parameters change by {100 * change:.3g} %, residual {100 * residual:.3g} %")
+        previous, theta = theta, solution.theta
+        still = change < tolerance and settled < 0.2
+        if k + 1 >= earliest and still and abs(residual - last) < tolerance * residual:
+            return solution, variance, history, True
+    return solution, variance, history, False
+
+
+def relative_residual(
+    sums: Sequence[JointSums], theta: np.ndarray, variance: np.ndarray
+) -> float:
+    """‖τ - Φθ‖/‖τ‖ over all joints, each weighted by 1/λ_j."""
+    error = sum(s.residual_sum(theta) / v for s, v in zip(sums, variance, strict=True))
+    total = sum(s.tt / v for s, v in zip(sums, variance, strict=True))
+    return float(np.sqrt(error / total)) if total > 0 else 0.0
+
+
+def option_values(method: Any) -> dict[str, Any]:
+    """A method's options as plain values."""
+    return dataclasses.asdict(method)
+
+
+def loop_warnings(problem: Problem) -> list[str]:
+    """What has to be said about instruments from this loop."""
+    if problem.loop is not None and problem.loop.reference == "smoothed":
+        return [
+            "The reference was not recorded: the smoothed measurement stands for it, with the "
+            "declared control law as a virtual one. Instruments then share the noise that the "
+            "smoother let through."
+        ]
+    return []
+
+
+def friction_warnings(problem: Problem, theta: np.ndarray, std: np.ndarray) -> list[str]:
+    """Sentences about parameters that physics wants positive and the data made negative."""
+    return [
+        f"{name} = {value:.3g} {p.unit} is negative; friction and rotor inertia cannot be "
+        f"({abs(value) / max(s, 1e-300):.1f} standard deviations below zero). Look at the low-speed "
+        "mask, the signs of the torque and the friction law."
+        for p, name, value, s in zip(
+            problem.regressor.parameters, problem.names, theta, std, strict=True
+        )
+        if p.is_dissipative and value < 0
+    ]
+
+
+def make_identification(
+    problem: Problem,
+    method: Any,
+    solution: Solution,
+    scores: np.ndarray,
+    history: Sequence[Iteration],
+    converged: bool,
+    joints: Sequence[JointFit],
+    relative_error: float,
+    recordings: Sequence[FittedRecording],
+    warnings: Sequence[str],
+) -> Identification:
+    """Put the answer together; see :class:`Identification` for the fields."""
+    from pivident import __version__
+
+    std = np.sqrt(np.diag(solution.covariance))
+    noticed = [*warnings, *friction_warnings(problem, solution.theta, std)]
+    if not converged:
+        noticed.insert(
+            0,
+            f"Not converged after {len(history)} iterations; the last change was "
+            f"{100 * history[-1].change:.2g} %. Look at the convergence plot before using it.",
+        )
+    sources = {s.name: s.sha256 for r in problem.recordings for s in r.sources}
+    return Identification(
+        method=method.label,
+        robot=problem.robot,
+        parameters=problem.regressor.parameters,
+        names=problem.names,
+        expressions=problem.expressions,
+        theta=solution.theta,
+        covariance=solution.covariance,
+        robust_covariance=sandwich(solution.bread, scores),
+        converged=converged,
+        history=tuple(history),
+        joints=tuple(joints),
+        relative_error=relative_error,
+        condition=solution.condition,
+        recordings=tuple(recordings),
+        options=option_values(method) | {"mask": problem.mask},
+        warnings=tuple(noticed),
+        sources=sources,
+        version=__version__,
+    )
+
+
+def joint_fits(
+    problem: Problem,
+    errors: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    noise_std: np.ndarray,
+    noise_units: Sequence[str],
+    f50: np.ndarray,
+    encoder_std: np.ndarray,
+    orders: Sequence[int] = (),
+    at_bound: Sequence[bool] = (),
+) -> list[JointFit]:
+    """How each joint was fitted.
+
+    Args:
+        problem: what is given.
+        errors: for each recording τ - Φθ, τ and votes, each (joints, rows).
+        noise_std: √λ of each joint.
+        noise_units: its unit.
+        f50: of the smoother [Hz], shape (joints,).
+        encoder_std: found by the smoother [rad or m], shape (joints,).
+        orders: of the noise models.
+        at_bound: whether the order is the largest allowed.
+    """
+    fits = []
+    for j, joint in enumerate(problem.robot.joints):
+        squares = [np.sum(e[j, v[j]] ** 2) for e, _, v in errors]
+        torque = [np.sum(t[j, v[j]] ** 2) for _, t, v in errors]
+        rows = sum(int(v[j].sum()) for _, _, v in errors)
+        usable = sum(int(v.any(axis=0).sum()) for _, _, v in errors)
+        fits.append(
+            JointFit(
+                name=joint.name,
+                torque_unit="N m" if joint.kind == "revolute" else "N",
+                relative_error=float(np.sqrt(sum(squares) / max(sum(torque), 1e-300))),
+                rms_error=float(np.sqrt(sum(squares) / max(rows, 1))),
+                noise_std=float(noise_std[j]),
+                noise_unit=noise_units[j],
+                ar_order=int(orders[j]) if len(orders) else 0,
+                ar_at_bound=bool(at_bound[j]) if len(at_bound) else False,
+                rows=rows,
+                masked=1.0 - rows / max(usable, 1),
+                f50=float(f50[j]),
+                encoder_std=float(encoder_std[j]),
+            )
+        )
+    return fits
+
+
+def torque_units(problem: Problem) -> list[str]:
+    """N m or N, for each joint."""
+    return ["N m" if j.kind == "revolute" else "N" for j in problem.robot.joints]
+
+
+def position_units(problem: Problem) -> list[str]:
+    """Unit of each joint's position, rad or m."""
+    return ["rad" if j.kind == "revolute" else "m" for j in problem.robot.joints]
