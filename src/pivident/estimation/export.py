@@ -1,0 +1,114 @@
+"""An identification as files: ``identification.json`` for programs, ``parameters.csv`` for sheets.
+
+The JSON is strict: numbers that are not finite are written as null.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.files import atomic_folder
+
+#: Version of the layout of ``identification.json``.
+SCHEMA = 1
+
+#: Columns of ``parameters.csv``; σ in the unit of its row, the relative one in percent.
+CSV_COLUMNS = ("name", "value", "std", "robust_std", "relative_std", "unit", "expression")
+
+
+def save_identification(identification: Identification, folder: str | PathLike[str]) -> None:
+    """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.
+
+    Args:
+        identification: the result.
+        folder: folder to create or to write into; its other files stay.
+
+    Raises:
+        PividentError: the folder cannot be written.
+    """
+    with atomic_folder(folder) as build:
+        (build / "identification.json").write_text(to_json(identification), encoding="utf-8")
+        (build / "parameters.csv").write_text(to_csv(identification), encoding="utf-8")
+
+
+def to_dict(identification: Identification) -> dict[str, Any]:
+    """The result as plain values, ready for JSON; signals are left out.
+
+    Args:
+        identification: the result.
+    """
+    parameters = [
+        {key: getattr(row, key) for key in CSV_COLUMNS} for row in parameter_rows(identification)
+    ]
+    content = {
+        "schema": SCHEMA,
+        "method": identification.method,
+        "robot": identification.robot.name,
+        "converged": bool(identification.converged),
+        "iterations": identification.iterations,
+        "parameters": parameters,
+        "covariance": identification.covariance,
+        "robust_covariance": identification.robust_covariance,
+        "relative_error": identification.relative_error,
+        "joints": identification.joints,
+        "history": identification.history,
+        "condition": identification.condition,
+        "options": identification.options,
+        "warnings": identification.warnings,
+        "sources": identification.sources,
+        "version": identification.version,
+    }
+    return {key: _plain(value) for key, value in content.items()}
+
+
+def to_json(identification: Identification) -> str:
+    """Strict JSON with one line for each parameter, joint, iteration and row of a matrix."""
+    entries = []
+    for key, value in to_dict(identification).items():
+        text = _strict(value)
+        if isinstance(value, list) and value:
+            text = "[\n    " + ",\n    ".join(map(_strict, value)) + "\n  ]"
+        entries.append(f"  {_strict(key)}: {text}")
+    return "{\n" + ",\n".join(entries) + "\n}\n"
+
+
+def to_csv(identification: Identification) -> str:
+    """The parameters as a table with a header; numbers that are not finite are left empty."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for row in parameter_rows(identification):
+        writer.writerow([_plain(getattr(row, column)) for column in CSV_COLUMNS])
+    return stream.getvalue()
+
+
+def _strict(value: Any) -> str:
+    return json.dumps(value, allow_nan=False, ensure_ascii=False)
+
+
+def _plain(value: Any) -> Any:
+    """Lists, dictionaries, texts and finite numbers; anything else as its text."""
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple | set | frozenset):
+        return [_plain(entry) for entry in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)

@@ -1,0 +1,168 @@
+"""Results as plain text: one identification, or several methods side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import (
+    CONTRADICTION,
+    ParameterRow,
+    aligned_rows,
+    largest_difference,
+    method_labels,
+    parameter_rows,
+    percent,
+    significant,
+    with_spread,
+)
+
+#: Width of a table in characters, unless its numbers need more.
+WIDTH = 110
+
+#: A group written out gets at least this many characters.
+_SHORTEST_EXPRESSION = 12
+
+_GAP = "  "
+
+
+def identification_table(identification: Identification) -> str:
+    """One result: how it came about, its parameters with intervals, its joints, its warnings.
+
+    Args:
+        identification: the result.
+    """
+    rows = parameter_rows(identification)
+    spreads = [with_spread(row.value, 2.0 * row.std) for row in rows]
+    columns = [
+        _column("parameter", [row.name for row in rows], "<"),
+        _column("value", [value for value, _ in spreads], "."),
+        _column("±2σ", [spread for _, spread in spreads], "."),
+        _column("σ/|θ| %", [significant(row.relative_std, 2) for row in rows], "."),
+        _column("robust σ", [significant(row.robust_std, 2) for row in rows], "."),
+        _column("unit", [row.unit for row in rows], "<"),
+    ]
+    taken = sum(len(column[0]) + len(_GAP) for column in columns)
+    room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
+    columns.append(_column("group", [shortened(row.expression, room) for row in rows], "<"))
+    parts = [headline(identification), _lines(columns), _joint_table(identification)]
+    parts += [f"Warning: {text}" for text in identification.warnings]
+    return "\n\n".join(parts)
+
+
+def comparison_table(
+    identifications: Sequence[Identification], truth: Mapping[str, float] | None = None
+) -> str:
+    """Several methods side by side: value and relative σ of each, and their largest difference.
+
+    Args:
+        identifications: results of the same robot.
+        truth: known values by parameter name; adds them and the error of each method.
+    """
+    labels = method_labels(identifications)
+    table = aligned_rows(identifications, truth)
+    columns = [
+        _column("parameter", list(table), "<", top=""),
+        _column("unit", [_first(rows).unit for rows in table.values()], "<", top=""),
+    ]
+    if truth:
+        known = [significant(_first(rows).truth, 5) for rows in table.values()]
+        columns.append(_column("truth", known, ".", top=""))
+    for k, label in enumerate(labels):
+        rows = [entry[k] for entry in table.values()]
+        columns += _method_columns(label, rows, errors=bool(truth))
+    if len(identifications) > 1:
+        differences = [largest_difference(rows)[0] for rows in table.values()]
+        marks = [f"{significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
+        columns.append(_column("apart [σ]", marks, ".", top="largest"))
+    errors = ", ".join(
+        f"{label} {percent(100.0 * i.relative_error)}"
+        for label, i in zip(labels, identifications, strict=True)
+    )
+    parts = [_lines(columns), f"relative error of the torque: {errors}"]
+    if len(identifications) > 1:
+        parts.append(f"* two methods differ by more than {CONTRADICTION:g} combined σ")
+    return "\n".join(parts)
+
+
+def headline(identification: Identification) -> str:
+    """Method, robot, how the iteration ended, relative error and condition, on one line."""
+    count = identification.iterations
+    plural = "s" * (count != 1)
+    if not identification.converged:
+        ending = f"NOT converged after {count} iteration{plural}"
+    elif count > 1:
+        ending = f"converged in {count} iterations"
+    else:
+        ending = "solved in one step"
+    return (
+        f"{identification.method} of {identification.robot.name}: {ending}, "
+        f"relative error {percent(100.0 * identification.relative_error)}, "
+        f"condition {significant(identification.condition)}"
+    )
+
+
+def shortened(text: str, width: int) -> str:
+    """A text cut at a blank to a width, with … for what is missing."""
+    if len(text) <= width:
+        return text
+    head = text[: width - 1]
+    return f"{head[: head.rfind(' ') + 1] or head}…"
+
+
+def _joint_table(identification: Identification) -> str:
+    """Fit of each joint with the order of its noise model."""
+    joints = identification.joints
+    orders = [f"{j.ar_order}{' (bound)' * j.ar_at_bound}" for j in joints]
+    columns = [
+        _column("joint", [j.name for j in joints], "<"),
+        _column("error %", [significant(100.0 * j.relative_error, 2) for j in joints], "."),
+        _column("rms error", [significant(j.rms_error) for j in joints], "."),
+        _column("unit", [j.torque_unit for j in joints], "<"),
+        _column("noise σ", [significant(j.noise_std) for j in joints], "."),
+        _column("unit", [j.noise_unit for j in joints], "<"),
+        _column("AR order", orders, "<"),
+        _column("rows", [str(j.rows) for j in joints], ">"),
+        _column("masked %", [f"{100.0 * j.masked:.1f}" for j in joints], ">"),
+    ]
+    return _lines(columns)
+
+
+def _method_columns(
+    label: str, rows: Sequence[ParameterRow | None], *, errors: bool
+) -> list[list[str]]:
+    """Value and relative σ of one method, with its error in percent where there is a truth."""
+    values = ["" if r is None else with_spread(r.value, 2.0 * r.std)[0] for r in rows]
+    relative = ["" if r is None else significant(r.relative_std, 2) for r in rows]
+    columns = [
+        _column("value", values, ".", top=label),
+        _column("σ %", relative, ".", top=""),
+    ]
+    if errors:
+        error = ["" if r is None else significant(r.error_percent, 2) for r in rows]
+        columns.append(_column("error %", error, ".", top=""))
+    return columns
+
+
+def _first(rows: Sequence[ParameterRow | None]) -> ParameterRow:
+    return next(row for row in rows if row is not None)
+
+
+def _column(title: str, cells: Sequence[str], align: str, top: str | None = None) -> list[str]:
+    """Head and cells padded to one width; ``align`` is <, > or . for the decimal points."""
+    body = _on_decimal_point(cells) if align == "." else list(cells)
+    head = [title] if top is None else [top, title]
+    width = max(map(len, head + body))
+    side = "<" if align == "<" else ">"
+    return [f"{cell:{side}{width}}" for cell in head + body]
+
+
+def _on_decimal_point(cells: Sequence[str]) -> list[str]:
+    """Numbers padded so that their decimal points stand below each other."""
+    tails = [len(cell) - cell.find(".") if "." in cell else 0 for cell in cells]
+    widest = max(tails, default=0)
+    return [cell + " " * (widest - tail) for cell, tail in zip(cells, tails, strict=True)]
+
+
+def _lines(columns: Sequence[Sequence[str]]) -> str:
+    return "\n".join(_GAP.join(cells).rstrip() for cells in zip(*columns, strict=True))
