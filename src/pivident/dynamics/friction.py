@@ -10,6 +10,7 @@ import math
 import numpy as np
 from numba import njit
 
+from pivident.dynamics.elementary import arctangent
 from pivident.robot.friction import FrictionColumn, SignFunction
 
 _VISCOUS = int(FrictionColumn.VISCOUS)
@@ -53,29 +54,6 @@ def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     if sign == _ATAN:
         return (2.0 / np.pi) * np.arctan(gamma * dq)
     return np.tanh(gamma * dq)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def arctangent(x):
-    """atan(x) to rounding, five times as fast as libm's: no branch to mispredict.
-
-    Rational approximation of Cephes (Moshier, Methods and Programs for Mathematical Functions,
-    1989) after reduction to |x| < 0.66.
-    """
-    a = abs(x)
-    large, middle = a > 2.414213562373095, a > 0.66
-    numerator = -1.0 if large else (a - 1.0 if middle else a)
-    denominator = a if large else (a + 1.0 if middle else 1.0)
-    start = 0.5 * math.pi if large else (0.25 * math.pi if middle else 0.0)
-    y = numerator / denominator
-    z = y * y
-    p = -8.750608600031904122785e-1 * z - 1.615753718733365076637e1
-    p = ((p * z - 7.500855792314704667340e1) * z - 1.228866684490136173410e2) * z
-    p = p - 6.485021904942025371773e1
-    q = (z + 2.485846490142306297962e1) * z + 1.650270098316988542046e2
-    q = ((q * z + 4.328810604912902668951e2) * z + 4.853903996359136964868e2) * z
-    q = q + 1.945506571482613964425e2
-    return math.copysign(start + (y + y * z * p / q), x)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)

@@ -38,8 +38,12 @@ def save_identification(identification: Identification, folder: str | PathLike[s
         PividentError: the folder cannot be written.
     """
     with atomic_folder(folder) as build:
-        (build / "identification.json").write_text(to_json(identification), encoding="utf-8")
-        (build / "parameters.csv").write_text(to_csv(identification), encoding="utf-8")
+        for name, text in (
+            ("identification.json", to_json(identification)),
+            ("parameters.csv", to_csv(identification)),
+        ):
+            # File names may hold bytes that are no text; they become escapes.
+            (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def to_dict(identification: Identification) -> dict[str, Any]:
@@ -105,7 +109,7 @@ def _plain(value: Any) -> Any:
         value = asdict(value)
     if isinstance(value, Mapping):
         return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple | set | frozenset):
+    if isinstance(value, list | tuple):
         return [_plain(entry) for entry in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None

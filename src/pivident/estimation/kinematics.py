@@ -64,7 +64,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
             signals.order,
             median=signals.median,
             padlen=signals.padlen,
-            edge=signals.edge,
+            edge=signals.ends(recording.rate),
         )
         motion = (passed.q, passed.dq, passed.ddq)
         edge, f50, encoder_std = passed.edge, unknown, unknown

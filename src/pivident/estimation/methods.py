@@ -8,7 +8,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Literal
 
+import numpy as np
+
 from pivident.errors import ExperimentError
+from pivident.recording.recording import Recording
+
+
+#: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
+MOTION_BAND = 20.0
 
 
 def _check_iteration(tolerance: float, max_iterations: int) -> None:
@@ -29,7 +36,9 @@ class Bandpass:
         bandwidth: frequency kept by the decimation [Hz]: n_d = (rate/2)/bandwidth.
         median: length of a median filter before, 1 for none.
         padlen: samples the zero-phase filters extend the record by; None: scipy's choice.
-        edge: samples dropped at both ends before decimation; None: one period of the cut-off.
+        edge: samples dropped at both ends before decimation; None: five periods of the cut-off.
+            One period is not enough: what the zero-phase filter makes up at the ends then decides
+            the estimate (median error 2 % in place of 0.07 % on a simulated TX40).
         align: whether the torque is moved to the instants of the differences first; the
             literature does not, a declared delay is taken out in any case.
     """
@@ -42,6 +51,10 @@ class Bandpass:
     padlen: int | None = None
     edge: int | None = None
     align: bool = False
+
+    def ends(self, rate: float) -> int:
+        """Samples dropped at both ends for a sampling rate [Hz]."""
+        return int(np.ceil(5.0 * rate / self.cutoff)) if self.edge is None else self.edge
 
     def factor(self, rate: float) -> int | tuple[int, ...]:
         """Decimation factor for a sampling rate [Hz]."""
@@ -75,11 +88,22 @@ class AutoRegressive:
         p_max: largest order tried.
         criterion: ``aic``, ``aicc`` or ``bic``.
         on_unmasked: whether it is fitted on the rows that vote only.
+        motion_band: highest frequency of the motion [Hz]. Below it the residual of a measured
+            record is mostly model error, and the noise level just above it is continued
+            downwards (see ``continued_into_band``). ``auto``: 20 Hz or a quarter of the Nyquist
+            frequency on measured records, no such band on simulated ones. None: no band.
     """
 
     p_max: int = 150
     criterion: Literal["aic", "aicc", "bic"] = "aic"
     on_unmasked: bool = True
+    motion_band: Literal["auto"] | float | None = "auto"
+
+    def band(self, recording: Recording) -> float:
+        """Highest frequency of the motion of a recording [Hz], zero for none."""
+        if self.motion_band == "auto":
+            return 0.0 if recording.simulated else min(MOTION_BAND, recording.rate / 8.0)
+        return float(self.motion_band or 0.0)
 
 
 @dataclass(frozen=True)
@@ -153,7 +177,7 @@ class PrefilteredIV:
             )
         if self.as_printed:
             object.__setattr__(self, "signals", RandomWalk(order=2, passes=2, align=False))
-            object.__setattr__(self, "noise", AutoRegressive(p_max=32, on_unmasked=False))
+            object.__setattr__(self, "noise", AutoRegressive(p_max=32, on_unmasked=False, motion_band=None))
 
     @property
     def label(self) -> str:

@@ -13,8 +13,11 @@ from pivident.estimation.identification import Identification
 #: Estimates further apart than this many combined standard deviations contradict each other.
 CONTRADICTION = 3.0
 
-#: Numbers in this range are written without an exponent.
-_PLAIN = (1e-4, 1e6)
+#: Numbers of so many decimals, or as large as this, are written with an exponent.
+_MANY_DECIMALS, _LARGE = 7, 1e6
+
+#: … unless they are larger than this, where an exponent would only hide their size.
+_SMALL = 1e-3
 
 
 @dataclass(frozen=True)
@@ -43,8 +46,8 @@ class ParameterRow:
 
     @property
     def error_percent(self) -> float:
-        """100 (θ̂ - θ)/|θ| [%], NaN without a truth, infinite for a truth of zero."""
-        return _ratio(100.0 * (self.value - self.truth), abs(self.truth))
+        """100 (θ̂ - θ)/|θ| [%], NaN without a truth or where it is zero."""
+        return 100.0 * (self.value - self.truth) / abs(self.truth) if self.truth else math.nan
 
     @property
     def error_sigmas(self) -> float:
@@ -136,9 +139,13 @@ def significant(x: float, digits: int = 3) -> str:
         return "–" if math.isnan(x) else "∞" if x > 0 else "-∞"
     if x == 0.0:
         return "0"
-    if not _PLAIN[0] <= abs(x) < _PLAIN[1]:
-        return f"{x:.{digits - 1}e}"
-    return f"{x:.{max(0, digits - 1 - _exponent(x))}f}"
+    decimals = max(0, digits - 1 - _exponent(x))
+    return f"{x:.{decimals}f}" if _is_plain(abs(x), decimals) else f"{x:.{digits - 1}e}"
+
+
+def known(x: float) -> str:
+    """A number that is known exactly, with the digits it has, six at most."""
+    return f"{x:.6g}" if math.isfinite(x) else significant(x)
 
 
 def with_spread(value: float, spread: float) -> tuple[str, str]:
@@ -150,12 +157,12 @@ def with_spread(value: float, spread: float) -> tuple[str, str]:
     """
     if not (math.isfinite(value) and math.isfinite(spread) and spread > 0.0):
         return significant(value, 5), significant(spread, 2)
-    decimals = 1 - _exponent(spread)
+    decimals = max(0, 1 - _exponent(spread))
     size = max(abs(value), spread)
-    if _PLAIN[0] <= size < _PLAIN[1]:
-        return f"{value:.{max(0, decimals)}f}", f"{spread:.{max(0, decimals)}f}"
+    if _is_plain(size, decimals):
+        return f"{value:.{decimals}f}", f"{spread:.{decimals}f}"
     power = _exponent(size)
-    digits = max(0, decimals + power)
+    digits = max(0, 1 - _exponent(spread) + power)
     mantissas = (f"{x / 10.0**power:.{digits}f}" for x in (value, spread))
     text, spread_text = (f"{mantissa}e{power:+03d}" for mantissa in mantissas)
     return text, spread_text
@@ -163,7 +170,12 @@ def with_spread(value: float, spread: float) -> tuple[str, str]:
 
 def percent(x: float) -> str:
     """A percentage: ``1.2 %``."""
-    return f"{significant(x, 2)} %"
+    return significant(x, 2) if math.isnan(x) else f"{significant(x, 2)} %"
+
+
+def _is_plain(size: float, decimals: int) -> bool:
+    """Whether a number of this size and so many decimals reads well without an exponent."""
+    return size < _LARGE and (decimals < _MANY_DECIMALS or size >= _SMALL)
 
 
 def _exponent(x: float) -> int:

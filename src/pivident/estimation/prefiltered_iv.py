@@ -25,7 +25,7 @@ from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.signals.noise_models import ArModel, fit_ar
+from pivident.signals.noise_models import ArModel, continued_into_band, fit_ar
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
 from pivident.threads import run_in_threads
@@ -170,13 +170,15 @@ class Whitening:
             pieces.append(np.zeros(1))  # recordings do not continue each other
             left_out.append(np.ones(1, bool))
         noise = self.method.noise
-        return fit_ar(
+        model = fit_ar(
             np.concatenate(pieces),
             noise.p_max,
             noise.criterion,
             order=order,
             mask=np.concatenate(left_out),
         )
+        recording = self.kinematics[0].recording
+        return continued_into_band(model, recording.rate, noise.band(recording))
 
     def discard_transients(self, votes: np.ndarray) -> None:
         """Take the vote from samples at the start that the filters have not settled on."""

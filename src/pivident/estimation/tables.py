@@ -9,6 +9,7 @@ from pivident.estimation.parameter_rows import (
     CONTRADICTION,
     ParameterRow,
     aligned_rows,
+    known,
     largest_difference,
     method_labels,
     parameter_rows,
@@ -66,8 +67,8 @@ def comparison_table(
         _column("unit", [_first(rows).unit for rows in table.values()], "<", top=""),
     ]
     if truth:
-        known = [significant(_first(rows).truth, 5) for rows in table.values()]
-        columns.append(_column("truth", known, ".", top=""))
+        truths = [known(_first(rows).truth) for rows in table.values()]
+        columns.append(_column("truth", truths, ".", top=""))
     for k, label in enumerate(labels):
         rows = [entry[k] for entry in table.values()]
         columns += _method_columns(label, rows, errors=bool(truth))
@@ -87,19 +88,19 @@ def comparison_table(
 
 def headline(identification: Identification) -> str:
     """Method, robot, how the iteration ended, relative error and condition, on one line."""
-    count = identification.iterations
-    plural = "s" * (count != 1)
-    if not identification.converged:
-        ending = f"NOT converged after {count} iteration{plural}"
-    elif count > 1:
-        ending = f"converged in {count} iterations"
-    else:
-        ending = "solved in one step"
     return (
-        f"{identification.method} of {identification.robot.name}: {ending}, "
+        f"{identification.method} of {identification.robot.name}: {ending(identification)}, "
         f"relative error {percent(100.0 * identification.relative_error)}, "
         f"condition {significant(identification.condition)}"
     )
+
+
+def ending(identification: Identification) -> str:
+    """How the iteration ended, in a few words."""
+    count = identification.iterations
+    if not identification.converged:
+        return f"NOT converged after {count} iteration{'s' * (count != 1)}"
+    return f"converged in {count} iterations" if count > 1 else "solved in one step"
 
 
 def shortened(text: str, width: int) -> str:

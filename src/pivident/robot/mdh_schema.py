@@ -215,7 +215,7 @@ def _explained(details: Any, content: dict[str, Any]) -> str:
     where, key = _place(details["loc"], content)
     if details["type"] == "extra_forbidden":
         *table, last = details["loc"]
-        return f"{where}unknown key {key!r}; {nearest(str(last), _keys_at(table))}"
+        return f"{where}unknown key {key!r}; {nearest(str(last), keys_at(TableFile, table))}"
     if details["type"] == "missing":
         return f"{where}key {key!r} is missing; add it"
     if details["type"] == "model_type":
@@ -241,13 +241,14 @@ def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]
     return f"{singular} {label}: ", ".".join(map(str, loc[2:]))
 
 
-def _keys_at(loc: Sequence[int | str]) -> list[str]:
-    """Known keys of the table at a location of the file."""
-    model: type[BaseModel] = TableFile
+def keys_at(root: type[BaseModel], loc: Sequence[int | str]) -> list[str]:
+    """Known keys of the table at a location of a file whose content is ``root``."""
+    model = root
     for part in loc:
-        if isinstance(part, str):
-            model = _model_in(model.model_fields[part].annotation) or model
-    return list(model.model_fields)
+        fields = {field.alias or name: field for name, field in model.model_fields.items()}
+        if part in fields:
+            model = _model_in(fields[str(part)].annotation) or model
+    return [field.alias or name for name, field in model.model_fields.items()]
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

@@ -118,7 +118,7 @@ def parse_modified_dh(text: str, source: str = "modified DH table") -> Robot:
 def _robot(table: TableFile) -> Robot:
     angle = _AngleUnit(np.pi / 180.0 if table.units == "degrees" else 1.0)
     parents = _parents(table.joints)
-    default_law = _law(table.friction)
+    default_law = friction_law(table.friction)
     members = [
         Member(
             _joint(row, parent, angle, default_law),
@@ -227,7 +227,7 @@ def _joint(row: JointEntry, parent: int, angle: _AngleUnit, default_law: Frictio
         torque_limit=row.torque_limit,
     )
     try:
-        law = default_law if row.friction is None else _law(row.friction)
+        law = default_law if row.friction is None else friction_law(row.friction)
     except RobotDescriptionError as error:
         raise RobotDescriptionError(f"joint {row.name!r}: {error}") from error
     return joint.with_friction(law)
@@ -250,7 +250,7 @@ def _inertia(link: LinkEntry | None) -> np.ndarray:
     return np.array([*at_origin, *first_moments, link.mass])
 
 
-def _law(entries: Sequence[FrictionEntry] | None) -> FrictionLaw:
+def friction_law(entries: Sequence[FrictionEntry] | None) -> FrictionLaw:
     """The friction law of a list of terms; viscous, Coulomb and offset where there is none."""
     if entries is None:
         return DEFAULT_FRICTION

@@ -16,7 +16,7 @@ equations, which fail on spectra with a deep notch such as low-pass filtering le
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -173,6 +173,43 @@ def fit_ar(
         given=order is not None,
         mean=mean,
         samples=used.size,
+    )
+
+
+def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
+    """The model of the noise alone, where inside the motion's band something else covers it.
+
+    A measured residual is noise plus what the model of the robot misses, and the latter lies in
+    the band of the motion. Its spectrum there must not count as noise: a whitener would throw
+    away the very frequencies that hold the information. So the level just beyond the band is
+    continued to zero frequency,
+
+        S(f) = min(S(f), S̄)   for f < band,   S̄ the mean of S over [band, 1.5 band]
+
+    and the AR model of this spectrum is solved from its autocovariances (Levinson).
+
+    Args:
+        model: AR model of the residual.
+        rate: sampling rate [Hz].
+        band: highest frequency of the motion [Hz].
+
+    Returns:
+        A model of the same order; its innovation variance is that of the changed spectrum.
+    """
+    from scipy.linalg import solve_toeplitz
+
+    if model.order == 0 or band <= 0:
+        return model
+    frequency = np.linspace(0.0, 0.5 * rate, 16385)
+    spectrum = model.spectrum(frequency, rate)
+    edge = (frequency >= band) & (frequency <= 1.5 * band)
+    inside = frequency < band
+    spectrum = np.where(inside, np.minimum(spectrum, spectrum[edge].mean()), spectrum)
+    covariance = np.fft.irfft(spectrum)[: model.order + 1]
+    solved = solve_toeplitz(covariance[:-1], -covariance[1:])
+    variance = 0.5 * rate * (covariance[0] + solved @ covariance[1:])
+    return replace(
+        model, coefficients=np.r_[1.0, solved], innovation_variance=float(variance)
     )
 
 

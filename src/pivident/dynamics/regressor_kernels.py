@@ -1,0 +1,395 @@
+"""Compiled loops of the observation matrix, generic over the robot, many samples at once.
+
+Quantities are stored with time last, in rows of ``TILE`` samples, so that the innermost loops run
+over samples and the compiler turns them into vector instructions. All rows of a tile lie in one
+array, the *scratch*, and are addressed by the index of their first sample: the compiler then sees
+that rows do not overlap. Offsets are checked not to be negative because an index that might be
+counts from the array's end in Python, and a loop that allows for that is not vectorised.
+
+The ten inertial parameters enter linearly. With ω, dω, a of the frame's origin (gravity is an
+upward acceleration of the base), I the inertia about that origin and h the first moments,
+
+    f = m a + G h,    n = I dω + ω × (I ω) + h × a,      G = [dω]× + [ω]×[ω]×
+
+and the torque of a joint with the screw (v, w), seen from the link's frame, is v·f + w·n. With
+u = w × ω its inertia part is w·(I dω) + u·(I ω), its first-moment part h·(Gᵀv + a × w).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pivident.dynamics.elementary import arctangent, sine_and_cosine
+from pivident.robot.friction import FrictionColumn, SignFunction
+
+TILE = 64  # samples: long enough to vectorise, short enough for the caches
+
+# Rows of the scratch. The joint at work: cosine and sine of its turn, its slide, and their rates.
+_COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6
+# The link at work: ^pR_i row by row, ^pp_i; its ten columns in one joint's row.
+_ROTATION, _ORIGIN, _COLUMNS, _FIXED = 7, 16, 19, 29
+# Each link, the base first: ω, dω, a and G row by row.
+_W, _DW, _A, _G, _LINK = 0, 3, 6, 9, 18
+
+# What a screw is wanted for: for the links further out, for inertias, for first moments and mass.
+CARRY, INERTIAS, MOMENTS = 1, 2, 4
+
+# Functions of an entry without inertial parameter, besides those of ``FrictionColumn``.
+ACCELERATION = 100
+_SPEED, _CONSTANT = int(FrictionColumn.VISCOUS), int(FrictionColumn.OFFSET)
+_POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)
+_NEGATIVE = int(FrictionColumn.COULOMB_NEGATIVE)
+_STRIBECK = int(FrictionColumn.STRIBECK)
+_ATAN, _TANH = int(SignFunction.ATAN), int(SignFunction.TANH)
+
+_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+
+
+class EntryPlan(NamedTuple):
+    """Which entries of the observation matrix are computed, as arrays for the kernels.
+
+    Attributes:
+        entries: number of entries.
+        parent: parent of each link or -1, shape (links,).
+        prismatic: 1 for prismatic, 0 for revolute joints, shape (links,).
+        rotation: frame orientations in the parent at q = 0, shape (links, 3, 3).
+        translation: frame origins in the parent at q = 0 [m], shape (links, 3).
+        gravity: acceleration of gravity in the base frame [m/s²], shape (3,).
+        work: what the screw of each link's k-th ancestor (0: its own joint) is wanted for, sum
+            of ``CARRY INERTIAS MOMENTS``, shape (links, depth).
+        entry: for each link, ancestor and inertial parameter the entry it is, -1: not wanted;
+            shape (links, depth, 10).
+        joint_index: for each entry without inertial parameter its index, function, sign function
+            and the two joints a and b it depends on, shape (joint entries, 5).
+        joint_value: its factor, the ratio c in v = dq_a + c dq_b, γ, v_s, δ, shape
+            (joint entries, 5).
+    """
+
+    entries: int
+    parent: np.ndarray
+    prismatic: np.ndarray
+    rotation: np.ndarray
+    translation: np.ndarray
+    gravity: np.ndarray
+    work: np.ndarray
+    entry: np.ndarray
+    joint_index: np.ndarray
+    joint_value: np.ndarray
+
+
+@_inline
+def _load_joint(tile, signals, joints, i, prismatic):
+    """Turn, slide and their rates of joint i into the rows of the joint at work."""
+    if prismatic:
+        for s in range(TILE):
+            tile[_COS, s] = 1.0
+            tile[_SIN, s] = 0.0
+            tile[_SLIDE, s] = tile[signals + i, s]
+            tile[_DTURN, s] = 0.0
+            tile[_DDTURN, s] = 0.0
+            tile[_DSLIDE, s] = tile[signals + joints + i, s]
+            tile[_DDSLIDE, s] = tile[signals + 2 * joints + i, s]
+    else:
+        for s in range(TILE):
+            sine, cosine = sine_and_cosine(tile[signals + i, s])
+            tile[_COS, s] = cosine
+            tile[_SIN, s] = sine
+            tile[_SLIDE, s] = 0.0
+            tile[_DTURN, s] = tile[signals + joints + i, s]
+            tile[_DDTURN, s] = tile[signals + 2 * joints + i, s]
+            tile[_DSLIDE, s] = 0.0
+            tile[_DDSLIDE, s] = 0.0
+
+
+@_inline
+def _pose(tile, rotation, translation, i):
+    """Orientation and origin of link i in its parent."""
+    for k in range(3):
+        r0, r1, r2, p = rotation[i, k, 0], rotation[i, k, 1], rotation[i, k, 2], translation[i, k]
+        for s in range(TILE):
+            cosine, sine = tile[_COS, s], tile[_SIN, s]
+            tile[_ROTATION + 3 * k, s] = r0 * cosine + r1 * sine
+            tile[_ROTATION + 3 * k + 1, s] = r1 * cosine - r0 * sine
+            tile[_ROTATION + 3 * k + 2, s] = r2
+            tile[_ORIGIN + k, s] = p + r2 * tile[_SLIDE, s]
+
+
+@_inline
+def _rotated(tile, s, x, y, z):
+    """Rᵀ (x, y, z) at sample s."""
+    return (
+        tile[_ROTATION, s] * x + tile[_ROTATION + 3, s] * y + tile[_ROTATION + 6, s] * z,
+        tile[_ROTATION + 1, s] * x + tile[_ROTATION + 4, s] * y + tile[_ROTATION + 7, s] * z,
+        tile[_ROTATION + 2, s] * x + tile[_ROTATION + 5, s] * y + tile[_ROTATION + 8, s] * z,
+    )
+
+
+@_inline
+def _move(tile, parent, link):
+    """ω, dω, a and G of the link at row ``link`` from those of its parent."""
+    up = parent + _G
+    for s in range(TILE):
+        px, py, pz = tile[_ORIGIN, s], tile[_ORIGIN + 1, s], tile[_ORIGIN + 2, s]
+        # G of the parent turns the lever arm into its tangential and centripetal acceleration
+        ax = tile[up, s] * px + tile[up + 1, s] * py + tile[up + 2, s] * pz
+        ay = tile[up + 3, s] * px + tile[up + 4, s] * py + tile[up + 5, s] * pz
+        az = tile[up + 6, s] * px + tile[up + 7, s] * py + tile[up + 8, s] * pz
+        ax, ay, az = _rotated(
+            tile, s, tile[parent + 6, s] + ax, tile[parent + 7, s] + ay, tile[parent + 8, s] + az
+        )
+        wx, wy, wz = _rotated(tile, s, tile[parent, s], tile[parent + 1, s], tile[parent + 2, s])
+        ex, ey, ez = _rotated(
+            tile, s, tile[parent + 3, s], tile[parent + 4, s], tile[parent + 5, s]
+        )
+        turn, slide = tile[_DTURN, s], tile[_DSLIDE, s]
+        ax, ay, az = ax + 2.0 * wy * slide, ay - 2.0 * wx * slide, az + tile[_DDSLIDE, s]
+        ex, ey, ez = ex + wy * turn, ey - wx * turn, ez + tile[_DDTURN, s]
+        wz += turn
+        tile[link, s], tile[link + 1, s], tile[link + 2, s] = wx, wy, wz
+        tile[link + 3, s], tile[link + 4, s], tile[link + 5, s] = ex, ey, ez
+        tile[link + 6, s], tile[link + 7, s], tile[link + 8, s] = ax, ay, az
+        xx, yy, zz, xy, xz, yz = wx * wx, wy * wy, wz * wz, wx * wy, wx * wz, wy * wz
+        g = link + _G
+        tile[g, s], tile[g + 1, s], tile[g + 2, s] = -yy - zz, xy - ez, xz + ey
+        tile[g + 3, s], tile[g + 4, s], tile[g + 5, s] = xy + ez, -xx - zz, yz - ex
+        tile[g + 6, s], tile[g + 7, s], tile[g + 8, s] = xz - ey, yz + ex, -xx - yy
+
+
+@_inline
+def _carry(tile, source, target):
+    """Carry a screw (v, w) from the parent's frame into the link's: Rᵀ(v + w × p), Rᵀw."""
+    for s in range(TILE):
+        px, py, pz = tile[_ORIGIN, s], tile[_ORIGIN + 1, s], tile[_ORIGIN + 2, s]
+        wx, wy, wz = tile[source + 3, s], tile[source + 4, s], tile[source + 5, s]
+        vx, vy, vz = _rotated(
+            tile,
+            s,
+            tile[source, s] + wy * pz - wz * py,
+            tile[source + 1, s] + wz * px - wx * pz,
+            tile[source + 2, s] + wx * py - wy * px,
+        )
+        wx, wy, wz = _rotated(tile, s, wx, wy, wz)
+        tile[target, s], tile[target + 1, s], tile[target + 2, s] = vx, vy, vz
+        tile[target + 3, s], tile[target + 4, s], tile[target + 5, s] = wx, wy, wz
+
+
+@_inline
+def _inertia_columns(tile, link, screw):
+    """Columns of ``xx xy xz yy yz zz``: w·(I dω) + u·(I ω) with u = w × ω."""
+    for s in range(TILE):
+        ox, oy, oz = tile[link, s], tile[link + 1, s], tile[link + 2, s]
+        ex, ey, ez = tile[link + 3, s], tile[link + 4, s], tile[link + 5, s]
+        wx, wy, wz = tile[screw + 3, s], tile[screw + 4, s], tile[screw + 5, s]
+        ux, uy, uz = wy * oz - wz * oy, wz * ox - wx * oz, wx * oy - wy * ox
+        tile[_COLUMNS, s] = wx * ex + ux * ox
+        tile[_COLUMNS + 1, s] = wx * ey + wy * ex + ux * oy + uy * ox
+        tile[_COLUMNS + 2, s] = wx * ez + wz * ex + ux * oz + uz * ox
+        tile[_COLUMNS + 3, s] = wy * ey + uy * oy
+        tile[_COLUMNS + 4, s] = wy * ez + wz * ey + uy * oz + uz * oy
+        tile[_COLUMNS + 5, s] = wz * ez + uz * oz
+
+
+@_inline
+def _moment_columns(tile, link, screw):
+    """Columns of ``mx my mz m``: Gᵀv + a × w and v·a."""
+    g = link + _G
+    for s in range(TILE):
+        ax, ay, az = tile[link + 6, s], tile[link + 7, s], tile[link + 8, s]
+        vx, vy, vz = tile[screw, s], tile[screw + 1, s], tile[screw + 2, s]
+        wx, wy, wz = tile[screw + 3, s], tile[screw + 4, s], tile[screw + 5, s]
+        gx = tile[g, s] * vx + tile[g + 3, s] * vy + tile[g + 6, s] * vz
+        gy = tile[g + 1, s] * vx + tile[g + 4, s] * vy + tile[g + 7, s] * vz
+        gz = tile[g + 2, s] * vx + tile[g + 5, s] * vy + tile[g + 8, s] * vz
+        tile[_COLUMNS + 6, s] = gx + ay * wz - az * wy
+        tile[_COLUMNS + 7, s] = gy + az * wx - ax * wz
+        tile[_COLUMNS + 8, s] = gz + ax * wy - ay * wx
+        tile[_COLUMNS + 9, s] = vx * ax + vy * ay + vz * az
+
+
+@_inline
+def _copy_row(tile, source, target):
+    for s in range(TILE):
+        tile[target, s] = tile[source, s]
+
+
+@_inline
+def _scaled_row(tile, source, factor, target):
+    for s in range(TILE):
+        tile[target, s] = factor * tile[source, s]
+
+
+@_inline
+def _sign_row(tile, sign, gamma, row):
+    """The (smoothed) sign function of a row, in place."""
+    if sign == _ATAN:
+        for s in range(TILE):
+            tile[row, s] = (2.0 / np.pi) * arctangent(gamma * tile[row, s])
+    elif sign == _TANH:
+        for s in range(TILE):
+            tile[row, s] = np.tanh(gamma * tile[row, s])
+    else:
+        for s in range(TILE):
+            tile[row, s] = np.sign(tile[row, s])
+
+
+@_inline
+def _joint_entry(tile, dq, ddq, index, value, e, row):
+    """Entry e without inertial parameter: a function of the motion of one joint or two."""
+    function, sign, a, b = index[e, 1], index[e, 2], index[e, 3], index[e, 4]
+    factor, ratio, gamma = value[e, 0], value[e, 1], value[e, 2]
+    if function == ACCELERATION:
+        _scaled_row(tile, ddq + a, factor, row)
+    elif function == _SPEED:
+        _scaled_row(tile, dq + a, factor, row)
+    elif function == _CONSTANT:
+        for s in range(TILE):
+            tile[row, s] = factor
+    else:
+        for s in range(TILE):
+            tile[row, s] = tile[dq + a, s] + ratio * tile[dq + b, s]
+        _sign_row(tile, sign, gamma, row)
+        if function == _POSITIVE:
+            for s in range(TILE):
+                tile[row, s] = 0.5 * (1.0 + tile[row, s])
+        elif function == _NEGATIVE:
+            for s in range(TILE):
+                tile[row, s] = -0.5 * (1.0 - tile[row, s])
+        elif function == _STRIBECK:
+            speed, exponent = value[e, 3], value[e, 4]
+            for s in range(TILE):
+                tile[row, s] *= np.exp(-(abs(tile[dq + a, s] / speed) ** exponent))
+        _scaled_row(tile, row, factor, row)
+
+
+class _Rows(NamedTuple):
+    """First rows of what a scratch holds."""
+
+    links: int
+    screws: int
+    signals: int
+    entries: int
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _scratch(plan):
+    """Scratch of one thread, and where the links, screws, signals and entries are in it."""
+    joints, depth = plan.work.shape
+    links = _FIXED
+    screws = links + (joints + 1) * _LINK
+    signals = screws + joints * depth * 6
+    entries = signals + 3 * joints
+    tile = np.zeros((entries + plan.entries, TILE))
+    for k in range(3):  # the base does not move, but gravity accelerates it upwards
+        tile[links + _A + k] = -plan.gravity[k]
+    for i in range(joints):  # a joint's own screw is its z axis
+        tile[screws + i * depth * 6 + (2 if plan.prismatic[i] else 5)] = 1.0
+    return tile, _Rows(links, screws, signals, entries)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _fill(plan, tile, rows, q, dq, ddq, start, count):
+    """All wanted entries of the samples from ``start`` on."""
+    joints, depth = plan.work.shape
+    parents, prismatic, work, entry = plan.parent, plan.prismatic, plan.work, plan.entry
+    rotation, translation = plan.rotation, plan.translation
+    links, screws, signals, entries = rows.links, rows.screws, rows.signals, rows.entries
+    for i in range(joints):
+        for s in range(count):
+            tile[signals + i, s] = q[i, start + s]
+            tile[signals + joints + i, s] = dq[i, start + s]
+            tile[signals + 2 * joints + i, s] = ddq[i, start + s]
+    for i in range(joints):
+        parent, link = parents[i], links + (i + 1) * _LINK
+        _load_joint(tile, signals, joints, i, prismatic[i])
+        _pose(tile, rotation, translation, i)
+        _move(tile, links + (parent + 1) * _LINK, link)
+        for k in range(depth):
+            wanted = work[i, k]
+            screw = screws + (i * depth + k) * 6
+            if wanted and k > 0:
+                _carry(tile, screws + (parent * depth + k - 1) * 6, screw)
+            if wanted & INERTIAS:
+                _inertia_columns(tile, link, screw)
+            if wanted & MOMENTS:
+                _moment_columns(tile, link, screw)
+            if wanted & (INERTIAS | MOMENTS):
+                for c in range(10):
+                    if entry[i, k, c] >= 0:
+                        _copy_row(tile, _COLUMNS + c, entries + entry[i, k, c])
+    index, value = plan.joint_index, plan.joint_value
+    for e in range(index.shape[0]):
+        _joint_entry(
+            tile, signals + joints, signals + 2 * joints, index, value, e, entries + index[e, 0]
+        )
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def packed_entries(plan, q, dq, ddq, out):
+    """Packed entries of the observation matrix.
+
+    Args:
+        plan: which entries.
+        q: joint positions, time last, shape (joints, samples); likewise ``dq ddq``.
+        dq: joint speeds.
+        ddq: joint accelerations.
+        out: receives the entries, time last, shape (entries, samples).
+    """
+    samples = q.shape[1]
+    tile, rows = _scratch(plan)
+    for start in range(0, samples, TILE):
+        count = min(TILE, samples - start)
+        _fill(plan, tile, rows, q, dq, ddq, start, count)
+        for e in range(plan.entries):
+            for s in range(count):
+                out[e, start + s] = tile[rows.entries + e, s]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def dense_entries(plan, place, q, dq, ddq, out):
+    """The same entries at their places in the dense matrix.
+
+    Args:
+        plan: which entries.
+        place: place of each entry in a sample's matrix written row by row, shape (entries,).
+        q: joint positions, time last, shape (joints, samples); likewise ``dq ddq``.
+        dq: joint speeds.
+        ddq: joint accelerations.
+        out: receives the entries, shape (samples, joints · parameters).
+    """
+    samples = q.shape[1]
+    tile, rows = _scratch(plan)
+    for start in range(0, samples, TILE):
+        count = min(TILE, samples - start)
+        _fill(plan, tile, rows, q, dq, ddq, start, count)
+        # eight samples at a time: one cache line of each entry, eight lines written in order
+        for first in range(0, count, 8):
+            for e in range(plan.entries):
+                row, column = rows.entries + e, place[e]
+                for s in range(first, min(first + 8, count)):
+                    out[start + s, column] = tile[row, s]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def entry_sums(plan, row, weight, q, dq, ddq, out):
+    """Sum of weighted entries by row: the torques, without keeping the matrix.
+
+    Args:
+        plan: which entries.
+        row: joint of each entry, shape (entries,).
+        weight: parameter value of each entry, shape (entries,).
+        q: joint positions, time last, shape (joints, samples); likewise ``dq ddq``.
+        dq: joint speeds.
+        ddq: joint accelerations.
+        out: the sums are added to it, shape (samples, joints).
+    """
+    samples = q.shape[1]
+    tile, rows = _scratch(plan)
+    for start in range(0, samples, TILE):
+        count = min(TILE, samples - start)
+        _fill(plan, tile, rows, q, dq, ddq, start, count)
+        for e in range(plan.entries):
+            for s in range(count):
+                out[start + s, row[e]] += weight[e] * tile[rows.entries + e, s]

@@ -1,0 +1,224 @@
+"""The experiment file: robot, recordings, controller and methods, as TOML.
+
+    robot = "staubli_tx40"                 # gallery name, .toml or .urdf
+
+    [recording]                            # several: [[recording]]
+    files = "log.csv"                      # or dataset = "emps"
+    columns = {q = ["q1", "q2"], tau = ["i1", "i2"], q_ref = ["r1", "r2"], t = "time"}
+    units = {q = "deg", q_ref = "deg", tau = {unit = "A", gain = 12.5}}
+
+    [controller]                           # only IV and PIV need it
+    type = "pd"                            # pd, pid, cascade, virtual_pd
+    kp = [5000, 3000]
+    kd = [120, 80]
+
+    [identify]
+    methods = ["ls", "iv", "piv"]
+    bandpass = {cutoff = 50}               # of every method that has it …
+    piv = {noise = {criterion = "bic"}}    # … and of one method
+
+Paths are relative to the file. All tables and keys are in `pivident.experiment.schema`.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from pivident.errors import ExperimentError, PividentError
+from pivident.estimation.methods import METHODS, LeastSquares, Method
+from pivident.estimation.problem import Problem
+from pivident.experiment.explained import validated
+from pivident.experiment.methods import method_of
+from pivident.experiment.recordings import loop_of, recording_of
+from pivident.experiment.robot import robot_of
+from pivident.experiment.schema import ExperimentFile
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
+
+#: Larger files are logs, not experiment files [bytes].
+LARGEST_FILE = 2**20
+
+
+@dataclass(frozen=True, eq=False)
+class Experiment:
+    """A checked experiment file.
+
+    Attributes:
+        path: the file.
+        content: its tables.
+    """
+
+    path: Path
+    content: ExperimentFile
+
+    @property
+    def title(self) -> str:
+        """Title of the report."""
+        return self.content.output.title or self.path.stem.replace("_", " ")
+
+    @property
+    def output(self) -> Path | None:
+        """Folder that the file names for its results, or None."""
+        folder = self.content.output.folder
+        return None if folder is None else self.path.parent / folder
+
+    @cached_property
+    def robot(self) -> Robot:
+        """The robot, with everything that the file adds to its description.
+
+        Raises:
+            RobotDescriptionError: the description cannot be used.
+        """
+        with errors_name(self.path, "[robot]"):
+            return robot_of(self.content.robot, self.path.parent)
+
+    def recordings(self) -> tuple[Recording, ...]:
+        """All recordings, read and checked.
+
+        Raises:
+            RecordingError: a file or its content cannot be used.
+            DatasetUnavailable: a public record is not here and cannot be fetched.
+        """
+        several = len(self.content.recording) > 1
+        read = []
+        for number, entry in enumerate(self.content.recording, start=1):
+            table = f"[[recording]] {number}:" if several else "[recording]"
+            with errors_name(self.path, table):
+                read.append(recording_of(entry, self.robot, self.path.parent))
+        return tuple(read)
+
+    def problem(self, progress: Callable[[str], None] | None = None) -> Problem:
+        """Robot, recordings, loop, parameters and mask: what `identify` takes.
+
+        Args:
+            progress: called with one line at each stage.
+
+        Raises:
+            ExperimentError: robot, recordings and parameters do not fit together.
+            RobotDescriptionError: the robot cannot be used.
+            RecordingError: a recording cannot be used.
+        """
+        say = progress or (lambda line: None)
+        say(f"reading the robot {self.content.robot.model}")
+        robot = self.robot
+        say("reading the recordings")
+        recordings = self.recordings()
+        controller, given = self.content.controller, self.content.identify
+        loop = None
+        if controller is not None:
+            with errors_name(self.path, "[controller]"):
+                loop = loop_of(controller, robot, recordings)
+        say("finding the base parameters")
+        with errors_name(self.path, ""):
+            return Problem(
+                robot,
+                recordings,
+                loop,
+                parameters=None if given.parameters is None else tuple(given.parameters),
+                mask=given.mask,
+                initial=given.initial,
+            )
+
+    def methods(self, names: Sequence[str] | None = None) -> dict[str, Method]:
+        """Methods with the file's options, by name.
+
+        Args:
+            names: which; default: those of the file, or else ``ls``, and with a controller also
+                ``iv``, ``iv-full-rate`` and ``piv``.
+
+        Raises:
+            ExperimentError: an unknown method, contradictory options, or a method that needs the
+                control loop where the file does not say enough about it.
+        """
+        loop = self.content.controller is not None
+        default = ["ls", "iv", "iv-full-rate", "piv"] if loop else ["ls"]
+        chosen: dict[str, Method] = {}
+        with errors_name(self.path, ""):
+            for name in names or self.content.identify.methods or default:
+                if name not in METHODS:
+                    raise ExperimentError(f"there is no method {name!r}; {nearest(name, METHODS)}")
+                chosen[name] = method_of(name, self.content.identify)
+                if not isinstance(chosen[name], LeastSquares):
+                    self._check_loop(name)
+        return chosen
+
+    def _check_loop(self, method: str) -> None:
+        """Refuse a method that simulates the loop where controller or reference are missing."""
+        controller = self.content.controller
+        if controller is None:
+            raise ExperimentError(
+                f"[identify] the method {method!r} simulates the control loop, but there is no "
+                'table [controller]; add it (type = "virtual_pd" if the law is not known), or '
+                'keep to "ls"'
+            )
+        without = [r for r in self.content.recording if r.columns and r.columns.q_ref is None]
+        if controller.source == "recorded" and without:
+            raise ExperimentError(
+                '[controller] the reference is "recorded", but no column is named for q_ref; '
+                'name it under columns, or set reference = "smoothed"'
+            )
+
+
+def load_experiment(path: str | Path) -> Experiment:
+    """Read and check an experiment file; its records are not read yet.
+
+    Args:
+        path: the file.
+
+    Raises:
+        ExperimentError: it cannot be read, has an unknown key, a bad value or contradictory
+            options; names the file, the key, the value and the next step.
+    """
+    path = Path(path)
+    with errors_name(path, ""):
+        try:
+            content = tomllib.loads(_text(path))
+        except tomllib.TOMLDecodeError as error:
+            raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+        experiment = Experiment(path, validated(content))
+        for name in METHODS:
+            method_of(name, experiment.content.identify)
+    experiment.methods()
+    return experiment
+
+
+@contextmanager
+def errors_name(path: Path, table: str) -> Iterator[None]:
+    """Say in which file and table an error arose.
+
+    An `ExperimentError` gets it in front of its message; errors that carry evidence keep their
+    class and get it as a note.
+
+    Args:
+        path: the experiment file.
+        table: the table, or empty where the error names it.
+    """
+    try:
+        yield
+    except ExperimentError as error:
+        raise ExperimentError(f"{path}: {table + ' ' if table else ''}{error}") from error
+    except PividentError as error:
+        error.add_note(f"{path}: {table.rstrip(':')}".rstrip(": "))
+        raise
+
+
+def _text(path: Path) -> str:
+    """Content of the file."""
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise ExperimentError(
+                f"has {path.stat().st_size} bytes, too many for an experiment file; is it the log?"
+            )
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ExperimentError(
+            f"cannot be read ({error.strerror}); check the path and its permissions"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise ExperimentError(f"is not UTF-8 text (byte {error.start}); save it as UTF-8") from None

@@ -1,0 +1,85 @@
+"""What is wrong with an experiment file, as one line that a reader can act upon."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from pydantic import ValidationError
+
+from pivident.errors import ExperimentError
+from pivident.experiment.schema import ExperimentFile
+from pivident.robot.mdh_schema import keys_at
+from pivident.robot.naming import nearest
+
+#: Texts longer than this are not repeated in a message.
+LONGEST_VALUE = 60
+
+
+def validated(content: dict[str, Any]) -> ExperimentFile:
+    """The content of a file as a checked object.
+
+    Raises:
+        ExperimentError: table, key, value and what was expected; of several problems the first,
+            and how many more there are.
+    """
+    plain = _plain(content)
+    try:
+        return ExperimentFile.model_validate(plain)
+    except ValidationError as error:
+        problems = error.errors()
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise ExperimentError(f"{explained(problems[0], plain)}{more}") from None
+
+
+def explained(details: Any, content: dict[str, Any]) -> str:
+    """One problem that pydantic has found, in words.
+
+    Args:
+        details: an entry of ``ValidationError.errors()``.
+        content: the content of the file, short forms written out.
+    """
+    table, key = _place(details["loc"], content)
+    if details["type"] == "extra_forbidden":
+        *above, last = details["loc"]
+        hint = nearest(str(last), keys_at(ExperimentFile, above))
+        return f"{table}unknown key {key!r}; {hint}"
+    if details["type"] == "missing":
+        if not table:
+            return f"there is no {key}; add the table [{key}]"
+        return f"{table}key {key!r} is missing; add it"
+    if details["type"] == "model_type":
+        return f"{table}{key or 'this entry'} must be a table of keys, not {details['input']!r}"
+    message = details["msg"].removeprefix("Value error, ")
+    message = message.replace("Input should be", "must be").replace("List should", "must")
+    if not key:
+        return f"{table}{message}"
+    value = repr(details["input"])
+    if isinstance(details["input"], dict) or len(value) > LONGEST_VALUE:
+        return f"{table}key {key!r}: {message}"
+    return f"{table}key {key!r} = {value}: {message}"
+
+
+def _plain(content: dict[str, Any]) -> dict[str, Any]:
+    """The content with its short forms written out, as the schema has them."""
+    plain = dict(content)
+    if isinstance(plain.get("robot"), str):
+        plain["robot"] = {"model": plain["robot"]}
+    if isinstance(plain.get("recording"), dict):
+        plain["recording"] = [plain["recording"]]
+    return plain
+
+
+def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]:
+    """The table that a location belongs to, as a heading, and the key within it."""
+    if not loc:
+        return "", ""
+    head, *rest = loc
+    if not isinstance(content.get(str(head)), (dict, list)):
+        return "", str(head)
+    heading = f"[{head}] "
+    if rest and isinstance(rest[0], int):
+        number, *rest = rest
+        several = len(content[str(head)]) > 1
+        heading = f"[[{head}]] {int(number) + 1}: " if several else heading
+    return heading, ".".join(map(str, rest))

@@ -1,0 +1,106 @@
+"""From the table ``[identify]`` of an experiment file to methods.
+
+ready method ◀── shared options ◀── the method's own table         the rightmost wins
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from pivident.errors import ExperimentError
+from pivident.estimation.methods import (
+    METHODS,
+    AutoRegressive,
+    Bandpass,
+    InstrumentalVariables,
+    LeastSquares,
+    Method,
+    PrefilteredIV,
+    RandomWalk,
+)
+from pivident.experiment.schema import Entry, IdentifyEntry, MethodEntry
+
+_ITERATION = {"tolerance", "max_iterations"}
+
+
+def method_of(name: str, entry: IdentifyEntry) -> Method:
+    """One method with the file's options.
+
+    Args:
+        name: a key of ``METHODS``.
+        entry: the table ``[identify]``.
+
+    Raises:
+        ExperimentError: the method's own table has options that it does not know, or that
+            contradict each other.
+    """
+    own, ready = entry.of(name), METHODS[name]
+    _check_keys(name, ready, own)
+    if isinstance(ready, LeastSquares):
+        if own.signals == "random_walk":
+            return replace(ready, signals=_random_walk(entry, own))
+        return replace(ready, signals=_bandpass(entry, own))
+    options: dict[str, Any] = _given(entry, _ITERATION) | _given(own, _ITERATION)
+    if isinstance(ready, InstrumentalVariables):
+        signals = ready.signals
+        if isinstance(signals, Bandpass):
+            return replace(ready, signals=_bandpass(entry, own), **options)
+        return replace(ready, signals=_random_walk(entry, own), **options)
+    as_printed = ready.as_printed if own.as_printed is None else own.as_printed
+    if as_printed:
+        return PrefilteredIV(as_printed=True, **options)
+    noise = replace(AutoRegressive(), **_given(entry.noise) | _given(own.noise))
+    options |= _given(own, {"prefilter"})
+    return PrefilteredIV(signals=_random_walk(entry, own), noise=noise, **options)
+
+
+def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
+    """Refuse keys that the method has no use for, and those that exclude each other."""
+    where = f"[identify.{name}]"
+    if isinstance(ready, LeastSquares):
+        known = {"signals", "bandpass", "random_walk"}
+    elif isinstance(ready, InstrumentalVariables):
+        known = {"bandpass" if isinstance(ready.signals, Bandpass) else "random_walk", *_ITERATION}
+    else:
+        known = {"random_walk", "noise", "prefilter", "as_printed", *_ITERATION}
+    foreign = sorted(own.model_fields_set - known)
+    if foreign:
+        raise ExperimentError(
+            f"{where} the method {name!r} has no {', '.join(foreign)}; its keys are "
+            f"{', '.join(sorted(known))}"
+        )
+    as_printed = own.as_printed is not False and (own.as_printed or name == "piv-as-printed")
+    fixed = sorted({"random_walk", "noise", "prefilter"} & own.model_fields_set)
+    if as_printed and fixed:
+        raise ExperimentError(
+            f"{where} as_printed is the paper to the letter and fixes {', '.join(fixed)}; "
+            "remove one of the two"
+        )
+    if isinstance(ready, LeastSquares):
+        unused = "bandpass" if own.signals == "random_walk" else "random_walk"
+        if unused in own.model_fields_set:
+            used = own.signals or "bandpass"
+            raise ExperimentError(
+                f"{where} {unused} is given, but the signals are {used!r}; set "
+                f'signals = "{unused}" or remove the table'
+            )
+
+
+def _bandpass(entry: IdentifyEntry, own: MethodEntry) -> Bandpass:
+    shared, special = _given(entry.bandpass), _given(own.bandpass)
+    # A factor excludes a bandwidth; the method's own choice replaces the shared one.
+    for key, other in (("decimation", "bandwidth"), ("bandwidth", "decimation")):
+        if key in special:
+            shared.pop(other, None)
+    return replace(Bandpass(), **shared | special)
+
+
+def _random_walk(entry: IdentifyEntry, own: MethodEntry) -> RandomWalk:
+    return replace(RandomWalk(), **_given(entry.random_walk) | _given(own.random_walk))
+
+
+def _given(table: Entry, keys: set[str] | None = None) -> dict[str, Any]:
+    """What the file says, without what it leaves to the defaults."""
+    wanted = table.model_fields_set if keys is None else table.model_fields_set & keys
+    return {key: getattr(table, key) for key in wanted}

@@ -1,0 +1,152 @@
+"""From the tables ``[recording]`` and ``[controller]`` to recordings and their loop."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.estimation.problem import Loop
+from pivident.experiment.schema import ControllerEntry, RecordingEntry
+from pivident.recording import public_records
+from pivident.recording.load import load_recording
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
+from pivident.simulation.controllers import PID, Cascade, Controller
+from pivident.simulation.virtual_pd import virtual_pd
+
+#: Fields of a recording that a file may set for a public record too.
+ADJUSTABLE = ("name", "control_rate", "torque_timing", "delay", "saturation", "allow_constant")
+
+Loader = Callable[[Robot], Recording]
+
+#: Public records that can be named, by data set and run; the first run is the default.
+RUNS: dict[str, dict[str, Loader]] = {
+    "staubli_tx40": {"all": lambda robot: public_records.load_staubli_tx40(robot=robot)},
+    "emps": {
+        "estimation": lambda robot: public_records.load_emps(robot=robot),
+        "pulses": lambda robot: public_records.load_emps_pulses(robot=robot),
+    },
+    "kuka_kr300": {
+        "A": lambda robot: public_records.load_kuka_kr300("A", robot=robot),
+        "B": lambda robot: public_records.load_kuka_kr300("B", robot=robot),
+    },
+}
+
+
+def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording:
+    """One recording, read, checked, and cut to its part.
+
+    Args:
+        entry: the table.
+        robot: gives joint names, kinds and transmission.
+        folder: what paths are relative to.
+
+    Raises:
+        ExperimentError: there is no such public record.
+        RecordingError: a file or its content cannot be used.
+        DatasetUnavailable: a public record is not here and cannot be fetched.
+    """
+    set_here = {key: getattr(entry, key) for key in ADJUSTABLE if getattr(entry, key) is not None}
+    if entry.dataset is not None:
+        recording = replace(_public(entry.dataset, entry.run)(robot), **set_here)
+    else:
+        recording = _from_files(entry, robot, folder, set_here)
+    return recording if entry.part is None else recording.slice(*entry.part)
+
+
+def loop_of(entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording]) -> Loop:
+    """The control loop that the recordings were taken in, or a virtual one.
+
+    Args:
+        entry: the table ``[controller]``.
+        robot: the robot.
+        recordings: what a virtual law is to follow.
+
+    Raises:
+        ExperimentError: gains of the wrong number.
+    """
+    n = robot.size
+    if entry.type == "virtual_pd":
+        posture = np.mean([recording.q.mean(axis=0) for recording in recordings], axis=0)
+        law: Controller = virtual_pd(robot, posture, entry.bandwidth, entry.damping)
+    else:
+        law = _control_law(entry, n)
+    return Loop(
+        law,
+        drive_gain=_gains("drive_gain", entry.drive_gain, n),
+        limit=np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n),
+        reference=entry.source,
+    )
+
+
+def _control_law(entry: ControllerEntry, joints: int) -> Controller:
+    """PD, PID or cascade with the gains of the file."""
+    gains = {
+        key: _gains(key, value, joints)
+        for key in ("kp", "kd", "kv", "ki")
+        if (value := getattr(entry, key)) is not None
+    }
+    if entry.type == "cascade":
+        return Cascade(
+            averaged=entry.averaged, speed_feed_forward=entry.speed_feed_forward, **gains
+        )
+    return PID(derivative_time=entry.derivative_time, **gains)
+
+
+def _gains(key: str, value: float | list[float], joints: int) -> np.ndarray:
+    """One number for each joint."""
+    values = np.asarray(value, dtype=float)
+    if values.ndim and values.shape != (joints,):
+        raise ExperimentError(
+            f"key {key!r} has {values.size} number(s) for {joints} joint(s); give one for all "
+            "or one for each"
+        )
+    return np.broadcast_to(values, (joints,)).copy()
+
+
+def _public(dataset: str, run: str | None) -> Loader:
+    """The loader of a public record."""
+    if dataset not in RUNS:
+        raise ExperimentError(
+            f"no data set {dataset!r} can be named here; {nearest(dataset, RUNS)}; others need "
+            "files and columns"
+        )
+    runs = RUNS[dataset]
+    chosen = next(iter(runs)) if run is None else run
+    if chosen not in runs:
+        raise ExperimentError(
+            f"the data set {dataset!r} has no run {chosen!r}; {nearest(chosen, runs)}"
+        )
+    return runs[chosen]
+
+
+def _from_files(
+    entry: RecordingEntry, robot: Robot, folder: Path, options: dict[str, Any]
+) -> Recording:
+    """A recording from the user's own files."""
+    assert entry.files is not None and entry.columns is not None, "the schema asks for both"
+    files: Any = (
+        {key: folder / path for key, path in entry.files.items()}
+        if isinstance(entry.files, dict)
+        else folder / entry.files
+    )
+    columns = entry.columns.model_dump(exclude_unset=True)
+    return load_recording(
+        files,
+        columns,
+        units=entry.units.model_dump(exclude_unset=True),
+        side=entry.side,
+        robot=robot,
+        rate=entry.rate,
+        resample=entry.resample,
+        samples_axis=entry.samples_axis,
+        position_offset=entry.position_offset,
+        simulated=entry.simulated,
+        **options,
+    )

@@ -1,0 +1,86 @@
+"""From the table ``[robot]`` of an experiment file to a robot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import ExperimentError, RobotDescriptionError
+from pivident.experiment.schema import CouplingEntry, RobotEntry
+from pivident.robot import Coupling, FrictionLaw, Robot, load_robot, read_urdf, with_drives
+from pivident.robot.drives import implied_coupling
+from pivident.robot.modified_dh import friction_law
+from pivident.robot.naming import find_joint
+
+
+def robot_of(entry: RobotEntry, folder: Path) -> Robot:
+    """The described robot with everything that the experiment file adds to it.
+
+    Args:
+        entry: the table.
+        folder: what paths are relative to.
+
+    Raises:
+        RobotDescriptionError: the description cannot be used.
+        ExperimentError: the additions do not fit the robot.
+    """
+    robot = _described(entry, folder)
+    if entry.gravity is not None:
+        robot = robot.with_gravity(np.array(entry.gravity))
+    if entry.friction is not None:
+        robot = robot.with_friction(friction_law(entry.friction))
+    robot = _with_extra_friction(robot, entry)
+    drives: dict[str, Any] = {
+        key: getattr(entry, key)
+        for key in ("rotor_inertia", "reduction", "drive_gain", "position_offset")
+    }
+    if entry.reduction_matrix is not None:
+        drives["reduction"] = entry.reduction_matrix
+    robot = with_drives(robot, **drives)
+    if entry.couplings is None:
+        return robot
+    return with_drives(robot, couplings=[_coupling(robot, c) for c in entry.couplings])
+
+
+def _described(entry: RobotEntry, folder: Path) -> Robot:
+    """The robot of the gallery or of a file."""
+    if not entry.model.endswith((".toml", ".urdf", ".urdf.gz")):
+        return load_robot(entry.model)
+    path = folder / entry.model
+    if path.suffix == ".toml":
+        return load_robot(path)
+    return read_urdf(path, joints=entry.joints, frozen=entry.frozen)
+
+
+def _with_extra_friction(robot: Robot, entry: RobotEntry) -> Robot:
+    """Terms that single joints have beyond the common law."""
+    joints = list(robot.joints)
+    for name, terms in entry.extra_friction.items():
+        index = find_joint(robot.joint_names, name)
+        try:
+            law = FrictionLaw(joints[index].friction.terms + friction_law(terms).terms)
+        except ValueError as error:
+            raise ExperimentError(f"extra_friction of joint {name!r}: {error}") from error
+        joints[index] = joints[index].with_friction(law)
+    return replace(robot, joints=tuple(joints))
+
+
+def _coupling(robot: Robot, entry: CouplingEntry) -> Coupling:
+    """A coupling; its ratio is the one that the reduction implies where it is not given."""
+    implied = implied_coupling(
+        robot.joint_names, robot.transmission.reduction, entry.motor, entry.joint
+    )
+    if implied.motor == implied.joint:
+        raise RobotDescriptionError(
+            f"coupling of motor {entry.motor!r} with its own joint; name the second joint"
+        )
+    return replace(
+        implied,
+        ratio=implied.ratio if entry.ratio is None else entry.ratio,
+        inertia="iam" in entry.parameters,
+        viscous="fvm" in entry.parameters,
+        coulomb="fcm" in entry.parameters,
+    )

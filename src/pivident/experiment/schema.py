@@ -1,0 +1,329 @@
+"""Keys of an experiment file, their types and defaults, and what contradicts each other.
+
+This module needs pydantic and is imported only when a file is read. `pivident.experiment` turns
+the checked tables into robot, recordings, loop and methods.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic.functional_validators import PlainValidator
+
+from pivident.estimation.methods import METHODS
+from pivident.recording.recording import Saturation, TorqueTiming
+from pivident.robot.mdh_schema import Entry, FrictionEntry, Gravity, JointReference
+from pivident.robot.naming import nearest
+
+#: Keys of each control law: those it needs, and those it may have besides.
+LAW_KEYS = {
+    "pd": ({"kp", "kd"}, {"derivative_time", "drive_gain", "limit"}),
+    "pid": ({"kp", "kd"}, {"ki", "derivative_time", "drive_gain", "limit"}),
+    "cascade": (
+        {"kp", "kv"},
+        {"ki", "averaged", "speed_feed_forward", "drive_gain", "limit"},
+    ),
+    "virtual_pd": (set(), {"bandwidth", "damping"}),
+}
+
+#: Keys of a recording that a public record brings along.
+SET_BY_DATASET = (
+    "columns", "units", "side", "rate", "resample", "samples_axis", "position_offset", "simulated",
+)  # fmt: skip
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+
+
+def _numbers(value: Any) -> Any:
+    if _is_number(value) or (isinstance(value, list) and value and all(map(_is_number, value))):
+        return value
+    raise ValueError("must be a number for all joints, or a list with one number for each joint")
+
+
+def _per_joint(value: Any) -> Any:
+    listed = value.values() if isinstance(value, dict) else value
+    if isinstance(value, (list, dict)) and value and all(map(_is_number, listed)):
+        return value
+    raise ValueError("must be a list with one number for each joint, or a table of joint = number")
+
+
+def _paths(value: Any) -> Any:
+    listed = list(value.values()) if isinstance(value, dict) else [value]
+    if listed and all(isinstance(path, str) and path for path in listed):
+        return value
+    raise ValueError("must be a file, or a table of channel = file")
+
+
+def _mask(value: Any) -> Any:
+    if value == "auto" or (_is_number(value) and 0 <= value < 1):
+        return value
+    raise ValueError('must be "auto" or a share of the rated speed, from 0 (none) to below 1')
+
+
+def _methods(value: Any) -> Any:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise ValueError(f"must be a list with some of {', '.join(METHODS)}")
+    for name in names:
+        if name not in METHODS:
+            raise ValueError(f"there is no method {name!r}; {nearest(name, METHODS)}")
+    if len(set(names)) < len(names):
+        raise ValueError("names a method twice; name each one once")
+    return names
+
+
+def _stages(value: Any) -> Any:
+    stages = value if isinstance(value, list) else [value]
+    if stages and all(type(stage) is int and stage >= 1 for stage in stages):
+        return tuple(stages) if isinstance(value, list) else value
+    raise ValueError("must be a whole factor, or a list with the factor of each stage")
+
+
+Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
+PerJoint = Annotated[list[float] | dict[str, float], PlainValidator(_per_joint)]
+Paths = Annotated[str | dict[str, str], PlainValidator(_paths)]
+Mask = Annotated[Literal["auto"] | float, PlainValidator(_mask)]
+Methods = Annotated[list[str], PlainValidator(_methods)]
+Stages = Annotated[int | tuple[int, ...], PlainValidator(_stages)]
+Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
+Names = Annotated[list[str], Field(min_length=1)]
+
+
+class CouplingEntry(Entry):
+    """A motor that also turns with a second joint."""
+
+    motor: JointReference
+    joint: JointReference
+    ratio: float | None = None
+    parameters: list[Literal["iam", "fvm", "fcm"]] = Field(
+        default_factory=lambda: ["iam", "fvm", "fcm"]
+    )
+
+
+class RobotEntry(Entry):
+    """The robot, and what its description does not say about the machine that was logged."""
+
+    model: Annotated[str, Field(min_length=1)]
+    joints: Names | None = None
+    frozen: dict[str, float] = Field(default_factory=dict)
+    gravity: Gravity | None = None
+    friction: list[FrictionEntry] | None = None
+    extra_friction: dict[str, list[FrictionEntry]] = Field(default_factory=dict)
+    rotor_inertia: PerJoint | None = None
+    reduction: PerJoint | None = None
+    reduction_matrix: list[list[float]] | None = None
+    drive_gain: PerJoint | None = None
+    position_offset: PerJoint | None = None
+    couplings: list[CouplingEntry] | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> RobotEntry:
+        if self.reduction is not None and self.reduction_matrix is not None:
+            raise ValueError("reduction and reduction_matrix are both given; keep one of them")
+        if not self.model.endswith((".urdf", ".urdf.gz")):
+            for key in ("joints", "frozen"):
+                if key in self.model_fields_set:
+                    raise ValueError(f"{key} is for URDF robots, not for {self.model!r}; remove it")
+        return self
+
+
+class ColumnsEntry(Entry):
+    """Where the channels are in the files; see `pivident.recording.columns`."""
+
+    q: Any
+    tau: Any
+    q_ref: Any = None
+    dq_ref: Any = None
+    ddq_ref: Any = None
+    t: Any = None
+    inputs: dict[str, Any] = Field(default_factory=dict)
+
+
+class UnitsEntry(Entry):
+    """Units of the channels; see `pivident.recording.units`."""
+
+    q: Any = None
+    tau: Any = None
+    q_ref: Any = None
+    dq_ref: Any = None
+    ddq_ref: Any = None
+    t: Any = None
+    inputs: dict[str, Any] = Field(default_factory=dict)
+
+
+class RecordingEntry(Entry):
+    """One run: files with columns and units, or a public record by name."""
+
+    files: Paths | None = None
+    dataset: str | None = None
+    run: str | None = None
+    name: str | None = None
+    columns: ColumnsEntry | None = None
+    units: UnitsEntry = UnitsEntry()
+    side: Annotated[Any, PlainValidator(lambda value: value)] = "joint"
+    rate: PositiveFloat | None = None
+    resample: bool = False
+    samples_axis: Literal[0, 1] | None = None
+    position_offset: list[float] | None = None
+    simulated: bool = False
+    control_rate: PositiveFloat | None = None
+    torque_timing: TorqueTiming | None = None
+    delay: float | None = None
+    saturation: Saturation | None = None
+    allow_constant: bool | None = None
+    part: Interval | None = None
+
+    @model_validator(mode="after")
+    def _one_source(self) -> RecordingEntry:
+        if (self.files is None) == (self.dataset is None):
+            given = "neither is given" if self.files is None else "both are given"
+            raise ValueError(f"a recording has either files or a dataset, but {given}")
+        if self.files is not None and self.columns is None:
+            raise ValueError("files need columns; name at least those of q and tau")
+        if self.run is not None and self.dataset is None:
+            raise ValueError("run belongs to a dataset; remove it")
+        foreign = sorted(self.model_fields_set.intersection(SET_BY_DATASET))
+        if self.dataset is not None and foreign:
+            raise ValueError(
+                f"the dataset {self.dataset!r} brings its own {', '.join(foreign)}; remove that, "
+                "or name files instead of the dataset"
+            )
+        if self.part is not None and not self.part[0] < self.part[1]:
+            raise ValueError(f"part = {self.part} is empty; the first time comes first")
+        return self
+
+
+class ControllerEntry(Entry):
+    """The control law of the loop that the record was taken in."""
+
+    type: Literal["pd", "pid", "cascade", "virtual_pd"]
+    kp: Numbers | None = None
+    kd: Numbers | None = None
+    ki: Numbers | None = None
+    kv: Numbers | None = None
+    derivative_time: NonNegativeFloat = 0.0
+    averaged: bool = False
+    speed_feed_forward: float = 0.0
+    drive_gain: Numbers = 1.0
+    limit: Numbers | None = None
+    bandwidth: PositiveFloat = 20.0
+    damping: PositiveFloat = 1.0
+    reference: Literal["recorded", "smoothed"] | None = None
+
+    @model_validator(mode="after")
+    def _keys_belong_to_law(self) -> ControllerEntry:
+        needed, possible = LAW_KEYS[self.type]
+        missing = sorted(needed - self.model_fields_set)
+        if missing:
+            raise ValueError(f"a {self.type} controller needs {', '.join(missing)}; add it")
+        known = needed | possible | {"type", "reference"}
+        foreign = sorted(self.model_fields_set - known)
+        if foreign:
+            raise ValueError(
+                f"a {self.type} controller has no {', '.join(foreign)}; its keys are "
+                f"{', '.join(sorted(known - {'type'}))}"
+            )
+        return self
+
+    @property
+    def source(self) -> Literal["recorded", "smoothed"]:
+        """Where the reference comes from; a virtual law was not there to record one."""
+        return self.reference or ("smoothed" if self.type == "virtual_pd" else "recorded")
+
+
+class BandpassEntry(Entry):
+    """Options of `pivident.estimation.methods.Bandpass`."""
+
+    cutoff: PositiveFloat | None = None
+    order: Annotated[int, Field(ge=1, le=20)] | None = None
+    decimation: Stages | None = None
+    bandwidth: PositiveFloat | None = None
+    median: Annotated[int, Field(ge=1)] | None = None
+    padlen: Annotated[int, Field(ge=0)] | None = None
+    edge: Annotated[int, Field(ge=0)] | None = None
+    align: bool | None = None
+
+    @model_validator(mode="after")
+    def _one_decimation(self) -> BandpassEntry:
+        if self.decimation is not None and self.bandwidth is not None:
+            raise ValueError("decimation and bandwidth are both given; the factor follows from one")
+        if self.median is not None and self.median % 2 == 0:
+            raise ValueError(f"median = {self.median} must be an odd number of samples")
+        return self
+
+
+class RandomWalkEntry(Entry):
+    """Options of `pivident.estimation.methods.RandomWalk`."""
+
+    order: Literal[1, 2, 3, 4] | None = None
+    passes: Annotated[int, Field(ge=1, le=10)] | None = None
+    f50_max: PositiveFloat | None = None
+    align: bool | None = None
+
+
+class NoiseEntry(Entry):
+    """Options of `pivident.estimation.methods.AutoRegressive`."""
+
+    p_max: Annotated[int, Field(ge=1, le=5000)] | None = None
+    criterion: Literal["aic", "aicc", "bic"] | None = None
+    on_unmasked: bool | None = None
+
+
+class SharedOptions(Entry):
+    """Options that apply to every method that has them."""
+
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+    bandpass: BandpassEntry = BandpassEntry()
+    random_walk: RandomWalkEntry = RandomWalkEntry()
+    noise: NoiseEntry = NoiseEntry()
+
+
+class MethodEntry(SharedOptions):
+    """Options of one method; they win over the shared ones."""
+
+    signals: Literal["bandpass", "random_walk"] | None = None
+    prefilter: Literal["controller", "direct"] | None = None
+    as_printed: bool | None = None
+
+
+class IdentifyEntry(SharedOptions):
+    """What is estimated, and how."""
+
+    methods: Methods | None = None
+    parameters: Names | None = None
+    mask: Mask = "auto"
+    initial: dict[str, float] = Field(default_factory=dict)
+    ols: MethodEntry = MethodEntry()
+    ls: MethodEntry = MethodEntry()
+    wls: MethodEntry = MethodEntry()
+    iv: MethodEntry = MethodEntry()
+    iv_full_rate: MethodEntry = Field(MethodEntry(), alias="iv-full-rate")
+    piv: MethodEntry = MethodEntry()
+    piv_as_printed: MethodEntry = Field(MethodEntry(), alias="piv-as-printed")
+
+    def of(self, method: str) -> MethodEntry:
+        """The table of one method."""
+        return getattr(self, method.replace("-", "_"))
+
+
+class OutputEntry(Entry):
+    """Where results go and how they are headed."""
+
+    folder: Annotated[str, Field(min_length=1)] | None = None
+    title: str | None = None
+    report: bool = True
+
+
+class ExperimentFile(Entry):
+    """The whole file, its short forms written out."""
+
+    robot: RobotEntry
+    recording: Annotated[list[RecordingEntry], Field(min_length=1)]
+    controller: ControllerEntry | None = None
+    identify: IdentifyEntry = Field(default_factory=lambda: IdentifyEntry.model_validate({}))
+    output: OutputEntry = OutputEntry()

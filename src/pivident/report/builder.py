@@ -1,0 +1,118 @@
+"""Put the sections together: one HTML file that needs nothing else, no network included."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+
+import plotly.io
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2.utils import htmlsafe_json_dumps
+from markupsafe import Markup, escape
+from plotly.offline import get_plotlyjs
+
+from pivident import __version__
+from pivident.errors import PividentError
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import known, percent, significant, with_spread
+from pivident.files import atomic_folder
+from pivident.report.figures import METHOD_COLOURS, Figure
+from pivident.report.material import Material
+from pivident.report.sections import SECTIONS
+
+
+def write_report(
+    identifications: Sequence[Identification],
+    path: str | PathLike[str],
+    truth: Mapping[str, float] | None = None,
+    title: str | None = None,
+) -> Path:
+    """Write a report about one result, or several side by side, as one HTML file.
+
+    Args:
+        identifications: results of one robot; the last one is unfolded where several would
+            take much room.
+        path: file to write; its folder is created.
+        truth: known values by parameter name, with or without the trailing ``r``.
+        title: title of the page; None: robot and methods.
+
+    Returns:
+        The file.
+
+    Raises:
+        PividentError: there is nothing to report on, or the file cannot be written.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise PividentError(f"{path} is a folder; name a file in it, such as report.html")
+    page = render_report(identifications, truth, title)
+    with atomic_folder(path.parent) as build:
+        (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    return path
+
+
+def render_report(
+    identifications: Sequence[Identification],
+    truth: Mapping[str, float] | None = None,
+    title: str | None = None,
+) -> str:
+    """The page as text; arguments as of `write_report`."""
+    if not identifications:
+        raise PividentError("there is no identification to report on; give at least one")
+    if title is None:
+        robots = dict.fromkeys(i.robot.name for i in identifications)
+        title = f"{', '.join(robots)}: identification of the dynamics"
+    material = Material(tuple(identifications), dict(truth or {}), title)
+    environment = _environment()
+    sections = []
+    for section in (cls(material) for cls in SECTIONS):
+        if section.applies:
+            body = environment.get_template(section.template).render(section.context())
+            sections.append((section.anchor, section.title, Markup(body)))
+    return environment.get_template("page.html").render(
+        title=title,
+        sections=sections,
+        colours=METHOD_COLOURS,
+        plotly=Markup(get_plotlyjs()),
+        version=__version__,
+    )
+
+
+def _environment() -> Environment:
+    """Templates that escape everything they are given, except what is marked as HTML."""
+    environment = Environment(
+        loader=PackageLoader("pivident.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "percent": percent,
+        "significant": significant,
+        "known": known,
+        "script_json": _script_json,
+        "powers": _powers,
+    }
+    environment.globals |= {"with_spread": with_spread, "method_class": _method_class}
+    return environment
+
+
+def _script_json(figure: Figure) -> Markup:
+    """A figure as JSON that is safe inside a script element."""
+    return htmlsafe_json_dumps(figure.plot, plotly.io.to_json, validate=False)
+
+
+def _method_class(method: int) -> str:
+    """CSS class of a method's colour."""
+    return f"m{method % len(METHOD_COLOURS)}"
+
+
+def _powers(number: str) -> Markup:
+    """``1.2e-05`` as 1.2 × 10⁻⁵."""
+    mantissa, _, power = str(number).partition("e")
+    if not power or not re.fullmatch(r"[+-]\d+", power):
+        return escape(number)
+    return Markup("{}&thinsp;×&thinsp;10<sup>{}</sup>").format(mantissa, int(power))

@@ -1,0 +1,283 @@
+"""Figures of a report as plotly figures; colours of text and grid are the page's business."""
+
+from __future__ import annotations
+
+import html
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import plotly.graph_objects as go
+
+from pivident.estimation.identification import FittedRecording, Identification
+from pivident.estimation.parameter_rows import percent, significant
+from pivident.report.downsampling import kept_samples, stretches
+from pivident.report.whiteness import Whiteness
+
+#: Colours of the methods, legible on white and on black; then they repeat.
+METHOD_COLOURS = ("#2f7fd1", "#e07b00", "#1f9d72", "#9a5fd0", "#c2528b", "#7d8a1e")
+
+MEASURED, ERROR, SHADE = "#8a93a3", "#d64545", "rgba(138, 147, 163, 0.22)"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing with its words.
+
+    Attributes:
+        plot: the plotly figure.
+        height: height on the page [px].
+        title: what stands above it, plain text.
+        label: the drawing in words, for those who do not see it.
+        note: what stands below it, plain text, may be empty.
+    """
+
+    plot: go.Figure
+    height: int
+    title: str
+    label: str
+    note: str = ""
+
+
+def colour(method: int) -> str:
+    """Colour of a method by its index."""
+    return METHOD_COLOURS[method % len(METHOD_COLOURS)]
+
+
+def torque_figure(
+    identification: Identification,
+    recording: FittedRecording,
+    joint: int,
+    method: int,
+    points: int,
+) -> Figure:
+    """Measured and reconstructed torque of one joint, and their difference.
+
+    Args:
+        identification: the result.
+        recording: one of its recordings.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    fit = identification.joints[joint]
+    measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
+    t = _time(recording)
+    plot = _empty(f"torque [{fit.torque_unit}]" if fit.torque_unit != "N" else "force [N]")
+    plot.update_xaxes(title_text="time [s]")
+    plot.add_traces(
+        [
+            _line(t, measured, points, "measured", MEASURED, width=2.4),
+            _line(t, model, points, "reconstructed", colour(method), width=1.2),
+            _line(t, measured - model, points, "error", ERROR, width=1.0),
+        ]
+    )
+    _shade(plot, _mask(recording, joint), t)
+    error = f"relative error {percent(100.0 * fit.relative_error)}"
+    rms = f"rms error {significant(fit.rms_error)} {fit.torque_unit}"
+    return Figure(
+        plot,
+        height=250,
+        title=fit.name,
+        label=f"Measured and reconstructed torque of {fit.name} over {significant(t[-1])} s: "
+        f"{error}, {rms}",
+        note=f"{error}, {rms}",
+    )
+
+
+def residual_figure(name: str, result: Whiteness, method: int) -> Figure:
+    """Autocorrelation of one joint's residual with the band of white noise.
+
+    Args:
+        name: name of the joint.
+        result: its autocorrelation and test.
+        method: index of the method, for its colour.
+    """
+    lags = np.arange(1, result.rho.size + 1)
+    plot = _empty("autocorrelation")
+    plot.update_xaxes(title_text=f"lag [samples of {significant(1e3 / result.rate)} ms]")
+    plot.add_bar(
+        x=_packed(lags), y=_packed(result.rho), marker_color=colour(method), name="autocorrelation"
+    )
+    for sign in (-1.0, 1.0):
+        plot.add_hline(sign * result.band, line={"color": ERROR, "width": 1, "dash": "dash"})
+    reach = 1.15 * max(float(np.abs(result.rho).max()), 2.0 * result.band)
+    plot.update_yaxes(range=[-reach, reach])
+    test = result.test
+    p_value = "< 0.001" if test.p_value < 1e-3 else f"= {significant(test.p_value, 2)}"
+    note = (
+        f"{result.verdict}: largest |ρ| {significant(test.largest, 2)}, "
+        f"{percent(100.0 * result.outside)} outside ±2/√n; Ljung-Box Q = "
+        f"{significant(test.statistic)} on {test.degrees_of_freedom} degrees of freedom, "
+        f"p {p_value}"
+    )
+    label = f"Autocorrelation of the residual of {name} at lags 1 to {lags[-1]}: {note}"
+    return Figure(plot, height=220, title=name, label=label, note=note)
+
+
+def signal_figure(
+    identification: Identification,
+    recording: FittedRecording,
+    joint: int,
+    method: int,
+    points: int,
+) -> Figure:
+    """Position, speed and acceleration of one joint below each other.
+
+    Args:
+        identification: the result.
+        recording: one of its recordings.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    fit, unit = identification.joints[joint], position_unit(identification, joint)
+    t = _time(recording)
+    rows = (
+        ("q", unit, recording.q),
+        ("dq", f"{unit}/s", recording.dq),
+        ("ddq", f"{unit}/s²", recording.ddq),
+    )
+    plot = _empty("")
+    plot.add_trace(
+        _line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
+    )
+    for k, (name, row_unit, signal) in enumerate(rows, start=1):
+        axis = "y" if k == 1 else f"y{k}"
+        line = _line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
+        plot.add_trace(line.update(yaxis=axis))
+        top = 1.0 - 0.355 * (k - 1)
+        plot.update_layout(
+            {
+                f"yaxis{axis[1:]}": {
+                    "domain": [top - 0.29, top],
+                    "title": {"text": f"{name} [{row_unit}]", "standoff": 4},
+                }
+            }
+        )
+    plot.update_xaxes(title_text="time [s]", anchor="y3")
+    _shade(plot, _mask(recording, joint), t)
+    note = f"smoother: half power at {significant(fit.f50)} Hz" if math.isfinite(fit.f50) else ""
+    label = f"Position, speed and acceleration of {fit.name} over {significant(t[-1])} s"
+    return Figure(plot, height=420, title=fit.name, label=label, note=note)
+
+
+def distance_figure(identification: Identification) -> Figure:
+    """Distance of every parameter from its final value over the iterations, in σ."""
+    history = identification.history
+    theta = np.array([iteration.theta for iteration in history])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.abs(theta - identification.theta) / identification.std
+    distance[~(np.isfinite(distance) & (distance > 0.0))] = np.nan
+    plot = _empty("distance from the estimate [σ]")
+    plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
+    plot.update_yaxes(type="log", exponentformat="power", dtick=1)
+    columns = zip(identification.names, identification.parameters, distance.T, strict=True)
+    for name, parameter, values in columns:
+        plot.add_scatter(
+            x=_packed(np.arange(1, len(history) + 1)),
+            y=_packed(values),
+            name=html.escape(name, quote=False),
+            mode="lines+markers",
+            line={"color": colour(parameter.joint), "width": 1.2},
+            marker={"size": 4},
+        )
+    plot.add_hline(1.0, line={"color": ERROR, "width": 1, "dash": "dash"})
+    label = (
+        f"Distance of {len(identification.names)} parameters from their estimate over "
+        f"{len(history)} iterations, in standard deviations"
+    )
+    note = "one line per parameter, coloured by joint; the dashed line is 1σ"
+    return Figure(plot, height=300, title="Parameters", label=label, note=note)
+
+
+def change_figure(identification: Identification) -> Figure:
+    """Largest relative change and relative error of the torque over the iterations."""
+    history = identification.history
+    plot = _empty("%")
+    plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
+    plot.update_yaxes(type="log")
+    for name, line_colour, values in (
+        ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
+        ("relative error of the torque", METHOD_COLOURS[1], [i.residual for i in history]),
+    ):
+        plot.add_scatter(
+            x=_packed(np.arange(1, len(history) + 1)),
+            y=_packed(100.0 * np.array(values, dtype=float)),
+            name=name,
+            mode="lines+markers",
+            line={"color": line_colour, "width": 1.6},
+        )
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    last = history[-1]
+    label = (
+        f"Largest relative change and relative error over {len(history)} iterations; at the end "
+        f"{percent(100.0 * last.change)} and {percent(100.0 * last.residual)}"
+    )
+    return Figure(plot, height=300, title="Criteria", label=label)
+
+
+def position_unit(identification: Identification, joint: int) -> str:
+    """Rad or m, by the kind of the joint."""
+    return "rad" if identification.robot.joints[joint].kind == "revolute" else "m"
+
+
+def _empty(y_title: str) -> go.Figure:
+    """Axes without decoration; the template stays out, it is 7 kB per figure."""
+    return go.Figure(
+        layout={
+            "template": "none",
+            "margin": {"l": 58, "r": 12, "t": 8, "b": 42},
+            "showlegend": False,
+            "hovermode": "closest",
+            "xaxis": {"automargin": False, "zeroline": False},
+            "yaxis": {"title": {"text": y_title, "standoff": 4}, "zeroline": True},
+        }
+    )
+
+
+def _line(
+    t: np.ndarray, y: np.ndarray, points: int, name: str, line_colour: str, *, width: float
+) -> go.Scatter:
+    kept = kept_samples(np.asarray(y, dtype=float), points)
+    return go.Scatter(
+        x=_packed(t[kept]),
+        y=_packed(y[kept]),
+        mode="lines",
+        name=name,
+        line={"color": line_colour, "width": width},
+    )
+
+
+def _shade(plot: go.Figure, mask: np.ndarray, t: np.ndarray) -> None:
+    """Grey background where rows did not vote."""
+    plot.update_layout(
+        shapes=[
+            {
+                "type": "rect",
+                "layer": "below",
+                "yref": "paper",
+                "x0": start,
+                "x1": stop,
+                "y0": 0,
+                "y1": 1,
+                "fillcolor": SHADE,
+                "line": {"width": 0},
+            }
+            for start, stop in stretches(mask, t)
+        ]
+    )
+
+
+def _mask(recording: FittedRecording, joint: int) -> np.ndarray:
+    return np.asarray(recording.mask, dtype=bool)[:, joint]
+
+
+def _time(recording: FittedRecording) -> np.ndarray:
+    """Time since the first row [s]: a clock's absolute time has too many digits to draw."""
+    return recording.t - recording.t[0]
+
+
+def _packed(x: np.ndarray) -> np.ndarray:
+    """Single precision: plotly writes it in 5 characters per number."""
+    return np.asarray(x, dtype=np.float32)

@@ -1,0 +1,74 @@
+"""What a report is made from, and how much of the signals it can show."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+from pivident.estimation.identification import FittedRecording, Identification
+from pivident.estimation.parameter_rows import method_labels
+
+#: Points of all signals together; a point takes 11 bytes, plotly itself 5 MB.
+TOTAL_POINTS = 160_000
+
+#: A trace has at most so many points, which is more than a screen has columns …
+MOST_POINTS = 3000
+
+#: … and at least so many; rather than fewer, recordings are left out.
+FEWEST_POINTS = 300
+
+#: Traces of one joint in one recording: two torques, their difference, q twice, dq and ddq.
+_TRACES = 7
+
+
+@dataclass(frozen=True, eq=False)
+class Material:
+    """Everything that the sections of a report draw on.
+
+    Attributes:
+        identifications: the results, in the order in which they are shown.
+        truth: known values by parameter name, may be empty.
+        title: title of the page.
+    """
+
+    identifications: tuple[Identification, ...]
+    truth: Mapping[str, float]
+    title: str
+
+    @cached_property
+    def labels(self) -> tuple[str, ...]:
+        """Name of each identification, unique."""
+        return method_labels(self.identifications)
+
+    @property
+    def several(self) -> bool:
+        """Whether there is something to compare."""
+        return len(self.identifications) > 1
+
+    @cached_property
+    def shown_recordings(self) -> int:
+        """How many recordings of each identification have their signals drawn."""
+        joints = sum(i.robot.size for i in self.identifications)
+        most = max(len(i.recordings) for i in self.identifications)
+        return min(most, max(1, TOTAL_POINTS // (FEWEST_POINTS * _TRACES * joints)))
+
+    @cached_property
+    def points(self) -> int:
+        """Points per trace."""
+        traces = _TRACES * sum(
+            i.robot.size * len(self.drawn(i.recordings)) for i in self.identifications
+        )
+        return max(FEWEST_POINTS, min(MOST_POINTS, TOTAL_POINTS // max(traces, 1)))
+
+    def drawn(self, recordings: tuple[FittedRecording, ...]) -> tuple[FittedRecording, ...]:
+        """The recordings whose signals are drawn."""
+        return recordings[: self.shown_recordings]
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Names of the recordings whose signals are not drawn."""
+        names = (
+            r.name for i in self.identifications for r in i.recordings[self.shown_recordings :]
+        )
+        return tuple(dict.fromkeys(names))

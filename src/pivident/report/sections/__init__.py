@@ -1,0 +1,24 @@
+"""The sections of a report, in the order of the page."""
+
+from pivident.report.sections.base import Section
+from pivident.report.sections.comparison import ComparisonSection
+from pivident.report.sections.convergence import ConvergenceSection
+from pivident.report.sections.joints import JointsSection
+from pivident.report.sections.parameters import ParametersSection
+from pivident.report.sections.provenance import ProvenanceSection
+from pivident.report.sections.residuals import ResidualsSection
+from pivident.report.sections.signals import SignalsSection
+from pivident.report.sections.summary import SummarySection
+from pivident.report.sections.torque import TorqueSection
+
+SECTIONS: tuple[type[Section], ...] = (
+    SummarySection,
+    ComparisonSection,
+    ParametersSection,
+    TorqueSection,
+    JointsSection,
+    ResidualsSection,
+    ConvergenceSection,
+    SignalsSection,
+    ProvenanceSection,
+)

@@ -1,0 +1,90 @@
+"""What a section is: a title, a template, and the context that fills it."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from pivident.estimation.identification import FittedRecording, Identification
+from pivident.report.figures import Figure
+from pivident.report.material import Material
+
+
+@dataclass(frozen=True)
+class Gallery:
+    """Figures of one method, in a part of the page that can be folded.
+
+    Attributes:
+        label: name of the method.
+        method: index of the method, which is its colour.
+        opened: whether it is unfolded at first.
+        groups: title (empty where there is one group only) and figures of each group.
+    """
+
+    label: str
+    method: int
+    opened: bool
+    groups: tuple[tuple[str, tuple[Figure, ...]], ...]
+
+
+class Section(ABC):
+    """One part of the page.
+
+    Attributes:
+        title: heading.
+        anchor: identifier on the page.
+        template: file in ``templates``.
+    """
+
+    title: ClassVar[str]
+    anchor: ClassVar[str]
+    template: ClassVar[str]
+
+    def __init__(self, material: Material) -> None:
+        self.material = material
+
+    @property
+    def applies(self) -> bool:
+        """Whether there is anything to show."""
+        return True
+
+    @abstractmethod
+    def context(self) -> dict[str, Any]:
+        """Values for the template."""
+
+    def opened(self, method: int) -> bool:
+        """The last method, by custom the most refined, is unfolded."""
+        return method == len(self.material.identifications) - 1
+
+
+class RecordingSection(Section):
+    """A section with figures of every method and recording."""
+
+    @property
+    def applies(self) -> bool:
+        """Only where an identification kept its signals."""
+        return any(i.recordings for i in self.material.identifications)
+
+    @abstractmethod
+    def figures(
+        self, identification: Identification, recording: FittedRecording, method: int
+    ) -> tuple[Figure, ...]:
+        """Figures of one recording, at most one per joint."""
+
+    def context(self) -> dict[str, Any]:
+        """One gallery per method, one group of figures per recording."""
+        material = self.material
+        galleries = []
+        for k, identification in enumerate(material.identifications):
+            titled = len(identification.recordings) > 1
+            groups = tuple(
+                (recording.name if titled else "", self.figures(identification, recording, k))
+                for recording in material.drawn(identification.recordings)
+            )
+            galleries.append(Gallery(material.labels[k], k, self.opened(k), groups))
+        return {
+            "galleries": galleries,
+            "left_out_names": material.left_out,
+            "several": material.several,
+        }

@@ -1,0 +1,46 @@
+"""Methods side by side: the paper's Table 1, and every parameter's intervals on one scale."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.estimation.parameter_rows import CONTRADICTION, aligned_rows, largest_difference
+from pivident.report.intervals import interval_drawing
+from pivident.report.sections.base import Section
+
+
+class ComparisonSection(Section):
+    """Value and relative σ of each method, largest difference in combined σ."""
+
+    title = "Methods compared"
+    anchor = "comparison"
+    template = "comparison.html"
+
+    @property
+    def applies(self) -> bool:
+        """Only with several methods."""
+        return self.material.several
+
+    def context(self) -> dict[str, Any]:
+        """One entry per parameter with its rows, difference and drawing."""
+        labels = self.material.labels
+        entries = []
+        for name, rows in aligned_rows(self.material.identifications, self.material.truth).items():
+            distance, i, j = largest_difference(rows)
+            entries.append(
+                {
+                    "name": name,
+                    "rows": rows,
+                    "any": next(row for row in rows if row is not None),
+                    "distance": distance,
+                    "pair": f"{labels[i]} – {labels[j]}",
+                    "contradicts": distance > CONTRADICTION,
+                    "drawing": interval_drawing(rows, labels, with_zero=False),
+                }
+            )
+        return {
+            "labels": labels,
+            "entries": entries,
+            "truth": bool(self.material.truth),
+            "contradiction": CONTRADICTION,
+        }

@@ -1,0 +1,43 @@
+"""How the iteration went, for methods that iterate."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.report.figures import change_figure, distance_figure
+from pivident.report.sections.base import Gallery, Section
+
+
+class ConvergenceSection(Section):
+    """Parameters and criteria over the iterations."""
+
+    title = "Convergence"
+    anchor = "convergence"
+    template = "convergence.html"
+
+    @property
+    def applies(self) -> bool:
+        """Only with a method that iterated."""
+        return any(i.iterations > 1 for i in self.material.identifications)
+
+    def context(self) -> dict[str, Any]:
+        """Figures and table of each method that iterated."""
+        material = self.material
+        return {
+            "entries": [
+                (
+                    Gallery(
+                        label,
+                        k,
+                        self.opened(k),
+                        (("", (distance_figure(i), change_figure(i))),),
+                    ),
+                    i.history,
+                )
+                for k, (label, i) in enumerate(
+                    zip(material.labels, material.identifications, strict=True)
+                )
+                if i.iterations > 1
+            ],
+            "several": material.several,
+        }

@@ -1,0 +1,37 @@
+"""Fit, noise model and smoother of each joint."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.report.figures import position_unit
+from pivident.report.sections.base import Section
+
+
+class JointsSection(Section):
+    """One row per joint and method."""
+
+    title = "Fit of each joint"
+    anchor = "joints"
+    template = "joints.html"
+
+    def context(self) -> dict[str, Any]:
+        """Joint fits with the unit of their positions."""
+        material = self.material
+        return {
+            "tables": [
+                (
+                    label,
+                    k,
+                    [
+                        (joint, position_unit(identification, j))
+                        for j, joint in enumerate(identification.joints)
+                    ],
+                    identification.relative_error,
+                )
+                for k, (label, identification) in enumerate(
+                    zip(material.labels, material.identifications, strict=True)
+                )
+            ],
+            "several": material.several,
+        }

@@ -1,0 +1,39 @@
+"""The estimates of each method with their intervals, and their errors where truth is known."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.report.intervals import interval_drawing
+from pivident.report.sections.base import Section
+
+
+class ParametersSection(Section):
+    """One table per method."""
+
+    title = "Parameters"
+    anchor = "parameters"
+    template = "parameters.html"
+
+    def context(self) -> dict[str, Any]:
+        """Rows and drawings of each method."""
+        material = self.material
+        tables = []
+        for k, (label, identification) in enumerate(
+            zip(material.labels, material.identifications, strict=True)
+        ):
+            rows = parameter_rows(identification, material.truth)
+            others = [None] * k
+            drawings = [
+                interval_drawing([*others, row], material.labels, with_zero=True) for row in rows
+            ]
+            tables.append(
+                {
+                    "label": label,
+                    "method": k,
+                    "opened": self.opened(k),
+                    "rows": list(zip(rows, drawings, strict=True)),
+                }
+            )
+        return {"tables": tables, "truth": bool(material.truth), "several": material.several}

@@ -1,0 +1,39 @@
+"""Options, input files with their hashes, versions: what it takes to repeat the result."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pivident.report.sections.base import Section
+
+
+class ProvenanceSection(Section):
+    """Options of each method side by side, sources, versions."""
+
+    title = "Options and provenance"
+    anchor = "provenance"
+    template = "provenance.html"
+
+    def context(self) -> dict[str, Any]:
+        """Flat options by name, sources and versions."""
+        identifications = self.material.identifications
+        options = [dict(_flat(i.options)) for i in identifications]
+        names = dict.fromkeys(name for entry in options for name in entry)
+        return {
+            "labels": self.material.labels,
+            "options": {name: [entry.get(name, "–") for entry in options] for name in names},
+            "sources": {
+                name: digest for i in identifications for name, digest in i.sources.items()
+            },
+            "versions": list(dict.fromkeys(i.version or "unknown" for i in identifications)),
+        }
+
+
+def _flat(options: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:
+    """Nested options as ``signals.order``: text."""
+    for key, value in options.items():
+        if isinstance(value, Mapping):
+            yield from _flat(value, f"{prefix}{key}.")
+        else:
+            yield f"{prefix}{key}", str(value)

@@ -1,0 +1,39 @@
+"""What was done, how it ended, and what is doubtful about it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.estimation.tables import ending
+from pivident.report.findings import disagreements, findings
+from pivident.report.sections.base import Section
+
+
+class SummarySection(Section):
+    """One line per method, then the remarks in plain words."""
+
+    title = "Summary"
+    anchor = "summary"
+    template = "summary.html"
+
+    def context(self) -> dict[str, Any]:
+        """Methods at a glance and remarks."""
+        material = self.material
+        robots = {i.robot.name: i.robot for i in material.identifications}
+        recordings = {r.name: r for i in material.identifications for r in i.recordings}
+        apart = disagreements(material.identifications, material.labels)
+        return {
+            "robots": list(robots.values()),
+            "recordings": [
+                (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()
+            ],
+            "methods": [
+                (label, i, ending(i))
+                for label, i in zip(material.labels, material.identifications, strict=True)
+            ],
+            "remarks": [
+                (label, findings(i))
+                for label, i in zip(material.labels, material.identifications, strict=True)
+            ],
+            "disagreement": apart,
+        }

@@ -1,0 +1,120 @@
+"""A made-up identification of a gallery robot: known parameters, sines, coloured noise."""
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import nominal_values
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.identification import (
+    FittedRecording,
+    Identification,
+    Iteration,
+    JointFit,
+)
+from pivident.robot import load_robot
+
+
+def true_parameters(robot_name: str = "planar_2r") -> dict[str, float]:
+    base = base_parameters(load_robot(robot_name))
+    theta = base.values(nominal_values(base.robot, base.standard))
+    return dict(zip(base.names, theta.tolist(), strict=True))
+
+
+def synthetic_identification(
+    method: str = "IDIM-PIV",
+    robot_name: str = "planar_2r",
+    *,
+    samples: int = 2000,
+    rate: float = 1000.0,
+    relative_std: float = 0.004,
+    bias: float = 0.0,
+    seed: int = 1,
+    **changes: object,
+) -> Identification:
+    """An identification whose errors are `bias` plus normal ones of its own covariance."""
+    rng = np.random.default_rng(seed)
+    robot = load_robot(robot_name)
+    base = base_parameters(robot)
+    truth = base.values(nominal_values(robot, base.standard))
+    std = relative_std * np.maximum(np.abs(truth), 0.02) * rng.uniform(0.3, 3.0, truth.size)
+    theta = truth + std * (bias + rng.standard_normal(truth.size))
+    recording, whitened_share = synthetic_recording(robot, base, theta, samples, rate, rng)
+    iterations = 5 if "IV" in method else 1
+    identification = Identification(
+        method=method,
+        robot=robot,
+        parameters=base.parameters,
+        names=base.names,
+        expressions=base.expressions,
+        theta=theta,
+        covariance=np.diag(std**2),
+        robust_covariance=np.diag((1.3 * std) ** 2),
+        converged=True,
+        history=tuple(
+            Iteration(
+                theta=theta * (1.0 - 0.8 * 0.1**k),
+                change=0.8 * 0.1**k,
+                residual=0.05 * (1.0 + 0.5**k),
+                halvings=int(k == 0),
+                ar_orders=(20,) * robot.size,
+            )
+            for k in range(1, iterations + 1)
+        ),
+        joints=tuple(
+            JointFit(
+                name=joint.name,
+                torque_unit="N m" if joint.kind == "revolute" else "N",
+                relative_error=0.03 + 0.01 * i,
+                rms_error=0.12,
+                noise_std=2.4e-5,
+                noise_unit="rad",
+                ar_order=20 + i,
+                ar_at_bound=False,
+                rows=samples,
+                masked=whitened_share[i],
+                f50=87.3,
+                encoder_std=3.1e-6,
+            )
+            for i, joint in enumerate(robot.joints)
+        ),
+        relative_error=0.034,
+        condition=61.2,
+        recordings=(recording,),
+        options={"signals": {"order": 3, "f50_max": None}, "tolerance": 0.01},
+        warnings=(),
+        sources={"run1.csv": "5cc1cecc1024ef0e331d0caba06f689456ab789ec3f1e904599c0a8be5c27bc8"},
+        version="0.1.0",
+    )
+    return replace(identification, **changes)
+
+
+def synthetic_recording(robot, base, theta, samples, rate, rng):
+    """Sines on all joints, coloured torque noise; and the share of low-speed rows per joint."""
+    t = np.arange(samples) / rate
+    w = 2 * np.pi * (0.4 + 0.3 * np.arange(1, robot.size + 1))
+    q, dq, ddq = (
+        np.sin(w * t[:, None]),
+        w * np.cos(w * t[:, None]),
+        -(w**2) * np.sin(w * t[:, None]),
+    )
+    tau_model = Regressor.build(robot, base.parameters).torque(q, dq, ddq, theta)
+    white = rng.standard_normal((samples, robot.size))
+    noise = lfilter([0.1], [1.0, -0.9], white, axis=0) * 0.1 * np.abs(tau_model).max(axis=0)
+    mask = np.abs(dq) < 0.1 * w
+    recording = FittedRecording(
+        name="run1",
+        t=t,
+        q=q,
+        dq=dq,
+        ddq=ddq,
+        q_measured=q + 3e-6 * white,
+        tau=tau_model + noise,
+        tau_model=tau_model,
+        mask=mask,
+        whitened=white,
+        whitened_rate=rate,
+    )
+    return recording, mask.mean(axis=0)
