@@ -1,2 +1,105 @@
-"""Identification of the dynamic parameters of robots."""
+"""Identification of the dynamic parameters of robots from closed-loop records.
+
+One verb, ``identify(problem, method)``. A `Problem` holds what is given (robot, recordings,
+control loop), a method how to estimate (`LeastSquares`, `InstrumentalVariables`,
+`PrefilteredIV`), and an `Identification` the answer with everything needed to doubt it. Names
+are imported when they are first used, so that ``import pivident`` costs nothing.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
 __version__ = "0.1.0"
+
+if TYPE_CHECKING:
+    from pivident.dynamics.base_parameters import base_parameters
+    from pivident.errors import PividentError
+    from pivident.estimation.identification import Identification
+    from pivident.estimation.identify import build_regression, identify
+    from pivident.estimation.methods import (
+        AutoRegressive,
+        Bandpass,
+        InstrumentalVariables,
+        LeastSquares,
+        PrefilteredIV,
+        RandomWalk,
+    )
+    from pivident.estimation.problem import Loop, Problem
+    from pivident.experiment import load_experiment
+    from pivident.recording.load import load_recording
+    from pivident.recording.recording import Recording
+    from pivident.report.builder import write_report
+    from pivident.robot import Robot, load_robot
+    from pivident.simulation.controllers import PD, PID, Cascade, PythonController
+    from pivident.simulation.virtual_pd import virtual_pd
+
+#: Where each name of the front door lives.
+_HOME = {
+    "AutoRegressive": "pivident.estimation.methods",
+    "Bandpass": "pivident.estimation.methods",
+    "Cascade": "pivident.simulation.controllers",
+    "Identification": "pivident.estimation.identification",
+    "InstrumentalVariables": "pivident.estimation.methods",
+    "LeastSquares": "pivident.estimation.methods",
+    "Loop": "pivident.estimation.problem",
+    "PD": "pivident.simulation.controllers",
+    "PID": "pivident.simulation.controllers",
+    "PividentError": "pivident.errors",
+    "PrefilteredIV": "pivident.estimation.methods",
+    "Problem": "pivident.estimation.problem",
+    "PythonController": "pivident.simulation.controllers",
+    "RandomWalk": "pivident.estimation.methods",
+    "Recording": "pivident.recording.recording",
+    "Robot": "pivident.robot",
+    "base_parameters": "pivident.dynamics.base_parameters",
+    "build_regression": "pivident.estimation.identify",
+    "identify": "pivident.estimation.identify",
+    "load_experiment": "pivident.experiment",
+    "load_recording": "pivident.recording.load",
+    "load_robot": "pivident.robot",
+    "virtual_pd": "pivident.simulation.virtual_pd",
+    "write_report": "pivident.report.builder",
+}
+
+__all__ = [
+    "PD",
+    "PID",
+    "AutoRegressive",
+    "Bandpass",
+    "Cascade",
+    "Identification",
+    "InstrumentalVariables",
+    "LeastSquares",
+    "Loop",
+    "PividentError",
+    "PrefilteredIV",
+    "Problem",
+    "PythonController",
+    "RandomWalk",
+    "Recording",
+    "Robot",
+    "__version__",
+    "base_parameters",
+    "build_regression",
+    "identify",
+    "load_experiment",
+    "load_recording",
+    "load_robot",
+    "virtual_pd",
+    "write_report",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """A name of the front door, imported from its home at first use."""
+    if name not in _HOME:
+        raise AttributeError(f"module 'pivident' has no attribute {name!r}")
+    value = getattr(import_module(_HOME[name]), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_HOME})

@@ -42,8 +42,7 @@ def sine_and_cosine(x):
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def arctangent(x):
-    """atan(x) by a rational approximation after reduction to \|x\| < 0.66.
-    """
+    r"""atan(x) by a rational approximation after reduction to \|x\| < 0.66."""
     a = abs(x)
     large, middle = a > 2.414213562373095, a > 0.66
     numerator = -1.0 if large else (a - 1.0 if middle else a)

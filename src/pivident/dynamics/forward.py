@@ -176,7 +176,16 @@ def _accelerations(model, q, dq, tau, out, failure):
             return joint, s
         vectors[0] = dq[s]
         friction_torque(
-            f.linear, f.term_index, f.term_value, f.pair_index, f.pair_value, vectors, 0, 1, slopes, 0
+            f.linear,
+            f.term_index,
+            f.term_value,
+            f.pair_index,
+            f.pair_value,
+            vectors,
+            0,
+            1,
+            slopes,
+            0,
         )
         for i in range(n):
             out[s, i] = 0.0

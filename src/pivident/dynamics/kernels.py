@@ -141,9 +141,7 @@ def _tile_rotate(tile, r, v):
         return
     for s in range(TILE):
         x, y, z = tile[v + s], tile[v + TILE + s], tile[v + 2 * TILE + s]
-        tile[v + s] = (
-            tile[r + s] * x + tile[r + 3 * TILE + s] * y + tile[r + 6 * TILE + s] * z
-        )
+        tile[v + s] = tile[r + s] * x + tile[r + 3 * TILE + s] * y + tile[r + 6 * TILE + s] * z
         tile[v + TILE + s] = (
             tile[r + TILE + s] * x + tile[r + 4 * TILE + s] * y + tile[r + 7 * TILE + s] * z
         )
@@ -414,7 +412,14 @@ def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, b
         parent = parents[i]
         if parent >= 0:
             fx, fy, fz, nx, ny, nz = _carried(
-                pose, i, force[i, 0], force[i, 1], force[i, 2], force[i, 3], force[i, 4], force[i, 5]
+                pose,
+                i,
+                force[i, 0],
+                force[i, 1],
+                force[i, 2],
+                force[i, 3],
+                force[i, 4],
+                force[i, 5],
             )
             force[parent, 0] += fx
             force[parent, 1] += fy

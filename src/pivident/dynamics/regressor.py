@@ -62,7 +62,10 @@ class Regressor:
         return cls._from_entries(
             robot,
             tuple(parameters),
-            [(int(j), int(c)) for j, c in zip(everything.row[alive], everything.column[alive], strict=True)],
+            [
+                (int(j), int(c))
+                for j, c in zip(everything.row[alive], everything.column[alive], strict=True)
+            ],
         )
 
     @classmethod

@@ -25,7 +25,7 @@ from numba import njit
 from pivident.dynamics.elementary import arctangent, sine_and_cosine
 from pivident.robot.friction import FrictionColumn, SignFunction
 
-TILE = 64  # samples: long enough to vectorise, short enough for the caches
+TILE = 128  # samples: long enough to vectorise, short enough for the caches
 
 # Rows of the scratch. The joint at work: cosine and sine of its turn, its slide, and their rates.
 _COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6
@@ -35,7 +35,7 @@ _ROTATION, _ORIGIN, _COLUMNS, _FIXED = 7, 16, 19, 29
 _W, _DW, _A, _G, _LINK = 0, 3, 6, 9, 18
 
 # What a screw is wanted for: for the links further out, for inertias, for first moments and mass.
-CARRY, INERTIAS, MOMENTS = 1, 2, 4
+CARRY, INERTIAS, MOMENTS, MOTION = 1, 2, 4, 8
 
 # Functions of an entry without inertial parameter, besides those of ``FrictionColumn``.
 ACCELERATION = 100
@@ -68,14 +68,14 @@ class EntryPlan(NamedTuple):
             (joint entries, 5).
     """
 
-    entries: int
+    source: np.ndarray
+    columns: int
     parent: np.ndarray
     prismatic: np.ndarray
     rotation: np.ndarray
     translation: np.ndarray
     gravity: np.ndarray
     work: np.ndarray
-    entry: np.ndarray
     joint_index: np.ndarray
     joint_value: np.ndarray
 
@@ -129,8 +129,21 @@ def _rotated(tile, s, x, y, z):
 
 @_inline
 def _move(tile, parent, link):
-    """ω, dω, a and G of the link at row ``link`` from those of its parent."""
-    up = parent + _G
+    """ω, dω, a and G of the link at row ``link`` from those of its parent.
+
+    Four loops, because the compiler gives up on one that writes to so many rows.
+    """
+    up, own = parent + _G, link + _G
+    for s in range(TILE):
+        wx, wy, wz = _rotated(tile, s, tile[parent, s], tile[parent + 1, s], tile[parent + 2, s])
+        tile[link, s], tile[link + 1, s], tile[link + 2, s] = wx, wy, wz + tile[_DTURN, s]
+    for s in range(TILE):
+        ex, ey, ez = _rotated(
+            tile, s, tile[parent + 3, s], tile[parent + 4, s], tile[parent + 5, s]
+        )
+        tile[link + 3, s] = ex + tile[link + 1, s] * tile[_DTURN, s]
+        tile[link + 4, s] = ey - tile[link, s] * tile[_DTURN, s]
+        tile[link + 5, s] = ez + tile[_DDTURN, s]
     for s in range(TILE):
         px, py, pz = tile[_ORIGIN, s], tile[_ORIGIN + 1, s], tile[_ORIGIN + 2, s]
         # G of the parent turns the lever arm into its tangential and centripetal acceleration
@@ -140,22 +153,16 @@ def _move(tile, parent, link):
         ax, ay, az = _rotated(
             tile, s, tile[parent + 6, s] + ax, tile[parent + 7, s] + ay, tile[parent + 8, s] + az
         )
-        wx, wy, wz = _rotated(tile, s, tile[parent, s], tile[parent + 1, s], tile[parent + 2, s])
-        ex, ey, ez = _rotated(
-            tile, s, tile[parent + 3, s], tile[parent + 4, s], tile[parent + 5, s]
-        )
-        turn, slide = tile[_DTURN, s], tile[_DSLIDE, s]
-        ax, ay, az = ax + 2.0 * wy * slide, ay - 2.0 * wx * slide, az + tile[_DDSLIDE, s]
-        ex, ey, ez = ex + wy * turn, ey - wx * turn, ez + tile[_DDTURN, s]
-        wz += turn
-        tile[link, s], tile[link + 1, s], tile[link + 2, s] = wx, wy, wz
-        tile[link + 3, s], tile[link + 4, s], tile[link + 5, s] = ex, ey, ez
-        tile[link + 6, s], tile[link + 7, s], tile[link + 8, s] = ax, ay, az
+        tile[link + 6, s] = ax + 2.0 * tile[link + 1, s] * tile[_DSLIDE, s]
+        tile[link + 7, s] = ay - 2.0 * tile[link, s] * tile[_DSLIDE, s]
+        tile[link + 8, s] = az + tile[_DDSLIDE, s]
+    for s in range(TILE):
+        wx, wy, wz = tile[link, s], tile[link + 1, s], tile[link + 2, s]
+        ex, ey, ez = tile[link + 3, s], tile[link + 4, s], tile[link + 5, s]
         xx, yy, zz, xy, xz, yz = wx * wx, wy * wy, wz * wz, wx * wy, wx * wz, wy * wz
-        g = link + _G
-        tile[g, s], tile[g + 1, s], tile[g + 2, s] = -yy - zz, xy - ez, xz + ey
-        tile[g + 3, s], tile[g + 4, s], tile[g + 5, s] = xy + ez, -xx - zz, yz - ex
-        tile[g + 6, s], tile[g + 7, s], tile[g + 8, s] = xz - ey, yz + ex, -xx - yy
+        tile[own, s], tile[own + 1, s], tile[own + 2, s] = -yy - zz, xy - ez, xz + ey
+        tile[own + 3, s], tile[own + 4, s], tile[own + 5, s] = xy + ez, -xx - zz, yz - ex
+        tile[own + 6, s], tile[own + 7, s], tile[own + 8, s] = xz - ey, yz + ex, -xx - yy
 
 
 @_inline
@@ -177,23 +184,23 @@ def _carry(tile, source, target):
 
 
 @_inline
-def _inertia_columns(tile, link, screw):
+def _inertia_columns(tile, link, screw, out):
     """Columns of ``xx xy xz yy yz zz``: w·(I dω) + u·(I ω) with u = w × ω."""
     for s in range(TILE):
         ox, oy, oz = tile[link, s], tile[link + 1, s], tile[link + 2, s]
         ex, ey, ez = tile[link + 3, s], tile[link + 4, s], tile[link + 5, s]
         wx, wy, wz = tile[screw + 3, s], tile[screw + 4, s], tile[screw + 5, s]
         ux, uy, uz = wy * oz - wz * oy, wz * ox - wx * oz, wx * oy - wy * ox
-        tile[_COLUMNS, s] = wx * ex + ux * ox
-        tile[_COLUMNS + 1, s] = wx * ey + wy * ex + ux * oy + uy * ox
-        tile[_COLUMNS + 2, s] = wx * ez + wz * ex + ux * oz + uz * ox
-        tile[_COLUMNS + 3, s] = wy * ey + uy * oy
-        tile[_COLUMNS + 4, s] = wy * ez + wz * ey + uy * oz + uz * oy
-        tile[_COLUMNS + 5, s] = wz * ez + uz * oz
+        tile[out, s] = wx * ex + ux * ox
+        tile[out + 1, s] = wx * ey + wy * ex + ux * oy + uy * ox
+        tile[out + 2, s] = wx * ez + wz * ex + ux * oz + uz * ox
+        tile[out + 3, s] = wy * ey + uy * oy
+        tile[out + 4, s] = wy * ez + wz * ey + uy * oz + uz * oy
+        tile[out + 5, s] = wz * ez + uz * oz
 
 
 @_inline
-def _moment_columns(tile, link, screw):
+def _moment_columns(tile, link, screw, out):
     """Columns of ``mx my mz m``: Gᵀv + a × w and v·a."""
     g = link + _G
     for s in range(TILE):
@@ -203,10 +210,10 @@ def _moment_columns(tile, link, screw):
         gx = tile[g, s] * vx + tile[g + 3, s] * vy + tile[g + 6, s] * vz
         gy = tile[g + 1, s] * vx + tile[g + 4, s] * vy + tile[g + 7, s] * vz
         gz = tile[g + 2, s] * vx + tile[g + 5, s] * vy + tile[g + 8, s] * vz
-        tile[_COLUMNS + 6, s] = gx + ay * wz - az * wy
-        tile[_COLUMNS + 7, s] = gy + az * wx - ax * wz
-        tile[_COLUMNS + 8, s] = gz + ax * wy - ay * wx
-        tile[_COLUMNS + 9, s] = vx * ax + vy * ay + vz * az
+        tile[out + 6, s] = gx + ay * wz - az * wy
+        tile[out + 7, s] = gy + az * wx - ax * wz
+        tile[out + 8, s] = gz + ax * wy - ay * wx
+        tile[out + 9, s] = vx * ax + vy * ay + vz * az
 
 
 @_inline
@@ -270,7 +277,7 @@ class _Rows(NamedTuple):
     links: int
     screws: int
     signals: int
-    entries: int
+    columns: int
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -280,28 +287,30 @@ def _scratch(plan):
     links = _FIXED
     screws = links + (joints + 1) * _LINK
     signals = screws + joints * depth * 6
-    entries = signals + 3 * joints
-    tile = np.zeros((entries + plan.entries, TILE))
+    columns = signals + 3 * joints
+    tile = np.zeros((columns + plan.columns, TILE))
     for k in range(3):  # the base does not move, but gravity accelerates it upwards
         tile[links + _A + k] = -plan.gravity[k]
     for i in range(joints):  # a joint's own screw is its z axis
         tile[screws + i * depth * 6 + (2 if plan.prismatic[i] else 5)] = 1.0
-    return tile, _Rows(links, screws, signals, entries)
+    return tile, _Rows(links, screws, signals, columns)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(plan, tile, rows, q, dq, ddq, start, count):
     """All wanted entries of the samples from ``start`` on."""
     joints, depth = plan.work.shape
-    parents, prismatic, work, entry = plan.parent, plan.prismatic, plan.work, plan.entry
+    parents, prismatic, work = plan.parent, plan.prismatic, plan.work
     rotation, translation = plan.rotation, plan.translation
-    links, screws, signals, entries = rows.links, rows.screws, rows.signals, rows.entries
+    links, screws, signals, out = rows.links, rows.screws, rows.signals, rows.columns
     for i in range(joints):
         for s in range(count):
             tile[signals + i, s] = q[i, start + s]
             tile[signals + joints + i, s] = dq[i, start + s]
             tile[signals + 2 * joints + i, s] = ddq[i, start + s]
     for i in range(joints):
+        if not work[i, 0] & MOTION:
+            continue
         parent, link = parents[i], links + (i + 1) * _LINK
         _load_joint(tile, signals, joints, i, prismatic[i])
         _pose(tile, rotation, translation, i)
@@ -309,20 +318,18 @@ def _fill(plan, tile, rows, q, dq, ddq, start, count):
         for k in range(depth):
             wanted = work[i, k]
             screw = screws + (i * depth + k) * 6
-            if wanted and k > 0:
+            if wanted & 7 and k > 0:
                 _carry(tile, screws + (parent * depth + k - 1) * 6, screw)
             if wanted & INERTIAS:
-                _inertia_columns(tile, link, screw)
+                _inertia_columns(tile, link, screw, out)
             if wanted & MOMENTS:
-                _moment_columns(tile, link, screw)
+                _moment_columns(tile, link, screw, out)
             if wanted & (INERTIAS | MOMENTS):
-                for c in range(10):
-                    if entry[i, k, c] >= 0:
-                        _copy_row(tile, _COLUMNS + c, entries + entry[i, k, c])
+                out += 10
     index, value = plan.joint_index, plan.joint_value
     for e in range(index.shape[0]):
         _joint_entry(
-            tile, signals + joints, signals + 2 * joints, index, value, e, entries + index[e, 0]
+            tile, signals + joints, signals + 2 * joints, index, value, e, out + e
         )
 
 
@@ -339,12 +346,13 @@ def packed_entries(plan, q, dq, ddq, out):
     """
     samples = q.shape[1]
     tile, rows = _scratch(plan)
+    source = plan.source
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, start, count)
-        for e in range(plan.entries):
+        for e in range(source.size):
             for s in range(count):
-                out[e, start + s] = tile[rows.entries + e, s]
+                out[e, start + s] = tile[rows.columns + source[e], s]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -361,13 +369,14 @@ def dense_entries(plan, place, q, dq, ddq, out):
     """
     samples = q.shape[1]
     tile, rows = _scratch(plan)
+    source = plan.source
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, start, count)
         # eight samples at a time: one cache line of each entry, eight lines written in order
         for first in range(0, count, 8):
-            for e in range(plan.entries):
-                row, column = rows.entries + e, place[e]
+            for e in range(source.size):
+                row, column = rows.columns + source[e], place[e]
                 for s in range(first, min(first + 8, count)):
                     out[start + s, column] = tile[row, s]
 
@@ -387,9 +396,10 @@ def entry_sums(plan, row, weight, q, dq, ddq, out):
     """
     samples = q.shape[1]
     tile, rows = _scratch(plan)
+    source = plan.source
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, start, count)
-        for e in range(plan.entries):
+        for e in range(source.size):
             for s in range(count):
-                out[start + s, row[e]] += weight[e] * tile[rows.entries + e, s]
+                out[start + s, row[e]] += weight[e] * tile[rows.columns + source[e], s]

@@ -1,0 +1,1 @@
+"""Estimation: problems, methods, and the identifications they give."""

@@ -78,9 +78,7 @@ class AuxiliaryModel:
 
         def run(k: int) -> None:
             recording, (signals, start) = problem.recordings[k], self.signals[k]
-            made = simulate(
-                model, self.loop.controller, signals, problem.robot.joint_names, start
-            )
+            made = simulate(model, self.loop.controller, signals, problem.robot.joint_names, start)
             channels = (made.q, made.dq, made.ddq, made.tau, made.command)
             motion = [resample(x, signals.rate, recording) for x in channels]
             if self.differences:
@@ -127,16 +125,16 @@ def loop_signals(
     """
     n = recording.joints
     smoothed = smooth_channels(recording.q, recording.rate)
-    if loop.reference == "smoothed":
-        q_ref, dq_ref = smoothed.q, smoothed.dq
-    elif recording.q_ref is None:
+    q_ref: np.ndarray = smoothed.q
+    dq_ref: np.ndarray | None = smoothed.dq
+    if loop.reference == "recorded" and recording.q_ref is None:
         raise ExperimentError(
             f"recording {recording.name!r} has no reference q_ref; map its column, or set "
             'reference = "smoothed" to let the smoothed measurement stand for it'
         )
-    else:
+    if loop.reference == "recorded" and recording.q_ref is not None:
         q_ref, dq_ref = recording.q_ref, recording.dq_ref
-    inputs = sum(recording.inputs.values()) if recording.inputs else None
+    inputs = np.sum(list(recording.inputs.values()), axis=0) if recording.inputs else None
     tracking = np.abs(recording.q - q_ref).max(axis=0)
     reach = np.ptp(q_ref, axis=0)
     speed = np.abs(smoothed.dq).max(axis=0)

@@ -84,20 +84,20 @@ def decimated_sums(regressor: Regressor, records: Sequence[DecimatedRecord]) -> 
     sums = []
     for j in range(regressor.robot.size):
         own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-        joint = JointSums.empty(regressor.columns_of(j))
+        joint = JointSums.empty(regressor.robot.joint_names[j], regressor.columns_of(j))
         for r in records:
             joint.add(r.phi[own], None if r.z is None else r.z[own], r.tau[j], r.votes[j])
         sums.append(joint)
     return sums
 
 
-def decimated_torque(regressor: Regressor, record: DecimatedRecord, theta: np.ndarray) -> np.ndarray:
+def decimated_torque(
+    regressor: Regressor, record: DecimatedRecord, theta: np.ndarray
+) -> np.ndarray:
     """Φθ on the rows of a recording, shape (joints, rows)."""
     joints = range(regressor.robot.size)
     spans = [slice(regressor.offsets[j], regressor.offsets[j + 1]) for j in joints]
-    return np.stack(
-        [theta[regressor.column[own]] @ record.phi[own] for own in spans]
-    )
+    return np.stack([theta[regressor.column[own]] @ record.phi[own] for own in spans])
 
 
 def decimated_scores(
@@ -129,7 +129,7 @@ def _decimated_columns(
     part: slice,
     factor: int | tuple[int, ...],
 ) -> np.ndarray:
-    """Packed columns of a motion, decimated in blocks of time that overlap by the filter's reach."""
+    """Packed columns of a motion, decimated in blocks that overlap by the filter's reach."""
     samples = part.stop - part.start
     reach = decimation_overlap(factor)
     thinning = int(np.prod(decimation_stages(factor)))

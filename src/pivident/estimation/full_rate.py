@@ -68,7 +68,10 @@ def accumulate(
         records: recordings with instruments.
         filters: one prefilter per joint.
     """
-    sums = [JointSums.empty(regressor.columns_of(j)) for j in range(regressor.robot.size)]
+    sums = [
+        JointSums.empty(name, regressor.columns_of(j))
+        for j, name in enumerate(regressor.robot.joint_names)
+    ]
     for record in records:
 
         def add(j: int, span: slice, phi, z, tau, votes=record.votes) -> None:
@@ -104,12 +107,13 @@ def scores_and_residuals(
     for record in records:
         samples = record.votes.shape[1]
         length = max(32, samples // SCORE_BLOCKS)
-        own = np.zeros((-(-samples // length), len(theta)))
+        # one layer per joint: the joints' threads must not write to the same place
+        by_joint = np.zeros((-(-samples // length), len(theta), regressor.robot.size))
         residual = np.zeros(record.votes.shape)
 
         def add(
             j: int, span: slice, phi, z, tau,
-            own=own, residual=residual, length=length, votes=record.votes,
+            by_joint=by_joint, residual=residual, length=length, votes=record.votes,
         ) -> None:  # fmt: skip
             columns = regressor.columns_of(j)
             e = tau - theta[columns] @ phi
@@ -118,11 +122,10 @@ def scores_and_residuals(
             starts = np.arange(0, e.size, length)
             products = np.add.reduceat((phi if z is None else z) * e, starts, axis=1)
             first = span.start // length
-            with_lock[first : first + starts.size, columns, j] = products.T
+            by_joint[first : first + starts.size, columns, j] = products.T
 
-        with_lock = np.zeros((*own.shape, regressor.robot.size))
         _walk(regressor, record, filters, length * -(-BLOCK // length), add)
-        scores.append(with_lock.sum(axis=2))
+        scores.append(by_joint.sum(axis=2))
         residuals.append(residual)
     return np.vstack(scores), residuals
 

@@ -28,6 +28,7 @@ def full_rate_answer(
     noise_units: Sequence[str],
     weight_power: float = 1.0,
     models: Sequence[ArModel] = (),
+    at_bound: Sequence[bool] = (),
     warnings: Sequence[str] = (),
 ) -> Identification:
     """Residuals, scores and plots on all samples.
@@ -44,6 +45,7 @@ def full_rate_answer(
         noise_units: unit of √λ of each joint.
         weight_power: power of λ in the weights.
         models: noise models, where there are any.
+        at_bound: whether their orders are the largest allowed.
         warnings: sentences.
     """
     regressor, theta = problem.regressor, solution.theta
@@ -58,12 +60,13 @@ def full_rate_answer(
     fits = joint_fits(
         problem,
         errors,
+        sum(r.kinematics.stop - r.kinematics.start for r in records),
         np.sqrt(variance),
         noise_units,
         np.mean([r.kinematics.f50 for r in records], axis=0),
         np.mean([r.kinematics.encoder_std for r in records], axis=0),
         [m.order for m in models],
-        [m.at_bound for m in models],
+        at_bound,
     )
     # one figure for all joints: each weighted by its own unfiltered error
     spread = np.array([max(f.rms_error, 1e-300) ** 2 for f in fits])

@@ -98,7 +98,10 @@ def iterate(
         settled = float((step / std).max())
         last, residual = residual, relative_residual(sums, solution.theta, variance)
         history.append(Iteration(solution.theta, change, residual, halvings, orders()))
-        say(f"iteration {k + 1}: parameters change by {100 * change:.3g} %, residual {100 * residual:.3g} %")
+        say(
+            f"iteration {k + 1}: parameters change by {100 * change:.3g} %, "
+            f"residual {100 * residual:.3g} %"
+        )
         previous, theta = theta, solution.theta
         still = change < tolerance and settled < 0.2
         if k + 1 >= earliest and still and abs(residual - last) < tolerance * residual:
@@ -106,9 +109,7 @@ def iterate(
     return solution, variance, history, False
 
 
-def relative_residual(
-    sums: Sequence[JointSums], theta: np.ndarray, variance: np.ndarray
-) -> float:
+def relative_residual(sums: Sequence[JointSums], theta: np.ndarray, variance: np.ndarray) -> float:
     """‖τ - Φθ‖/‖τ‖ over all joints, each weighted by 1/λ_j."""
     error = sum(s.residual_sum(theta) / v for s, v in zip(sums, variance, strict=True))
     total = sum(s.tt / v for s, v in zip(sums, variance, strict=True))
@@ -135,8 +136,8 @@ def friction_warnings(problem: Problem, theta: np.ndarray, std: np.ndarray) -> l
     """Sentences about parameters that physics wants positive and the data made negative."""
     return [
         f"{name} = {value:.3g} {p.unit} is negative; friction and rotor inertia cannot be "
-        f"({abs(value) / max(s, 1e-300):.1f} standard deviations below zero). Look at the low-speed "
-        "mask, the signs of the torque and the friction law."
+        f"({abs(value) / max(s, 1e-300):.1f} standard deviations below zero). Look at the "
+        "low-speed mask, the signs of the torque and the friction law."
         for p, name, value, s in zip(
             problem.regressor.parameters, problem.names, theta, std, strict=True
         )
@@ -193,6 +194,7 @@ def make_identification(
 def joint_fits(
     problem: Problem,
     errors: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
+    usable: int,
     noise_std: np.ndarray,
     noise_units: Sequence[str],
     f50: np.ndarray,
@@ -205,6 +207,7 @@ def joint_fits(
     Args:
         problem: what is given.
         errors: for each recording τ - Φθ, τ and votes, each (joints, rows).
+        usable: rows that a joint would have without a mask.
         noise_std: √λ of each joint.
         noise_units: its unit.
         f50: of the smoother [Hz], shape (joints,).
@@ -217,7 +220,6 @@ def joint_fits(
         squares = [np.sum(e[j, v[j]] ** 2) for e, _, v in errors]
         torque = [np.sum(t[j, v[j]] ** 2) for _, t, v in errors]
         rows = sum(int(v[j].sum()) for _, _, v in errors)
-        usable = sum(int(v.any(axis=0).sum()) for _, _, v in errors)
         fits.append(
             JointFit(
                 name=joint.name,

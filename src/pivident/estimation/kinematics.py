@@ -6,11 +6,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.errors import RecordingTooShort
 from pivident.estimation.methods import Bandpass, RandomWalk
 from pivident.recording.recording import Recording
 from pivident.signals.alignment import align_torque
 from pivident.signals.bandpass import bandpass
 from pivident.signals.random_walk import smooth_channels
+
+#: Samples that must remain between the ends that the filters spoil.
+SHORTEST_RUN = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,17 +68,26 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
             signals.order,
             median=signals.median,
             padlen=signals.padlen,
-            edge=signals.ends(recording.rate),
         )
         motion = (passed.q, passed.dq, passed.ddq)
-        edge, f50, encoder_std = passed.edge, unknown, unknown
+        ends, f50, encoder_std = signals.ends(recording.rate), unknown, unknown
     else:
         smoothed = smooth_channels(
-            recording.q, recording.rate, signals.order, passes=signals.passes, f50_max=signals.f50_max
+            recording.q,
+            recording.rate,
+            signals.order,
+            passes=signals.passes,
+            f50_max=signals.f50_max,
         )
         motion = (smoothed.q, smoothed.dq, smoothed.ddq)
-        edge = smoothed.edge
+        ends = (smoothed.edge, smoothed.edge)
         f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
+    start = max(ends[0], torque.lost_start)
+    stop = recording.samples - max(ends[1], torque.lost_end)
+    if stop - start < SHORTEST_RUN:
+        raise RecordingTooShort(
+            recording.samples, recording.samples - (stop - start) + SHORTEST_RUN
+        )
     q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
     return Kinematics(
         recording,
@@ -82,8 +95,8 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         dq,
         ddq,
         np.ascontiguousarray(torque.tau.T),
-        max(edge, torque.lost_start),
-        recording.samples - max(edge, torque.lost_end),
+        start,
+        stop,
         f50,
         encoder_std,
     )

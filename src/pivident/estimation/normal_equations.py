@@ -19,7 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.errors import RankDeficientRegressor
+from pivident.errors import IdentificationError, RankDeficientRegressor
 
 #: Smallest singular value of the scaled observation matrix, relative to the largest.
 RANK_TOLERANCE = 1e-6
@@ -30,6 +30,7 @@ class JointSums:
     """Sums of one joint over samples, on its own columns.
 
     Attributes:
+        name: name of the joint.
         columns: parameters that act on the joint, shape (k,).
         zf: Zᵀ Φ, shape (k, k); ``zz`` Zᵀ Z and ``ff`` Φᵀ Φ likewise.
         zz: Zᵀ Z.
@@ -40,6 +41,7 @@ class JointSums:
         rows: number of samples that voted.
     """
 
+    name: str
     columns: np.ndarray
     zf: np.ndarray
     zz: np.ndarray
@@ -50,13 +52,15 @@ class JointSums:
     rows: int = 0
 
     @classmethod
-    def empty(cls, columns: np.ndarray) -> JointSums:
+    def empty(cls, name: str, columns: np.ndarray) -> JointSums:
         """No samples yet."""
         k = columns.size
-        square = [np.zeros((k, k)) for _ in range(3)]
-        return cls(columns, *square, np.zeros(k), np.zeros(k))
+        zf, zz, ff = np.zeros((3, k, k))
+        return cls(name, columns, zf, zz, ff, np.zeros(k), np.zeros(k))
 
-    def add(self, phi: np.ndarray, z: np.ndarray | None, tau: np.ndarray, votes: np.ndarray | None) -> None:
+    def add(
+        self, phi: np.ndarray, z: np.ndarray | None, tau: np.ndarray, votes: np.ndarray | None
+    ) -> None:
         """Add samples, time last.
 
         Args:
@@ -125,7 +129,15 @@ def solve(
 
     Raises:
         RankDeficientRegressor: names the parameters that the motion does not separate.
+        IdentificationError: names a joint with too few rows.
     """
+    for joint in sums:
+        if joint.rows <= joint.columns.size:
+            raise IdentificationError(
+                f"joint {joint.name!r} has {joint.rows} usable rows for {joint.columns.size} "
+                "parameters: it hardly moves faster than the low-speed mask, or the record is too "
+                "short; lower the mask, take a longer record, or freeze the joint"
+            )
     size = len(names)
     zf, zz, ff = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
     zt = np.zeros(size)
@@ -176,10 +188,12 @@ def _check_rank(gram: np.ndarray, names: Sequence[str]) -> float:
     weak = np.flatnonzero(values < RANK_TOLERANCE**2 * values[-1])
     empty = np.flatnonzero(np.diag(gram) <= 0)
     if weak.size or empty.size:
-        groups = [(names[i],) for i in empty]
+        groups: list[tuple[str, ...]] = [(names[int(i)],) for i in empty]
         for k in weak:
             share = np.abs(vectors[:, k])
-            members = [names[i] for i in np.argsort(-share) if share[i] > 0.1 and i not in empty]
+            members = [
+                names[int(i)] for i in np.argsort(-share) if share[i] > 0.1 and i not in empty
+            ]
             if members:
                 groups.append(tuple(members))
         missing = max(weak.size, empty.size)

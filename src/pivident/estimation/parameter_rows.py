@@ -184,6 +184,6 @@ def _exponent(x: float) -> int:
 
 def _ratio(difference: float, scale: float) -> float:
     """Their quotient; infinite where only the scale is zero."""
-    if scale == 0.0 and not math.isnan(difference):
-        return math.copysign(math.inf, difference) if difference else 0.0
+    if scale == 0.0:
+        return difference * math.inf if difference else 0.0
     return difference / scale

@@ -95,6 +95,7 @@ def identify_piv(
         torque_units(problem) if direct else whitening.units(),
         power,
         whitening.models,
+        whitening.at_bound,
         [*loop_warnings(problem), *whitening.warnings()],
     )
 
@@ -112,12 +113,11 @@ class Whitening:
         if method.prefilter == "controller":
             assert problem.loop is not None
             rate = kinematics[0].recording.rate
-            self.numerator, self.denominator = inverse_controller(
-                problem.loop.controller, rate, n
-            )
+            self.numerator, self.denominator = inverse_controller(problem.loop.controller, rate, n)
             gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
             self.numerator = self.numerator / gain[:, None]
         self.models: list[ArModel] = []
+        self.at_bound: tuple[bool, ...] = (False,) * n
         self.filters = [Prefilter(self.numerator[j], self.denominator[j]) for j in range(n)]
 
     def update(self, k: int, theta: np.ndarray, votes: Sequence[np.ndarray]) -> None:
@@ -142,6 +142,8 @@ class Whitening:
 
         run_in_threads(fit, range(n))
         self.models = [m for m in models if m is not None]
+        if k == ORDER_FROZEN_AFTER:  # later fits are given their order and cannot tell
+            self.at_bound = tuple(m.at_bound for m in self.models)
         self.filters = [
             Prefilter(self.numerator[j], self.denominator[j], self.models[j].coefficients)
             for j in range(n)
@@ -161,10 +163,12 @@ class Whitening:
         skip = Prefilter(self.numerator[j], self.denominator[j]).transient()
         for kin, residual, own in zip(self.kinematics, residuals, votes, strict=True):
             usable = slice(kin.start, kin.stop)
-            pieces.append(
-                lfilter(self.numerator[j], self.denominator[j], residual[j, usable])
+            pieces.append(lfilter(self.numerator[j], self.denominator[j], residual[j, usable]))
+            out = (
+                ~own[j, usable]
+                if self.method.noise.on_unmasked
+                else np.zeros(pieces[-1].size, bool)
             )
-            out = ~own[j, usable] if self.method.noise.on_unmasked else np.zeros(pieces[-1].size, bool)
             out[:skip] = True
             left_out.append(out)
             pieces.append(np.zeros(1))  # recordings do not continue each other
@@ -193,8 +197,9 @@ class Whitening:
         """Sentences about noise models that could not be told apart from a higher order."""
         names = self.problem.robot.joint_names
         return [
-            f"Noise model of joint {names[j]!r}: the criterion is still falling at order {m.order}; "
-            "its deviations may be too small. Raise p_max or cap the smoother (f50_max)."
+            f"Noise model of joint {names[j]!r}: the criterion is still falling at order "
+            f"{m.order}; its deviations may be too small. Raise p_max or cap the smoother "
+            "(f50_max)."
             for j, m in enumerate(self.models)
-            if m.at_bound and not self.method.as_printed
+            if self.at_bound[j] and not self.method.as_printed
         ]

@@ -62,10 +62,11 @@ def disagreements(identifications: Sequence[Identification], labels: Sequence[st
 
 def _about_convergence(identification: Identification) -> Iterator[str]:
     if not identification.converged:
-        last = f", the last change was {percent(100.0 * identification.history[-1].change)}"
+        changes = [percent(100.0 * i.change) for i in identification.history[-1:]]
+        last = f" (last change {changes[0]})" if changes else ""
         yield (
-            f"The iteration did not converge within {identification.iterations} passes"
-            f"{last if identification.history else ''}; these values are not an estimate yet."
+            f"The iteration did not converge within {identification.iterations} passes{last}; "
+            "these values are not an estimate yet."
         )
     if identification.condition > _LARGE_CONDITION:
         yield (

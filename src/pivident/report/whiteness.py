@@ -21,8 +21,9 @@ _FEWEST_LAGS = 100
 #: With many samples tiny correlations are significant; below this they do not matter.
 PRACTICAL = 0.05
 
-#: A residual whose test has a smaller probability is not white.
-SIGNIFICANCE = 0.05
+#: A residual whose test has a smaller probability is not white. There are as many tests as
+#: joints and recordings, so one in twenty would be too often a false alarm.
+SIGNIFICANCE = 0.01
 
 Verdict = Literal["white", "practically white", "correlated"]
 

@@ -44,9 +44,9 @@ class Prefilter:
         variance: λ, variance of the whitened noise.
     """
 
-    numerator: Sequence[float] = (1.0,)
-    denominator: Sequence[float] = (1.0,)
-    fir: Sequence[float] = (1.0,)
+    numerator: Sequence[float] | np.ndarray = (1.0,)
+    denominator: Sequence[float] | np.ndarray = (1.0,)
+    fir: Sequence[float] | np.ndarray = (1.0,)
     variance: float = 1.0
 
     def stream(self, rows: int, threads: int = 2) -> StreamingFilter:

@@ -92,7 +92,12 @@ def _run(
     period = 1.0 / rate
     tree, friction = model.tree, model.friction
     parent, prismatic, rotation = tree.parent, tree.prismatic, tree.rotation
-    translation, gravity, inertia, rotor = tree.translation, tree.gravity, model.inertia, model.rotor
+    translation, gravity, inertia, rotor = (
+        tree.translation,
+        tree.gravity,
+        model.inertia,
+        model.rotor,
+    )
     linear, term_index, term_value = friction.linear, friction.term_index, friction.term_value
     pair_index, pair_value = friction.pair_index, friction.pair_value
     feedback, pole, integrand = law.feedback, law.pole, law.integrand

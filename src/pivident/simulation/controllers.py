@@ -186,7 +186,9 @@ class PythonController:
         return self.linear.law(rate, q_ref, dq_ref)
 
 
-def inverse_controller(controller: Controller, rate: float, joints: int) -> tuple[np.ndarray, np.ndarray]:
+def inverse_controller(
+    controller: Controller, rate: float, joints: int
+) -> tuple[np.ndarray, np.ndarray]:
     """The filter A/B that turns a torque residual back into encoder noise, (P-26), without integrator.
 
     Zeros of B outside the unit circle are reflected into it: the magnitude, hence the whitening,

@@ -78,7 +78,7 @@ def dry_friction_level(term_index, term_value, pair_index, pair_value, vectors):
 
 @_inline
 def _apply(matrices, layer, vectors, torque, bias, friction, out):
-    """out = matrix (torque - bias - friction), matrix symmetric."""
+    """Out = matrix (torque - bias - friction), matrix symmetric."""
     n = torque.size
     for i in range(n):
         vectors[out, i] = 0.0
@@ -138,9 +138,7 @@ def evaluate(
     for i in range(n):
         vectors[LAST_BIAS, i] = vectors[BIAS, i]
     link_poses(prismatic, rotation, translation, vectors[Q], pose)
-    bias_torque(
-        parent, prismatic, gravity, pose, inertia, vectors[V], motion, force, vectors[BIAS]
-    )
+    bias_torque(parent, prismatic, gravity, pose, inertia, vectors[V], motion, force, vectors[BIAS])
     if exact or _has_moved(vectors, clock):
         composite_mass_matrix(parent, prismatic, pose, inertia, rotor, composite, matrices[MASS])
         joint = invert_mass_matrix(matrices[MASS], matrices[FACTOR], matrices[INVERSE])
@@ -189,7 +187,7 @@ def _stiffness(pair_index, pair_value, matrices, slopes, row):
 
 @_inline
 def _slope_times(pair_index, pair_value, slopes, row, vectors, y, out):
-    """out = D y."""
+    """Out = D y."""
     n = vectors.shape[1]
     for i in range(n):
         vectors[out, i] = slopes[row, i] * vectors[y, i]
@@ -203,7 +201,7 @@ def _slope_times(pair_index, pair_value, slopes, row, vectors, y, out):
 
 @_inline
 def _subtract_product(matrices, vectors, x, scale, base, out):
-    """out = base - scale · M⁻¹ x, M⁻¹ that of the middle."""
+    """Out = base - scale · M⁻¹ x, M⁻¹ that of the middle."""
     n = vectors.shape[1]
     for i in range(n):
         vectors[out, i] = vectors[base, i]

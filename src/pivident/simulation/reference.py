@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 #: Peak speed of a quintic rest-to-rest move of unit length and duration.
@@ -30,7 +32,7 @@ def point_to_point(
     t = np.arange(samples) / rate
     start = 0.0
     q[:] = postures[0]
-    for here, there in zip(postures[:-1], postures[1:], strict=True):
+    for here, there in pairwise(postures):
         way = there - here
         duration = max(float((QUINTIC_PEAK * np.abs(way) / speeds).max()), 1.0 / rate)
         x = ((t - start) / duration)[:, None]

@@ -89,9 +89,7 @@ def tx40_scenario(
         simulated=True,
     )
     start = {p.name: 0.0 if p.friction or p.coupling else 1.1 * truth[p.name] for p in heads}
-    problem = Problem(
-        robot, (recording,), Loop(controller), tuple(TX40_ESSENTIAL), initial=start
-    )
+    problem = Problem(robot, (recording,), Loop(controller), tuple(TX40_ESSENTIAL), initial=start)
     return problem, truth
 
 

@@ -1,0 +1,3 @@
+"""The command ``pivident``."""
+
+from pivident.cli.app import main as main

@@ -1,0 +1,197 @@
+"""The command ``pivident``: from a log to its parameters without writing code.
+
+Exit codes: 0 done, 1 something is wrong with the input, 2 wrong usage, 3 done, but a method did
+not converge, 130 interrupted. Results go to standard output and files, progress and errors to
+standard error. ``PIVIDENT_DEBUG=1`` shows the traceback of an error.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import App, CycloptsError, Parameter
+
+from pivident import __version__
+from pivident.cli.console import error_line, note
+from pivident.errors import DatasetUnavailable, PividentError
+
+DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
+
+app = App(
+    name="pivident",
+    help="Identify the dynamic parameters of a robot from a log of its closed loop.",
+    version=__version__,
+    suppress_keyboard_interrupt=False,
+)
+datasets_app = App(
+    name="datasets",
+    help="Public records: list them, or fetch one.",
+    suppress_keyboard_interrupt=False,
+)
+app.command(datasets_app)
+
+
+@app.command
+def demo(*, out: Path = Path("pivident-demo"), seed: int = 0) -> int:
+    """Simulate a TX40 record, identify it with LS, IV and PIV, and compare with the truth.
+
+    Parameters
+    ----------
+    out
+        Folder for the results.
+    seed
+        Seed of the simulated noise.
+    """
+    from pivident.cli.workflow import run_demo
+
+    return NOT_CONVERGED if not run_demo(out, seed) else DONE
+
+
+@app.command
+def identify(
+    experiment: Path,
+    /,
+    *,
+    method: Annotated[
+        tuple[str, ...], Parameter(name=["--method", "-m"], negative=(), show_default=False)
+    ] = (),
+    out: Path | None = None,
+) -> int:
+    """Identify the record that an experiment file (TOML) describes.
+
+    Parameters
+    ----------
+    experiment
+        The experiment file.
+    method
+        ols, ls, wls, iv, iv-full-rate, piv or piv-as-printed; several with commas or by
+        repetition. Default: those of the file.
+    out
+        Folder for the results. Default: that of the file, or else NAME-results for NAME.toml.
+    """
+    from pivident.cli.workflow import run_experiment
+
+    names = [name for text in method for name in text.replace(" ", "").split(",") if name]
+    if method:
+        _check_methods(names)
+    outcome = run_experiment(experiment, names, out)
+    if outcome.failed:
+        return WRONG_INPUT
+    return DONE if outcome.converged else NOT_CONVERGED
+
+
+@app.command
+def robots(name: str | None = None, /) -> int:
+    """List the robots of the gallery, or show one: geometry and base parameters.
+
+    Parameters
+    ----------
+    name
+        Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz).
+    """
+    from pivident.cli.robot_sheet import gallery_text, robot_text
+
+    print(gallery_text() if name is None else robot_text(name))
+    return DONE
+
+
+@datasets_app.default
+def datasets() -> int:
+    """List the public records, and whether they are here."""
+    from pivident.recording.datasets import (
+        DATASETS,
+        ENVIRONMENT,
+        dataset_files,
+        dataset_names,
+        describe,
+    )
+
+    for name in dataset_names():
+        published = all(file.url for file in DATASETS[name].files.values())
+        try:
+            place = f"here: {next(iter(dataset_files(name).values())).parent}"
+        except DatasetUnavailable as error:
+            way = f"pivident datasets fetch {name}" if published else "not published in this form"
+            place = f"not here ({error.file}): {way}"
+        except PividentError as error:
+            place = f"not usable: {error}"
+        print("\n  ".join([name, *describe(name).splitlines(), place]), end="\n\n")
+    print(f"{ENVIRONMENT} = {os.environ.get(ENVIRONMENT, 'not set')}")
+    return DONE
+
+
+@datasets_app.command
+def fetch(name: str, /) -> int:
+    """Fetch a public record, check it, and print where its files are.
+
+    Parameters
+    ----------
+    name
+        Name of the record.
+    """
+    from pivident.cli.console import Progress
+    from pivident.recording.datasets import fetch as fetch_files
+
+    with Progress() as progress:
+        progress.say(f"fetching {name}")
+        files = fetch_files(name)
+    for path in files.values():
+        print(path)
+    return DONE
+
+
+class UsageError(PividentError):
+    """A command line that cannot be understood."""
+
+
+def _check_methods(names: Sequence[str]) -> None:
+    """Refuse methods that do not exist, before anything is read."""
+    from pivident.estimation.methods import METHODS
+    from pivident.robot.naming import nearest
+
+    if not names:
+        raise UsageError(f"--method names no method; choose from {', '.join(METHODS)}")
+    for name in names:
+        if name not in METHODS:
+            raise UsageError(f"there is no method {name!r}; {nearest(name, METHODS)}")
+
+
+def main(tokens: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        tokens: arguments; those of the process by default.
+
+    Returns:
+        The exit code.
+    """
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
+            stream.reconfigure(errors="replace")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        result = app(tokens, exit_on_error=False, print_error=False, result_action="return_value")
+        sys.stdout.flush()
+        return int(result or DONE)
+    except CycloptsError as error:
+        note(f"error: {' '.join(str(error).split()).rstrip('.')}; see pivident --help")
+        return WRONG_USAGE
+    except UsageError as error:
+        note(error_line(error))
+        return WRONG_USAGE
+    except KeyboardInterrupt:
+        note("interrupted; nothing was written")
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader, such as head, has seen enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return DONE
+    except Exception as error:
+        if os.environ.get("PIVIDENT_DEBUG", "") not in ("", "0"):
+            raise
+        note(error_line(error))
+        return WRONG_INPUT

@@ -1,0 +1,78 @@
+"""What the command line says on standard error: progress, notes, errors in one line."""
+
+from __future__ import annotations
+
+import sys
+from types import TracebackType
+from typing import TYPE_CHECKING
+
+from pivident.errors import PividentError
+
+if TYPE_CHECKING:
+    from rich.status import Status
+
+
+def note(line: str) -> None:
+    """One line on standard error."""
+    print(line, file=sys.stderr, flush=True)
+
+
+def error_line(error: BaseException) -> str:
+    """An error with its notes as one readable line.
+
+    An error that pivident has not raised on purpose is a mistake in it, and says so.
+    """
+    text = " ".join(str(error).split())
+    notes = "".join(f" ({n})" for n in getattr(error, "__notes__", ()))
+    if isinstance(error, PividentError):
+        return f"error: {text}{notes}"
+    return (
+        f"error: unexpected {type(error).__name__}: {text or 'no message'}{notes}; this is a "
+        "mistake in pivident, PIVIDENT_DEBUG=1 shows where"
+    )
+
+
+class Progress:
+    """Where a long run is: a line that changes on a terminal, plain lines elsewhere.
+
+    Use it as a context; `say` replaces the current line, `keep` leaves one behind.
+    """
+
+    def __init__(self) -> None:
+        self._status: Status | None = None
+
+    def __enter__(self) -> Progress:
+        if sys.stderr.isatty():
+            from rich.console import Console
+
+            self._status = Console(stderr=True, highlight=False).status("")
+            self._status.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self._status is not None:
+            self._status.stop()
+            self._status = None
+
+    def say(self, line: str) -> None:
+        """What is being done now."""
+        if self._status is None:
+            note(line)
+        else:
+            from rich.text import Text
+
+            self._status.update(Text(line))
+
+    def keep(self, line: str) -> None:
+        """What has been done; stays on the screen."""
+        if self._status is None:
+            note(line)
+        else:
+            from rich.text import Text
+
+            self._status.console.print(Text(line))

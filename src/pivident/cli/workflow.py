@@ -1,0 +1,226 @@
+"""The two jobs of the command line: the demonstration, and an experiment from file to report."""
+
+from __future__ import annotations
+
+import math
+import os
+import statistics
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from pivident.cli.console import Progress, error_line, note
+from pivident.errors import IdentificationError, PividentError
+from pivident.estimation.export import save_identification
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.problem import Problem
+from pivident.estimation.tables import comparison_table
+from pivident.files import atomic_folder
+
+#: What the demonstration compares.
+DEMO_METHODS = ("ls", "iv", "iv-full-rate", "piv")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run over several methods ended.
+
+    Attributes:
+        identifications: results by the method's short name.
+        failed: methods that ended with an error.
+    """
+
+    identifications: Mapping[str, Identification]
+    failed: tuple[str, ...]
+
+    @property
+    def converged(self) -> bool:
+        """Whether every result is a converged one."""
+        return all(result.converged for result in self.identifications.values())
+
+
+def run_experiment(path: Path, names: Sequence[str], out: Path | None) -> Outcome:
+    """Read an experiment file, identify, print the tables and write the results.
+
+    A method that fails does not take the results of the others with it.
+
+    Args:
+        path: the experiment file.
+        names: methods; empty: those of the file.
+        out: folder for the results, or None.
+
+    Raises:
+        PividentError: the file, its data or the output folder cannot be used, or no method
+            came to a result.
+    """
+    from pivident.experiment import load_experiment
+
+    with Progress() as progress:
+        experiment = load_experiment(path)
+        methods = experiment.methods(names)
+        folder = out or experiment.output or Path(f"{path.stem}-results")
+        check_output(folder)
+        problem = experiment.problem(progress.say)
+        outcome = identify_all(problem, methods, progress)
+        progress.say("writing the results")
+        report = experiment.content.output.report
+        write_results(outcome.identifications, folder, experiment.title, report=report)
+    _print_results(outcome.identifications, folder, report=report)
+    return outcome
+
+
+def run_demo(out: Path, seed: int = 0) -> bool:
+    """Simulate a TX40 record, identify it, print estimates against truth, write the report.
+
+    Args:
+        out: folder for the results.
+        seed: of the noise.
+
+    Returns:
+        Whether all methods converged.
+    """
+    from pivident.simulation.scenarios import tx40_fine
+
+    check_output(out)
+    with Progress() as progress:
+        progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
+        problem, truth = tx40_fine(seed)
+        outcome = identify_all(problem, {n: METHODS[n] for n in DEMO_METHODS}, progress)
+        progress.say("writing the results")
+        title = "Simulated Stäubli TX40: estimates against truth"
+        write_results(outcome.identifications, out, title, truth)
+    _print_results(outcome.identifications, out, truth)
+    return outcome.converged and not outcome.failed
+
+
+def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Progress) -> Outcome:
+    """Estimate with one method after the other.
+
+    Args:
+        problem: what is given.
+        methods: methods by short name.
+        progress: told about every stage.
+
+    Raises:
+        IdentificationError: the only method failed, or all of them did.
+    """
+    found: dict[str, Identification] = {}
+    failures: dict[str, IdentificationError] = {}
+    for name, method in methods.items():
+        begin = time.perf_counter()
+        try:
+            found[name] = identify(problem, method, _prefixed(progress, method.label))
+        except IdentificationError as error:
+            failures[name] = error
+            if len(methods) > 1:
+                progress.keep(f"{method.label}: {error_line(error)}")
+            continue
+        seconds = time.perf_counter() - begin
+        progress.keep(f"{_verdict(found[name])} ({seconds:.1f} s)")
+    if not found:
+        raise next(iter(failures.values()))
+    return Outcome(found, tuple(failures))
+
+
+def write_results(
+    identifications: Mapping[str, Identification],
+    folder: Path,
+    title: str,
+    truth: Mapping[str, float] | None = None,
+    *,
+    report: bool = True,
+) -> None:
+    """Write the files of all results and the report, all or nothing.
+
+    One method's files lie in the folder itself, those of several in one folder each.
+
+    Args:
+        identifications: results by the method's short name.
+        folder: folder to create or to write into.
+        title: title of the report.
+        truth: known values by parameter name.
+        report: whether to write ``report.html``.
+    """
+    from pivident.report.builder import write_report
+
+    several = len(identifications) > 1
+    with atomic_folder(folder) as build:
+        for name, result in identifications.items():
+            save_identification(result, build / name if several else build)
+        if report:
+            results = list(identifications.values())
+            write_report(results, build / "report.html", truth=truth, title=title)
+
+
+def check_output(folder: Path) -> None:
+    """Refuse an output folder that could not be written after minutes of work.
+
+    Raises:
+        PividentError: it is a file, or may not be written to.
+    """
+    folder = folder.absolute()
+    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    if not existing.is_dir():
+        raise PividentError(f"cannot write to {folder}: {existing} is a file; choose another --out")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise PividentError(
+            f"cannot write to {folder}: no permission in {existing}; choose another --out"
+        )
+
+
+def truth_lines(results: Sequence[Identification], truth: Mapping[str, float]) -> str:
+    """How far each method is from known values, and whether its intervals say so.
+
+    Args:
+        results: identifications.
+        truth: known values by parameter name.
+    """
+    lines = []
+    for result in results:
+        rows = [row for row in parameter_rows(result, truth) if not math.isnan(row.truth)]
+        within = sum(abs(row.error_sigmas) <= 2.0 for row in rows)
+        error = statistics.median(abs(row.error_percent) for row in rows)
+        lines.append(
+            f"{result.method:<22} median error {error:.3f} %, {within} of {len(rows)} true values "
+            "within 2σ (about 95 % should be)"
+        )
+    return "\n".join(lines)
+
+
+def _prefixed(progress: Progress, label: str) -> Callable[[str], None]:
+    """Progress lines that say whose they are."""
+    return lambda line: progress.say(line if line.startswith(label) else f"{label}: {line}")
+
+
+def _verdict(result: Identification) -> str:
+    """One method's end in half a line."""
+    passes = "1 solution" if result.iterations == 1 else f"{result.iterations} iterations"
+    state = passes if result.converged else f"NOT CONVERGED after {passes}"
+    return f"{result.method}: {state}, relative error {100 * result.relative_error:.2f} %"
+
+
+def _print_results(
+    identifications: Mapping[str, Identification],
+    folder: Path,
+    truth: Mapping[str, float] | None = None,
+    *,
+    report: bool = True,
+) -> None:
+    """Tables on standard output, warnings and places after them."""
+    results = list(identifications.values())
+    if len(results) == 1 and truth is None:
+        print(results[0].summary())
+    else:
+        print(comparison_table(results, truth))
+        if truth is not None:
+            print(f"\n{truth_lines(results, truth)}")
+        for result in results:
+            for warning in result.warnings:
+                note(f"{result.method}: {warning}")
+    print(f"\nResults: {folder}")
+    if report:
+        print(f"Report:  {folder / 'report.html'}")

@@ -1,0 +1,138 @@
+"""All methods on simulated TX40 records whose truth is known."""
+
+import json
+
+import numpy as np
+import pytest
+
+from pivident.estimation.identify import build_regression, identify
+from pivident.estimation.methods import METHODS, Bandpass, InstrumentalVariables, LeastSquares
+from pivident.estimation.problem import Loop, Problem
+from pivident.recording.recording import Recording
+from pivident.robot import load_robot
+from pivident.simulation.controllers import PD
+from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_fine, tx40_scenario
+
+
+def truth_of(problem, truth):
+    return np.array([truth[p.name] for p in problem.regressor.parameters])
+
+
+@pytest.fixture(scope="module")
+def fine():
+    problem, truth = tx40_fine(seed=3)
+    return problem, truth_of(problem, truth)
+
+
+@pytest.fixture(scope="module")
+def results(fine):
+    names = ("iv-full-rate", "piv", "piv-as-printed")
+    return {name: identify(fine[0], name) for name in names}
+
+
+def test_piv_finds_the_truth_within_its_intervals(fine, results):
+    _, truth = fine
+    found = results["piv"]
+    assert found.converged and found.iterations <= 5
+    assert np.abs((found.theta - truth) / found.std).max() < 3.5
+    assert np.median(np.abs(found.theta / truth - 1.0)) < 3e-4
+
+
+def test_methods_rank_as_the_theory_says(fine, results):
+    _, truth = fine
+    ends = Bandpass(edge=100)  # as in the literature: one period of the cut-off
+    results = results | {
+        "ls": identify(fine[0], LeastSquares(signals=ends)),
+        "iv": identify(fine[0], InstrumentalVariables(signals=ends)),
+    }
+    error = {name: np.median(np.abs(r.theta / truth - 1)) for name, r in results.items()}
+    assert error["ls"] > error["iv"] > error["piv-as-printed"] > error["iv-full-rate"]
+    assert error["piv"] < 1.2 * error["iv-full-rate"]
+    # the prefilter's merit is the interval: the i.i.d. one of full-rate IV is far too wide
+    wide = results["iv-full-rate"].std / results["piv"].std
+    assert np.exp(np.mean(np.log(wide))) > 2.5
+    # and as printed it is far too narrow
+    missed = np.abs(results["piv-as-printed"].theta - truth) > 2 * results["piv-as-printed"].std
+    assert missed.mean() > 0.3
+
+
+def test_dropping_the_ends_of_the_filters_improves_least_squares_several_times(fine):
+    problem, truth = fine
+    short = identify(problem, LeastSquares(signals=Bandpass(edge=100)))
+    default = identify(problem, LeastSquares())
+    error = [np.median(np.abs(r.theta / truth - 1)) for r in (short, default)]
+    assert error[1] < 0.25 * error[0]
+
+
+@pytest.mark.parametrize(("scenario", "low", "high"), [("fine", 0.90, 0.99), ("loop", 0.90, 0.995)])
+def test_two_sigma_intervals_cover_the_truth(scenario, low, high):
+    # short version of benchmarks/statistical_truth.py: four records of 28 parameters
+    inside = []
+    for seed in range(4):
+        problem, truth = tx40_scenario(scenario, seed)
+        found = identify(problem, "piv")
+        inside.append(np.abs(found.theta - truth_of(problem, truth)) < 2 * found.std)
+    assert low <= np.mean(inside) <= high
+
+
+def test_results_do_not_depend_on_the_block_size(fine, results, monkeypatch):
+    from pivident.estimation import full_rate
+
+    monkeypatch.setattr(full_rate, "BLOCK", 1000)
+    again = identify(fine[0], "piv")
+    assert np.allclose(again.theta, results["piv"].theta, rtol=1e-8)
+    assert np.allclose(again.std, results["piv"].std, rtol=1e-8)
+
+
+def test_two_halves_as_two_recordings_agree_with_the_whole(fine, results):
+    problem, _ = fine
+    whole = problem.recordings[0]
+    halves = (whole.part(0, 17000), whole.part(17000, whole.samples))
+    split = Problem(
+        problem.robot, halves, problem.loop, problem.parameters, initial=problem.initial
+    )
+    found = identify(split, "piv")
+    assert found.converged
+    assert np.abs((found.theta - results["piv"].theta) / results["piv"].std).max() < 2.0
+
+
+def test_build_regression_gives_the_equation_that_ls_solves(fine):
+    problem, truth = fine
+    phi, tau = build_regression(problem)
+    assert phi.shape == (*tau.shape, len(truth))
+    flat = phi.reshape(-1, len(truth))
+    theta = np.linalg.lstsq(flat, tau.ravel(), rcond=None)[0]
+    assert np.median(np.abs(theta / truth - 1)) < 1e-2
+
+
+def test_an_identification_predicts_torque(fine, results):
+    problem, truth = fine
+    found = results["piv"]
+    recording = problem.recordings[0]
+    q, dq, ddq = recording.q_ref[::50], recording.dq_ref[::50], recording.ddq_ref[::50]
+    exact = problem.regressor.torque(q, dq, ddq, truth)
+    assert np.abs(found.predict(q, dq, ddq) - exact).max() < 2e-3 * np.abs(exact).max()
+    assert found.value("zz1") == found.value("zz1r")
+    with pytest.raises(KeyError, match="zz1r"):
+        found.value("nonsense")
+
+
+@pytest.mark.record
+def test_the_independent_reference_record(reference_dir):
+    data = np.load(reference_dir / "tx40_simulated_record.npz")
+    about = json.loads((reference_dir / "tx40_simulated_record.json").read_text())
+    truth = {name.lower(): value for name, value in about["parameters"].items()}
+    robot = load_robot("staubli_tx40")
+    recording = Recording(
+        "reference", robot.joint_names, data["q"], data["tau"], about["rate_hz"],
+        q_ref=data["q_ref"], dq_ref=data["dq_ref"], simulated=True,
+    )  # fmt: skip
+    start = {n: 0.0 if n.startswith("f") else 1.1 * v for n, v in truth.items()}
+    problem = Problem(
+        robot, (recording,), Loop(PD(data["kp"], data["kd"])), tuple(TX40_ESSENTIAL), initial=start
+    )
+    found = identify(problem, METHODS["piv"])
+    expected = truth_of(problem, truth)
+    assert found.converged and found.iterations <= 5
+    assert np.abs((found.theta - expected) / found.std).max() < 3.5
+    assert np.median(np.abs(found.theta / expected - 1)) <= 3e-4
