@@ -23,9 +23,7 @@ def write_record(path: Path, seed: int) -> dict[str, float]:
     """Simulate a record, write it to a file, and return the true parameters."""
     problem, truth = tx40_fine(seed)
     recording = problem.recordings[0]
-    np.savez(
-        path, q=recording.q, tau=recording.tau, q_ref=recording.q_ref, dq_ref=recording.dq_ref
-    )
+    np.savez(path, q=recording.q, tau=recording.tau, q_ref=recording.q_ref, dq_ref=recording.dq_ref)
     return truth
 
 

@@ -112,5 +112,7 @@ def test_a_coupling_of_another_ratio_keeps_its_columns_apart(tx40):
     robot = replace(tx40, couplings=tuple(replace(c, ratio=0.4) for c in tx40.couplings))
     base = base_parameters(robot)
     assert len(base) == 61
-    phi = Regressor.build(robot, base.parameters).matrix(*np.random.default_rng(0).normal(size=(3, 90, 6)))
+    phi = Regressor.build(robot, base.parameters).matrix(
+        *np.random.default_rng(0).normal(size=(3, 90, 6))
+    )
     assert np.linalg.matrix_rank(phi.reshape(-1, 61)) == 61

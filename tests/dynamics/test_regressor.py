@@ -8,8 +8,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.parameters import standard_parameters
-from pivident.dynamics.regressor import BLOCK, Regressor, coupling_sign
+from pivident.dynamics.regressor import BLOCK, Regressor
 from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
     SignFunction,
@@ -105,6 +106,12 @@ def test_a_buffer_is_written_into_and_its_zeros_are_left_alone(tx40):
     np.testing.assert_array_equal(buffer[:, regressor.row, regressor.column], packed.T)
 
 
+def test_a_buffer_that_does_not_fit_is_refused(tx40):
+    regressor = essential_regressor(tx40)
+    with pytest.raises(ValueError, match=r"\(10, 6, 34\) in C order"):
+        regressor.matrix(*motion(10, 6), out=np.zeros((10, 34, 6)).transpose(0, 2, 1))
+
+
 def test_a_sample_that_is_not_a_number_spoils_only_itself(tx40):
     regressor = essential_regressor(tx40)
     q, dq, ddq = motion(200, 6)
@@ -131,7 +138,10 @@ def test_rotor_inertia_and_friction_columns_are_functions_of_their_own_joint(tx4
     q, dq, ddq = motion(100, 6)
     phi = regressor.matrix(q, dq, ddq)
     for j in range(6):
-        own = {stem: phi[:, :, column(regressor, f"{stem}{j + 1}")] for stem in ("ia", "fv", "fc", "off")}
+        own = {
+            stem: phi[:, :, column(regressor, f"{stem}{j + 1}")]
+            for stem in ("ia", "fv", "fc", "off")
+        }
         np.testing.assert_array_equal(own["ia"][:, j], ddq[:, j])
         np.testing.assert_array_equal(own["fv"][:, j], dq[:, j])
         smooth = 2.0 / np.pi * np.arctan(150.0 * dq[:, j])
@@ -145,7 +155,9 @@ def test_rotor_inertia_and_friction_columns_are_functions_of_their_own_joint(tx4
 def test_columns_of_every_friction_law_are_those_of_the_law(tx40, smoothing):
     gamma = 40.0
     laws = (
-        FrictionLaw((viscous(), coulomb(smoothing, gamma), offset(), stribeck(0.1, 1.5, smoothing, gamma))),
+        FrictionLaw(
+            (viscous(), coulomb(smoothing, gamma), offset(), stribeck(0.1, 1.5, smoothing, gamma))
+        ),
         FrictionLaw((viscous(), *asymmetric_coulomb(smoothing, gamma))),
     )
     q, dq, ddq = motion(257, 6)

@@ -13,15 +13,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction import friction_value_and_slope, smooth_sign_and_slope
 from pivident.dynamics.kernels import (
     Tree,
     invert_mass_matrix,
     mass_matrix_and_bias,
     rigid_body_work,
+    tree_of,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor import coupling_sign, tree_of
 from pivident.errors import MassMatrixNotPositiveDefinite
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction import FrictionColumn

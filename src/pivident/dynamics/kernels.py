@@ -1,9 +1,7 @@
-"""Every compiled rigid-body loop: recursions over links, generic over the robot.
+"""Compiled rigid-body recursions for one sample at a time, generic over the robot.
 
-Two families live here. The *packed regressor* works on many samples at once: quantities are
-stored with time last, in tiles of ``TILE`` samples, so that the innermost loops run over samples
-and the compiler turns them into vector instructions. The *rigid body* functions work on one
-sample at a time, because the simulation cannot know the next sample before it has made this one.
+The simulation cannot know the next sample before it has made this one; loops over many samples
+at once are in ``regressor_kernels``.
 
 Spatial conventions (Khalil and Dombre; Featherstone): a link frame sits on its joint with z along
 the joint axis; ``R`` rotates from the link into its parent, ``p`` is the link's origin in the
@@ -23,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-TILE = 128  # samples per tile: long enough to vectorise, small enough for the second-level cache
+from pivident.robot.description import Robot
 
 
 class Tree(NamedTuple):
@@ -44,275 +42,15 @@ class Tree(NamedTuple):
     gravity: np.ndarray
 
 
-# Slots of a link's tile: orientation (9), origin (3), ω, dω, a (9), products of ω and dω (9).
-_R, _P, _W, _DW, _A, _G, _SLOTS = 0, 9, 12, 15, 18, 21, 30
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _tile_orientation(tile, base, rotation, translation, prismatic, q, sin, cos):
-    """Orientation and origin of a link in its parent, for one tile of samples."""
-    if prismatic:
-        for k in range(9):
-            value = rotation[k // 3, k % 3]
-            for s in range(TILE):
-                tile[(base + _R + k) * TILE + s] = value
-        for k in range(3):
-            r0, r2 = translation[k], rotation[k, 2]
-            for s in range(TILE):
-                tile[(base + _P + k) * TILE + s] = r0 + r2 * q[s]
-        return
-    if base < 0:
-        return
-    for k in range(3):
-        r0, r1, r2 = rotation[k, 0], rotation[k, 1], rotation[k, 2]
-        i0 = (base + _R + 3 * k) * TILE
-        for s in range(TILE):
-            tile[i0 + s] = r0 * cos[s] + r1 * sin[s]
-            tile[i0 + TILE + s] = r1 * cos[s] - r0 * sin[s]
-            tile[i0 + 2 * TILE + s] = r2
-        r0 = translation[k]
-        for s in range(TILE):
-            tile[(base + _P + k) * TILE + s] = r0
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _tile_motion(tile, base, parent, prismatic, dq, ddq, gravity):
-    """ω, dω, a of a link's frame from its parent's, and G = [dω]× + [ω]×[ω]×, for one tile."""
-    b, u = base * TILE, max(parent, 0) * TILE
-    if b < 0 or u < 0:
-        return
-    w, e, a = b + _W * TILE, b + _DW * TILE, b + _A * TILE
-    if parent < 0:
-        gx, gy, gz = gravity[0], gravity[1], gravity[2]
-        for s in range(TILE):
-            for k in range(3):
-                tile[w + k * TILE + s] = 0.0
-                tile[e + k * TILE + s] = 0.0
-            tile[a + s] = -gx
-            tile[a + TILE + s] = -gy
-            tile[a + 2 * TILE + s] = -gz
-    else:
-        # G of the parent turns the lever arm p into its centripetal and tangential acceleration
-        g, p = u + _G * TILE, b + _P * TILE
-        for k in range(3):
-            ak, gk = k * TILE, 3 * k * TILE
-            for s in range(TILE):
-                tile[w + ak + s] = tile[u + _W * TILE + ak + s]
-                tile[e + ak + s] = tile[u + _DW * TILE + ak + s]
-                tile[a + ak + s] = (
-                    tile[u + _A * TILE + ak + s]
-                    + tile[g + gk + s] * tile[p + s]
-                    + tile[g + gk + TILE + s] * tile[p + TILE + s]
-                    + tile[g + gk + 2 * TILE + s] * tile[p + 2 * TILE + s]
-                )
-    _tile_rotate(tile, b, w)
-    _tile_rotate(tile, b, e)
-    _tile_rotate(tile, b, a)
-    if prismatic:
-        for s in range(TILE):
-            tile[a + s] += 2.0 * tile[w + TILE + s] * dq[s]
-            tile[a + TILE + s] -= 2.0 * tile[w + s] * dq[s]
-            tile[a + 2 * TILE + s] += ddq[s]
-    else:
-        for s in range(TILE):
-            tile[e + s] += tile[w + TILE + s] * dq[s]
-            tile[e + TILE + s] -= tile[w + s] * dq[s]
-            tile[e + 2 * TILE + s] += ddq[s]
-            tile[w + 2 * TILE + s] += dq[s]
-    g = b + _G * TILE
-    for s in range(TILE):
-        x, y, z = tile[w + s], tile[w + TILE + s], tile[w + 2 * TILE + s]
-        ex, ey, ez = tile[e + s], tile[e + TILE + s], tile[e + 2 * TILE + s]
-        tile[g + s] = -y * y - z * z
-        tile[g + TILE + s] = x * y - ez
-        tile[g + 2 * TILE + s] = x * z + ey
-        tile[g + 3 * TILE + s] = x * y + ez
-        tile[g + 4 * TILE + s] = -x * x - z * z
-        tile[g + 5 * TILE + s] = y * z - ex
-        tile[g + 6 * TILE + s] = x * z - ey
-        tile[g + 7 * TILE + s] = y * z + ex
-        tile[g + 8 * TILE + s] = -x * x - y * y
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _tile_rotate(tile, r, v):
-    """V <- Rᵀ v in place, R at offset r."""
-    if r < 0 or v < 0:
-        return
-    for s in range(TILE):
-        x, y, z = tile[v + s], tile[v + TILE + s], tile[v + 2 * TILE + s]
-        tile[v + s] = tile[r + s] * x + tile[r + 3 * TILE + s] * y + tile[r + 6 * TILE + s] * z
-        tile[v + TILE + s] = (
-            tile[r + TILE + s] * x + tile[r + 4 * TILE + s] * y + tile[r + 7 * TILE + s] * z
-        )
-        tile[v + 2 * TILE + s] = (
-            tile[r + 2 * TILE + s] * x + tile[r + 5 * TILE + s] * y + tile[r + 8 * TILE + s] * z
-        )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _tile_screw(tile, base, source, target):
-    """Carry a joint's screw (v, w) into the link's frame: w' = Rᵀw, v' = Rᵀ(v + w × p)."""
-    b, i, o = base * TILE, source * TILE, target * TILE
-    if b < 0 or i < 0 or o < 0:
-        return
-    p, w = b + _P * TILE, i + 3 * TILE
-    for s in range(TILE):
-        px, py, pz = tile[p + s], tile[p + TILE + s], tile[p + 2 * TILE + s]
-        wx, wy, wz = tile[w + s], tile[w + TILE + s], tile[w + 2 * TILE + s]
-        tile[o + s] = tile[i + s] + wy * pz - wz * py
-        tile[o + TILE + s] = tile[i + TILE + s] + wz * px - wx * pz
-        tile[o + 2 * TILE + s] = tile[i + 2 * TILE + s] + wx * py - wy * px
-        tile[o + 3 * TILE + s] = wx
-        tile[o + 4 * TILE + s] = wy
-        tile[o + 5 * TILE + s] = wz
-    _tile_rotate(tile, b, o)
-    _tile_rotate(tile, b, o + 3 * TILE)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _diagonal_column(tile, w0, w1, e, x0, x1, x2, out):
-    """Column of a diagonal inertia about axis 2: w₂ dω₂ + (w₀ω₁ - w₁ω₀) ω₂, axes cyclic."""
-    if w0 < 0 or w1 < 0 or e < 0 or x0 < 0 or x1 < 0 or x2 < 0:
-        return
-    w2 = e - 3 * TILE
-    for s in range(out.size):
-        out[s] = (
-            tile[x2 + s] * tile[e + s]
-            + (tile[x0 + s] * tile[w1 + s] - tile[x1 + s] * tile[w0 + s]) * tile[w2 + s]
-        )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _product_column(tile, w0, w1, w2, e0, e1, x0, x1, x2, out):
-    """Column of the product of inertia of axes 0 and 1: w₀dω₁ + w₁dω₀ + u₀ω₁ + u₁ω₀, u = w × ω."""
-    if w0 < 0 or w1 < 0 or w2 < 0 or e0 < 0 or e1 < 0 or x0 < 0 or x1 < 0 or x2 < 0:
-        return
-    for s in range(out.size):
-        o0, o1, o2 = tile[w0 + s], tile[w1 + s], tile[w2 + s]
-        a0, a1, a2 = tile[x0 + s], tile[x1 + s], tile[x2 + s]
-        out[s] = (
-            a0 * tile[e1 + s]
-            + a1 * tile[e0 + s]
-            + (a1 * o2 - a2 * o1) * o1
-            + (a2 * o0 - a0 * o2) * o0
-        )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _moment_column(tile, g, v, a1, a2, x1, x2, out):
-    """Column of the first moment along axis 0: (Gᵀv)₀ + a₁w₂ - a₂w₁, axes cyclic."""
-    if g < 0 or v < 0 or a1 < 0 or a2 < 0 or x1 < 0 or x2 < 0:
-        return
-    for s in range(out.size):
-        out[s] = (
-            tile[g + s] * tile[v + s]
-            + tile[g + 3 * TILE + s] * tile[v + TILE + s]
-            + tile[g + 6 * TILE + s] * tile[v + 2 * TILE + s]
-            + tile[a1 + s] * tile[x2 + s]
-            - tile[a2 + s] * tile[x1 + s]
-        )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _mass_column(tile, v, a, out):
-    """Column of the mass: v·a."""
-    if v < 0 or a < 0:
-        return
-    for s in range(out.size):
-        out[s] = (
-            tile[v + s] * tile[a + s]
-            + tile[v + TILE + s] * tile[a + TILE + s]
-            + tile[v + 2 * TILE + s] * tile[a + 2 * TILE + s]
-        )
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _tile_columns(tile, base, screw, rows, out, start, stop):
-    """Columns of one link's ten parameters in the row of the joint with screw (v, w).
-
-    The torque of that joint is v·f + w·n; with u = w × ω its inertia part is w·(I dω) + u·(I ω).
-    """
-    w, e, a = (base + _W) * TILE, (base + _DW) * TILE, (base + _A) * TILE
-    g, v = (base + _G) * TILE, screw * TILE
-    x = v + 3 * TILE
-    one, two = TILE, 2 * TILE
-    if rows[0] >= 0:
-        _diagonal_column(tile, w + one, w + two, e, x + one, x + two, x, out[rows[0], start:stop])
-    if rows[1] >= 0:
-        _product_column(
-            tile, w, w + one, w + two, e, e + one, x, x + one, x + two, out[rows[1], start:stop]
-        )
-    if rows[2] >= 0:
-        _product_column(
-            tile, w + two, w, w + one, e + two, e, x + two, x, x + one, out[rows[2], start:stop]
-        )
-    if rows[3] >= 0:
-        _diagonal_column(tile, w + two, w, e + one, x + two, x, x + one, out[rows[3], start:stop])
-    if rows[4] >= 0:
-        _product_column(
-            tile, w + one, w + two, w, e + one, e + two, x + one, x + two, x,
-            out[rows[4], start:stop],
-        )  # fmt: skip
-    if rows[5] >= 0:
-        _diagonal_column(tile, w, w + one, e + two, x, x + one, x + two, out[rows[5], start:stop])
-    if rows[6] >= 0:
-        _moment_column(tile, g, v, a + one, a + two, x + one, x + two, out[rows[6], start:stop])
-    if rows[7] >= 0:
-        _moment_column(tile, g + one, v, a + two, a, x + two, x, out[rows[7], start:stop])
-    if rows[8] >= 0:
-        _moment_column(tile, g + two, v, a, a + one, x, x + one, out[rows[8], start:stop])
-    if rows[9] >= 0:
-        _mass_column(tile, v, a, out[rows[9], start:stop])
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def inertial_entries(tree, joint_of, rows_of, q, dq, ddq, sin, cos, out):
-    """Packed inertial entries of the observation matrix.
-
-    Args:
-        tree: the robot's geometry.
-        joint_of: ancestors of each link, itself first, filled with -1, shape (links, depth).
-        rows_of: for each link, ancestor and parameter the row of ``out`` that receives the entry
-            (that joint's torque per that parameter), -1: not wanted; shape (links, depth, 10).
-        q: joint positions, and likewise ``dq ddq sin cos``, time last, shape (joints, samples).
-        out: entries, time last, shape (entries, samples).
-    """
-    links, depth = joint_of.shape
-    samples = q.shape[1]
-    screws = links * _SLOTS
-    tile = np.zeros((screws + links * depth * 6) * TILE)
-    angle = np.zeros((5, TILE))
-    for start in range(0, samples, TILE):
-        count = min(TILE, samples - start)
-        for i in range(links):
-            for s in range(count):
-                angle[0, s] = q[i, start + s]
-                angle[1, s] = dq[i, start + s]
-                angle[2, s] = ddq[i, start + s]
-                angle[3, s] = sin[i, start + s]
-                angle[4, s] = cos[i, start + s]
-            base = i * _SLOTS
-            parent = tree.parent[i]
-            prismatic = tree.prismatic[i]
-            _tile_orientation(
-                tile, base, tree.rotation[i], tree.translation[i], prismatic,
-                angle[0], angle[3], angle[4],
-            )  # fmt: skip
-            parent_base = parent * _SLOTS if parent >= 0 else -1
-            _tile_motion(tile, base, parent_base, prismatic, angle[1], angle[2], tree.gravity)
-            for k in range(depth):
-                joint = joint_of[i, k]
-                if joint < 0:
-                    break
-                screw = screws + (i * depth + k) * 6
-                if k == 0:
-                    axis = 2 if prismatic else 5
-                    for s in range(TILE):
-                        tile[(screw + axis) * TILE + s] = 1.0
-                else:
-                    _tile_screw(tile, base, screws + (parent * depth + k - 1) * 6, screw)
-                _tile_columns(tile, base, screw, rows_of[i, k], out, start, start + count)
+def tree_of(robot: Robot) -> Tree:
+    """Geometry of a robot as the kernels want it."""
+    return Tree(
+        np.array([j.parent for j in robot.joints], dtype=np.int64),
+        np.array([j.kind == "prismatic" for j in robot.joints], dtype=np.int64),
+        np.array([j.rotation for j in robot.joints], dtype=float),
+        np.array([j.translation for j in robot.joints], dtype=float),
+        np.asarray(robot.gravity, dtype=float),
+    )
 
 
 class RigidBodyWork(NamedTuple):

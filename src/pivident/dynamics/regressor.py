@@ -9,19 +9,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property
 
 import numpy as np
-from numba import njit
 
-from pivident.dynamics.friction import friction_column, smoothed_sign
-from pivident.dynamics.kernels import Tree, inertial_entries
+from pivident.dynamics.entry_plan import EntryPlan, make_entry_plan
 from pivident.dynamics.parameters import Parameter
-from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.friction import SignFunction
+from pivident.dynamics.regressor_kernels import dense_entries, joint_torques, packed_entries
+from pivident.robot.description import Robot
 from pivident.threads import run_in_threads
 
-BLOCK = 1024  # samples per block of the dense matrix: its packed form stays in the cache
+BLOCK = 2048  # samples that a thread takes at a time
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,9 +38,7 @@ class Regressor:
     row: np.ndarray
     column: np.ndarray
     offsets: np.ndarray
-    _tree: Tree = field(repr=False)
-    _joint_of: np.ndarray = field(repr=False)
-    _rows_of: np.ndarray = field(repr=False)
+    _plan: EntryPlan = field(repr=False)
 
     @classmethod
     def build(cls, robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
@@ -75,29 +70,14 @@ class Regressor:
         entries = sorted(entries)
         row = np.array([j for j, _ in entries], dtype=np.int64)
         column = np.array([c for _, c in entries], dtype=np.int64)
-        depth = max(len(robot.ancestors(i)) for i in range(robot.size))
-        joint_of = np.full((robot.size, depth), -1, dtype=np.int64)
-        rows_of = np.full((robot.size, depth, len(INERTIAL)), -1, dtype=np.int64)
-        for i in range(robot.size):
-            joint_of[i, : len(robot.ancestors(i))] = robot.ancestors(i)
-        for e, (j, c) in enumerate(entries):
-            p = parameters[c]
-            if p.is_inertial:
-                k = robot.ancestors(p.joint).index(j)
-                rows_of[p.joint, k, INERTIAL.index(p.stem)] = e
         offsets = np.searchsorted(row, np.arange(robot.size + 1))
-        return cls(robot, parameters, row, column, offsets, tree_of(robot), joint_of, rows_of)
+        plan = make_entry_plan(robot, parameters, entries)
+        return cls(robot, parameters, row, column, offsets, plan)
 
     @property
     def entries(self) -> int:
         """Number of structurally non-zero entries."""
         return self.row.size
-
-    @cached_property
-    def _joint_entries(self) -> list[tuple[int, Parameter]]:
-        """Entries of rotor inertias, friction and couplings, with their parameters."""
-        parameters = [self.parameters[c] for c in self.column]
-        return [(e, p) for e, p in enumerate(parameters) if not p.is_inertial]
 
     def columns_of(self, joint: int) -> np.ndarray:
         """Parameters that act on a joint: indices into ``parameters``."""
@@ -124,38 +104,8 @@ class Regressor:
         q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
         if out is None:
             out = np.empty((self.entries, q.shape[1]))
-        inertial_entries(
-            self._tree, self._joint_of, self._rows_of, q, dq, ddq, np.sin(q), np.cos(q), out
-        )
-        shared: dict[str, np.ndarray] = {}
-        for e, p in self._joint_entries:
-            if p.stem == "ia":
-                out[e] = ddq[self.row[e]]
-            elif p.friction is not None:
-                out[e] = friction_column(*p.friction.encoded(), dq[self.row[e]])
-            elif p.coupling is not None:
-                out[e] = self._coupling_entry(p, int(self.row[e]), dq, ddq, shared)
+        packed_entries(self._plan, q, dq, ddq, out)
         return out
-
-    def _coupling_entry(
-        self,
-        p: Parameter,
-        row: int,
-        dq: np.ndarray,
-        ddq: np.ndarray,
-        shared: dict[str, np.ndarray],
-    ) -> np.ndarray:
-        c = p.coupling
-        assert c is not None
-        other = c.motor if row == c.joint else c.joint
-        if p.stem == "iam":
-            return c.ratio * ddq[other]
-        if p.stem == "fvm":
-            return c.ratio * dq[other]
-        if p.name not in shared:  # the same sign function acts on both rows
-            sign, gamma = coupling_sign(self.robot, c.motor)
-            shared[p.name] = smoothed_sign(sign, gamma, dq[c.motor] + c.ratio * dq[c.joint])
-        return c.ratio * shared[p.name] if row == c.joint else shared[p.name]
 
     def matrix(
         self,
@@ -175,17 +125,23 @@ class Regressor:
 
         Returns:
             Φ, shape (samples, joints, parameters).
+
+        Raises:
+            ValueError: if ``out`` does not fit.
         """
         samples = q.shape[0]
+        shape = (samples, self.robot.size, len(self.parameters))
         if out is None:
-            out = np.zeros((samples, self.robot.size, len(self.parameters)))
+            out = np.zeros(shape)
+        if out.shape != shape or not out.flags.c_contiguous:
+            raise ValueError(f"out has shape {out.shape}; {shape} in C order is needed")
+        place = self.row * shape[2] + self.column
+        flat = out.reshape(samples, shape[1] * shape[2])
 
-        def block(start: int) -> None:
-            part = slice(start, min(start + BLOCK, samples))
-            packed = self.packed(q[part].T, dq[part].T, ddq[part].T)
-            _scatter(packed, self.row, self.column, out[part])
+        def block(part: slice) -> None:
+            dense_entries(self._plan, place, *_time_last(q[part], dq[part], ddq[part]), flat[part])
 
-        run_in_threads(block, range(0, samples, BLOCK))
+        run_in_threads(block, _blocks(samples))
         return out
 
     def torque(
@@ -199,49 +155,32 @@ class Regressor:
             ddq: joint accelerations.
             theta: parameters, shape (parameters,).
         """
-        tau = np.zeros(q.shape)
+        tau = np.empty(q.shape)
         weights = np.asarray(theta, dtype=float)[self.column]
 
-        def block(start: int) -> None:
-            part = slice(start, min(start + 4 * BLOCK, len(q)))
-            packed = self.packed(q[part].T, dq[part].T, ddq[part].T)
-            for j in range(self.robot.size):
-                own = slice(self.offsets[j], self.offsets[j + 1])
-                tau[part, j] = weights[own] @ packed[own]
+        def block(part: slice) -> None:
+            own = _time_last(q[part], dq[part], ddq[part])
+            torque = np.empty(own[0].shape)
+            joint_torques(self._plan, self.offsets, weights, *own, torque)
+            tau[part] = torque.T
 
-        run_in_threads(block, range(0, len(q), 4 * BLOCK))
+        run_in_threads(block, _blocks(len(q)))
         return tau
 
 
-def tree_of(robot: Robot) -> Tree:
-    """Geometry of a robot as the kernels want it."""
-    return Tree(
-        np.array([j.parent for j in robot.joints], dtype=np.int64),
-        np.array([j.kind == "prismatic" for j in robot.joints], dtype=np.int64),
-        np.array([j.rotation for j in robot.joints], dtype=float),
-        np.array([j.translation for j in robot.joints], dtype=float),
-        np.asarray(robot.gravity, dtype=float),
-    )
+def _blocks(samples: int) -> list[slice]:
+    """Consecutive parts of a record, one for each turn of a thread."""
+    return [slice(start, min(start + BLOCK, samples)) for start in range(0, samples, BLOCK)]
 
 
-def coupling_sign(robot: Robot, motor: int, simulated: bool = False) -> tuple[int, float]:
-    """Sign function of a coupling's Coulomb term: that of the motor's own joint.
-
-    Args:
-        robot: the robot.
-        motor: index of the coupled motor's joint.
-        simulated: replace the hard sign by the arctangent, as the simulator needs.
-    """
-    for term in robot.joints[motor].friction.terms:
-        _, sign, shape = term.encoded(simulated)
-        if term.stem.startswith("fc"):
-            return sign, shape[0]
-    return int(SignFunction.ATAN), robot.joints[motor].default_gamma
+def _time_last(*signals: np.ndarray) -> list[np.ndarray]:
+    """Signals (samples, joints) as contiguous arrays (joints, samples)."""
+    return [np.ascontiguousarray(x.T, dtype=float) for x in signals]
 
 
 def _possible_entries(robot: Robot, parameters: Sequence[Parameter]) -> list[tuple[int, int]]:
     """(joint, parameter) pairs that the tree allows to be non-zero."""
-    entries = []
+    entries: list[tuple[int, int]] = []
     for c, p in enumerate(parameters):
         if p.is_inertial:
             entries.extend((j, c) for j in robot.ancestors(p.joint))
@@ -250,11 +189,3 @@ def _possible_entries(robot: Robot, parameters: Sequence[Parameter]) -> list[tup
         else:
             entries.append((p.joint, c))
     return entries
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _scatter(packed, row, column, out):
-    """Write packed entries (time last) into the dense matrix (time first)."""
-    for s in range(packed.shape[1]):
-        for e in range(packed.shape[0]):
-            out[s, row[e], column[e]] = packed[e, s]

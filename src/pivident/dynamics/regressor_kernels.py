@@ -1,10 +1,9 @@
 """Compiled loops of the observation matrix, generic over the robot, many samples at once.
 
 Quantities are stored with time last, in rows of ``TILE`` samples, so that the innermost loops run
-over samples and the compiler turns them into vector instructions. All rows of a tile lie in one
-array, the *scratch*, and are addressed by the index of their first sample: the compiler then sees
-that rows do not overlap. Offsets are checked not to be negative because an index that might be
-counts from the array's end in Python, and a loop that allows for that is not vectorised.
+over samples and the compiler turns them into vector instructions. All rows lie in one array, the
+*tile*. Loops that touch fewer rows are easier on the compiler: it must make sure at run time that
+the rows do not overlap, and beyond some thirty it does not try.
 
 The ten inertial parameters enter linearly. With ω, dω, a of the frame's origin (gravity is an
 upward acceleration of the base), I the inertia about that origin and h the first moments,
@@ -23,22 +22,18 @@ import numpy as np
 from numba import njit
 
 from pivident.dynamics.elementary import arctangent, sine_and_cosine
+from pivident.dynamics.entry_plan import ACCELERATION, INERTIAS, MOMENTS
 from pivident.robot.friction import FrictionColumn, SignFunction
 
 TILE = 128  # samples: long enough to vectorise, short enough for the caches
 
-# Rows of the scratch. The joint at work: cosine and sine of its turn, its slide, and their rates.
+# Rows of the tile. The joint at work: cosine and sine of its turn, its slide, and their rates.
 _COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6
-# The link at work: ^pR_i row by row, ^pp_i; its ten columns in one joint's row.
-_ROTATION, _ORIGIN, _COLUMNS, _FIXED = 7, 16, 19, 29
-# Each link, the base first: ω, dω, a and G row by row.
-_W, _DW, _A, _G, _LINK = 0, 3, 6, 9, 18
+# The link at work: ^pR_i row by row, ^pp_i.
+_ROTATION, _ORIGIN, _FIXED = 7, 16, 19
+# Then 18 rows for the base and for each link: ω, dω, a, and G row by row.
+_A, _G, _LINK = 6, 9, 18
 
-# What a screw is wanted for: for the links further out, for inertias, for first moments and mass.
-CARRY, INERTIAS, MOMENTS, MOTION = 1, 2, 4, 8
-
-# Functions of an entry without inertial parameter, besides those of ``FrictionColumn``.
-ACCELERATION = 100
 _SPEED, _CONSTANT = int(FrictionColumn.VISCOUS), int(FrictionColumn.OFFSET)
 _POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)
 _NEGATIVE = int(FrictionColumn.COULOMB_NEGATIVE)
@@ -46,38 +41,6 @@ _STRIBECK = int(FrictionColumn.STRIBECK)
 _ATAN, _TANH = int(SignFunction.ATAN), int(SignFunction.TANH)
 
 _inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-
-
-class EntryPlan(NamedTuple):
-    """Which entries of the observation matrix are computed, as arrays for the kernels.
-
-    Attributes:
-        entries: number of entries.
-        parent: parent of each link or -1, shape (links,).
-        prismatic: 1 for prismatic, 0 for revolute joints, shape (links,).
-        rotation: frame orientations in the parent at q = 0, shape (links, 3, 3).
-        translation: frame origins in the parent at q = 0 [m], shape (links, 3).
-        gravity: acceleration of gravity in the base frame [m/s²], shape (3,).
-        work: what the screw of each link's k-th ancestor (0: its own joint) is wanted for, sum
-            of ``CARRY INERTIAS MOMENTS``, shape (links, depth).
-        entry: for each link, ancestor and inertial parameter the entry it is, -1: not wanted;
-            shape (links, depth, 10).
-        joint_index: for each entry without inertial parameter its index, function, sign function
-            and the two joints a and b it depends on, shape (joint entries, 5).
-        joint_value: its factor, the ratio c in v = dq_a + c dq_b, γ, v_s, δ, shape
-            (joint entries, 5).
-    """
-
-    source: np.ndarray
-    columns: int
-    parent: np.ndarray
-    prismatic: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    gravity: np.ndarray
-    work: np.ndarray
-    joint_index: np.ndarray
-    joint_value: np.ndarray
 
 
 @_inline
@@ -217,12 +180,6 @@ def _moment_columns(tile, link, screw, out):
 
 
 @_inline
-def _copy_row(tile, source, target):
-    for s in range(TILE):
-        tile[target, s] = tile[source, s]
-
-
-@_inline
 def _scaled_row(tile, source, factor, target):
     for s in range(TILE):
         tile[target, s] = factor * tile[source, s]
@@ -243,36 +200,36 @@ def _sign_row(tile, sign, gamma, row):
 
 
 @_inline
-def _joint_entry(tile, dq, ddq, index, value, e, row):
+def _joint_entry(tile, dq, ddq, index, value, e, out):
     """Entry e without inertial parameter: a function of the motion of one joint or two."""
-    function, sign, a, b = index[e, 1], index[e, 2], index[e, 3], index[e, 4]
+    function, sign, a, b = index[e, 0], index[e, 1], index[e, 2], index[e, 3]
     factor, ratio, gamma = value[e, 0], value[e, 1], value[e, 2]
     if function == ACCELERATION:
-        _scaled_row(tile, ddq + a, factor, row)
+        _scaled_row(tile, ddq + a, factor, out)
     elif function == _SPEED:
-        _scaled_row(tile, dq + a, factor, row)
+        _scaled_row(tile, dq + a, factor, out)
     elif function == _CONSTANT:
         for s in range(TILE):
-            tile[row, s] = factor
+            tile[out, s] = factor
     else:
         for s in range(TILE):
-            tile[row, s] = tile[dq + a, s] + ratio * tile[dq + b, s]
-        _sign_row(tile, sign, gamma, row)
+            tile[out, s] = tile[dq + a, s] + ratio * tile[dq + b, s]
+        _sign_row(tile, sign, gamma, out)
         if function == _POSITIVE:
             for s in range(TILE):
-                tile[row, s] = 0.5 * (1.0 + tile[row, s])
+                tile[out, s] = 0.5 * (1.0 + tile[out, s])
         elif function == _NEGATIVE:
             for s in range(TILE):
-                tile[row, s] = -0.5 * (1.0 - tile[row, s])
+                tile[out, s] = -0.5 * (1.0 - tile[out, s])
         elif function == _STRIBECK:
             speed, exponent = value[e, 3], value[e, 4]
             for s in range(TILE):
-                tile[row, s] *= np.exp(-(abs(tile[dq + a, s] / speed) ** exponent))
-        _scaled_row(tile, row, factor, row)
+                tile[out, s] *= np.exp(-(abs(tile[dq + a, s] / speed) ** exponent))
+        _scaled_row(tile, out, factor, out)
 
 
 class _Rows(NamedTuple):
-    """First rows of what a scratch holds."""
+    """First rows of what a tile holds behind the fixed rows."""
 
     links: int
     screws: int
@@ -281,8 +238,8 @@ class _Rows(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _scratch(plan):
-    """Scratch of one thread, and where the links, screws, signals and entries are in it."""
+def _new_tile(plan):
+    """An empty tile, and where the links, screws, signals and columns are in it."""
     joints, depth = plan.work.shape
     links = _FIXED
     screws = links + (joints + 1) * _LINK
@@ -290,18 +247,19 @@ def _scratch(plan):
     columns = signals + 3 * joints
     tile = np.zeros((columns + plan.columns, TILE))
     for k in range(3):  # the base does not move, but gravity accelerates it upwards
-        tile[links + _A + k] = -plan.gravity[k]
+        tile[links + _A + k] = -plan.tree.gravity[k]
     for i in range(joints):  # a joint's own screw is its z axis
-        tile[screws + i * depth * 6 + (2 if plan.prismatic[i] else 5)] = 1.0
+        tile[screws + i * depth * 6 + (2 if plan.tree.prismatic[i] else 5)] = 1.0
     return tile, _Rows(links, screws, signals, columns)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _fill(plan, tile, rows, q, dq, ddq, start, count):
-    """All wanted entries of the samples from ``start`` on."""
+    """Compute all columns of the ``count`` samples from ``start`` on."""
     joints, depth = plan.work.shape
-    parents, prismatic, work = plan.parent, plan.prismatic, plan.work
-    rotation, translation = plan.rotation, plan.translation
+    parents, prismatic = plan.tree.parent, plan.tree.prismatic
+    rotation, translation = plan.tree.rotation, plan.tree.translation
+    moved, work, index, value = plan.moved, plan.work, plan.joint_index, plan.joint_value
     links, screws, signals, out = rows.links, rows.screws, rows.signals, rows.columns
     for i in range(joints):
         for s in range(count):
@@ -309,7 +267,7 @@ def _fill(plan, tile, rows, q, dq, ddq, start, count):
             tile[signals + joints + i, s] = dq[i, start + s]
             tile[signals + 2 * joints + i, s] = ddq[i, start + s]
     for i in range(joints):
-        if not work[i, 0] & MOTION:
+        if not moved[i]:
             continue
         parent, link = parents[i], links + (i + 1) * _LINK
         _load_joint(tile, signals, joints, i, prismatic[i])
@@ -318,7 +276,7 @@ def _fill(plan, tile, rows, q, dq, ddq, start, count):
         for k in range(depth):
             wanted = work[i, k]
             screw = screws + (i * depth + k) * 6
-            if wanted & 7 and k > 0:
+            if wanted and k > 0:
                 _carry(tile, screws + (parent * depth + k - 1) * 6, screw)
             if wanted & INERTIAS:
                 _inertia_columns(tile, link, screw, out)
@@ -326,11 +284,8 @@ def _fill(plan, tile, rows, q, dq, ddq, start, count):
                 _moment_columns(tile, link, screw, out)
             if wanted & (INERTIAS | MOMENTS):
                 out += 10
-    index, value = plan.joint_index, plan.joint_value
     for e in range(index.shape[0]):
-        _joint_entry(
-            tile, signals + joints, signals + 2 * joints, index, value, e, out + e
-        )
+        _joint_entry(tile, signals + joints, signals + 2 * joints, index, value, e, out + e)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -339,14 +294,13 @@ def packed_entries(plan, q, dq, ddq, out):
 
     Args:
         plan: which entries.
-        q: joint positions, time last, shape (joints, samples); likewise ``dq ddq``.
+        q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
         ddq: joint accelerations.
         out: receives the entries, time last, shape (entries, samples).
     """
-    samples = q.shape[1]
-    tile, rows = _scratch(plan)
-    source = plan.source
+    samples, source = q.shape[1], plan.source
+    tile, rows = _new_tile(plan)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, start, count)
@@ -362,44 +316,47 @@ def dense_entries(plan, place, q, dq, ddq, out):
     Args:
         plan: which entries.
         place: place of each entry in a sample's matrix written row by row, shape (entries,).
-        q: joint positions, time last, shape (joints, samples); likewise ``dq ddq``.
+        q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
         ddq: joint accelerations.
         out: receives the entries, shape (samples, joints · parameters).
     """
-    samples = q.shape[1]
-    tile, rows = _scratch(plan)
-    source = plan.source
+    samples, source = q.shape[1], plan.source
+    tile, rows = _new_tile(plan)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, start, count)
-        # eight samples at a time: one cache line of each entry, eight lines written in order
+        # eight samples at a time: one cache line of each column, eight lines written in order
         for first in range(0, count, 8):
+            last = min(first + 8, count)
             for e in range(source.size):
-                row, column = rows.columns + source[e], place[e]
-                for s in range(first, min(first + 8, count)):
-                    out[start + s, column] = tile[row, s]
+                column, target = rows.columns + source[e], place[e]
+                for s in range(first, last):
+                    out[start + s, target] = tile[column, s]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def entry_sums(plan, row, weight, q, dq, ddq, out):
-    """Sum of weighted entries by row: the torques, without keeping the matrix.
+def joint_torques(plan, offsets, weight, q, dq, ddq, out):
+    """Weighted sum of each joint's entries: its torque, without keeping the matrix.
 
     Args:
         plan: which entries.
-        row: joint of each entry, shape (entries,).
+        offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
         weight: parameter value of each entry, shape (entries,).
-        q: joint positions, time last, shape (joints, samples); likewise ``dq ddq``.
+        q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
         ddq: joint accelerations.
-        out: the sums are added to it, shape (samples, joints).
+        out: receives the torques, time last, shape (joints, samples).
     """
-    samples = q.shape[1]
-    tile, rows = _scratch(plan)
-    source = plan.source
+    samples, source = q.shape[1], plan.source
+    tile, rows = _new_tile(plan)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, start, count)
-        for e in range(source.size):
+        for j in range(q.shape[0]):
             for s in range(count):
-                out[start + s, row[e]] += weight[e] * tile[rows.columns + source[e], s]
+                out[j, start + s] = 0.0
+            for e in range(offsets[j], offsets[j + 1]):
+                column, factor = rows.columns + source[e], weight[e]
+                for s in range(count):
+                    out[j, start + s] += factor * tile[column, s]

@@ -64,7 +64,7 @@ def decimated_answer(
                 r.tau.T,
                 model.T,
                 ~votes.T,
-                (error / scale[:, None]).T,
+                np.where(votes, error / scale[:, None], np.nan).T,
                 float(rate),
             )
         )

@@ -87,7 +87,7 @@ def full_rate_answer(
                 k.tau[:, part].T,
                 model[:, part].T,
                 ~r.votes[:, part].T,
-                residual[:, part].T,
+                np.where(r.votes, residual, np.nan)[:, part].T,
                 k.recording.rate,
             )
         )

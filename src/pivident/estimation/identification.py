@@ -80,7 +80,7 @@ class FittedRecording:
         tau_model: reconstructed torque Φθ.
         mask: rows that did not vote.
         whitened: residual of the equation that was solved, scaled to unit variance, on the
-            rows of the estimator (decimated where it decimates), shape (rows', joints).
+            rows of the estimator, shape (rows, joints); NaN on rows that did not vote.
         whitened_rate: rate of ``whitened`` [Hz].
     """
 

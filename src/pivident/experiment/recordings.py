@@ -74,7 +74,8 @@ def loop_of(entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording
     n = robot.size
     if entry.type == "virtual_pd":
         posture = np.mean([recording.q.mean(axis=0) for recording in recordings], axis=0)
-        law: Controller = virtual_pd(robot, posture, entry.bandwidth, entry.damping)
+        given = {k: v for k in ("bandwidth", "damping") if (v := getattr(entry, k)) is not None}
+        law: Controller = virtual_pd(robot, posture, **given)
     else:
         law = _control_law(entry, n)
     return Loop(

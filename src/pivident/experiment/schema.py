@@ -83,12 +83,27 @@ def _stages(value: Any) -> Any:
     raise ValueError("must be a whole factor, or a list with the factor of each stage")
 
 
+def _edge(value: Any) -> Any:
+    ends = value if isinstance(value, list) else [value, value]
+    if len(ends) == 2 and all(type(end) is int and end >= 0 for end in ends):
+        return tuple(value) if isinstance(value, list) else value
+    raise ValueError("must be a number of samples, or a list of two: at the start and at the end")
+
+
+def _motion_band(value: Any) -> Any:
+    if value == "auto" or (_is_number(value) and value >= 0):
+        return value
+    raise ValueError('must be "auto" or a frequency in Hz, 0 for no band')
+
+
 Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
 PerJoint = Annotated[list[float] | dict[str, float], PlainValidator(_per_joint)]
 Paths = Annotated[str | dict[str, str], PlainValidator(_paths)]
 Mask = Annotated[Literal["auto"] | float, PlainValidator(_mask)]
 Methods = Annotated[list[str], PlainValidator(_methods)]
 Stages = Annotated[int | tuple[int, ...], PlainValidator(_stages)]
+Edge = Annotated[int | tuple[int, int], PlainValidator(_edge)]
+MotionBand = Annotated[Literal["auto"] | float, PlainValidator(_motion_band)]
 Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
 Names = Annotated[list[str], Field(min_length=1)]
 
@@ -210,8 +225,8 @@ class ControllerEntry(Entry):
     speed_feed_forward: float = 0.0
     drive_gain: Numbers = 1.0
     limit: Numbers | None = None
-    bandwidth: PositiveFloat = 20.0
-    damping: PositiveFloat = 1.0
+    bandwidth: PositiveFloat | None = None
+    damping: PositiveFloat | None = None
     reference: Literal["recorded", "smoothed"] | None = None
 
     @model_validator(mode="after")
@@ -244,7 +259,7 @@ class BandpassEntry(Entry):
     bandwidth: PositiveFloat | None = None
     median: Annotated[int, Field(ge=1)] | None = None
     padlen: Annotated[int, Field(ge=0)] | None = None
-    edge: Annotated[int, Field(ge=0)] | None = None
+    edge: Edge | None = None
     align: bool | None = None
 
     @model_validator(mode="after")
@@ -271,6 +286,7 @@ class NoiseEntry(Entry):
     p_max: Annotated[int, Field(ge=1, le=5000)] | None = None
     criterion: Literal["aic", "aicc", "bic"] | None = None
     on_unmasked: bool | None = None
+    motion_band: MotionBand | None = None
 
 
 class SharedOptions(Entry):

@@ -1,0 +1,1 @@
+"""What the machine would do: controllers, references, closed loop."""

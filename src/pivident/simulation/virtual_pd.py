@@ -16,7 +16,7 @@ from pivident.simulation.controllers import PD, PID
 
 
 def virtual_pd(
-    robot: Robot, posture: np.ndarray, bandwidth: float = 10.0, damping: float = 1.0
+    robot: Robot, posture: np.ndarray, bandwidth: float = 10.0, damping: float = 0.7
 ) -> PID:
     """PD gains kp = J ω², kd = 2 ζ J ω with ω = 2π · bandwidth and J = diag M(posture).
 

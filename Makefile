@@ -1,0 +1,44 @@
+# make demo   set up and run the demonstration: simulate a TX40, identify it, write a report
+# make test   set up and run all checks
+# make bench  set up and print the benchmark tables
+# make lint   style and types only
+#
+# Everything lives in .venv; PYTHON names the interpreter (3.11 or newer).
+
+PYTHON ?= python3
+BIN := .venv/bin
+
+.DEFAULT_GOAL := demo
+.PHONY: demo test bench lint clean
+
+demo: .venv/.pivident
+	$(BIN)/pivident demo --out pivident-demo
+
+test: lint
+	$(BIN)/python -m pytest
+
+lint: .venv/.pivident-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+bench: .venv/.pivident-test
+	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only
+
+.venv/.pip:
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "pivident needs Python 3.11 or newer; name one: make PYTHON=python3.12"; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade 'pip>=25.1'
+	@touch $@
+
+.venv/.pivident: .venv/.pip pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+.venv/.pivident-test: .venv/.pivident pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable . --group test
+	@touch $@
+
+clean:
+	rm -rf .venv pivident-demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

@@ -1,0 +1,131 @@
+"""What the compiled loops of the observation matrix compute: a plan made once per regressor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pivident.dynamics.kernels import Tree, tree_of
+from pivident.dynamics.parameters import Parameter
+from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.friction import FrictionColumn, SignFunction
+
+#: What the screw of a joint, seen from a link, is wanted for: for the links further out, for the
+#: columns of the inertias, for those of first moments and mass.
+CARRY, INERTIAS, MOMENTS = 1, 2, 4
+
+#: Function of an entry that is an acceleration; the others have the codes of ``FrictionColumn``.
+ACCELERATION = 100
+
+
+class EntryPlan(NamedTuple):
+    """Which entries of the observation matrix are computed, as arrays for the kernels.
+
+    A *block* is the ten columns of one link in the row of one of its ancestors. Blocks are
+    computed in the order of links and ancestors; the entries without inertial parameter follow.
+
+    Attributes:
+        tree: the robot's geometry.
+        moved: 1 for links whose motion is needed, shape (links,).
+        work: what the screw of each link's k-th ancestor (0: its own joint) is wanted for, sum
+            of ``CARRY INERTIAS MOMENTS``, shape (links, depth).
+        joint_index: for each entry without inertial parameter its function, its sign function
+            and the joints a and b it depends on, shape (joint entries, 4).
+        joint_value: its factor, c in the speed dq_a + c dq_b, γ, v_s, δ, shape
+            (joint entries, 5).
+        source: column in which each entry is computed, shape (entries,).
+        columns: number of columns computed.
+    """
+
+    tree: Tree
+    moved: np.ndarray
+    work: np.ndarray
+    joint_index: np.ndarray
+    joint_value: np.ndarray
+    source: np.ndarray
+    columns: int
+
+
+def make_entry_plan(
+    robot: Robot, parameters: Sequence[Parameter], entries: Sequence[tuple[int, int]]
+) -> EntryPlan:
+    """Plan the computation of given entries.
+
+    Args:
+        robot: the robot.
+        parameters: columns of the observation matrix.
+        entries: (joint, index of the parameter) of each entry.
+    """
+    chains = [robot.ancestors(i) for i in range(robot.size)]
+    moved = np.zeros(robot.size, dtype=np.int64)
+    work = np.zeros((robot.size, max(len(chain) for chain in chains)), dtype=np.int64)
+    for joint, c in entries:
+        p = parameters[c]
+        if p.is_inertial:
+            inertia = INERTIAL.index(p.stem) < INERTIAL.index("mx")
+            work[p.joint, chains[p.joint].index(joint)] |= INERTIAS if inertia else MOMENTS
+            moved[list(chains[p.joint])] = 1
+    for i in range(robot.size - 1, -1, -1):
+        for k in range(1, len(chains[i])):
+            if work[i, k]:
+                work[chains[i][1], k - 1] |= CARRY
+    blocks = {
+        (int(i), chains[i][k]): 10 * n
+        for n, (i, k) in enumerate(np.argwhere(work & (INERTIAS | MOMENTS)))
+    }
+    index, value, source = [], [], []
+    for joint, c in entries:
+        p = parameters[c]
+        if p.is_inertial:
+            source.append(blocks[p.joint, joint] + INERTIAL.index(p.stem))
+        else:
+            source.append(10 * len(blocks) + len(index))
+            function, factors = _joint_entry(robot, p, joint)
+            index.append(function)
+            value.append(factors)
+    return EntryPlan(
+        tree_of(robot),
+        moved,
+        work,
+        np.array(index, dtype=np.int64).reshape(-1, 4),
+        np.array(value, dtype=float).reshape(-1, 5),
+        np.array(source, dtype=np.int64),
+        10 * len(blocks) + len(index),
+    )
+
+
+def _joint_entry(
+    robot: Robot, p: Parameter, joint: int
+) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float, float]]:
+    """Row of ``joint_index`` and of ``joint_value`` for a rotor, friction or coupling entry."""
+    if p.friction is not None:
+        column, sign, shape = p.friction.encoded()
+        return (column, sign, joint, joint), (1.0, 0.0, *shape)
+    if p.coupling is None:
+        return (ACCELERATION, 0, joint, joint), (1.0, 0.0, 0.0, 0.0, 0.0)
+    c = p.coupling
+    if p.stem == "fcm":
+        sign, gamma = coupling_sign(robot, c.motor)
+        factor = c.ratio if joint == c.joint else 1.0
+        coulomb = int(FrictionColumn.COULOMB)
+        return (coulomb, sign, c.motor, c.joint), (factor, c.ratio, gamma, 0.0, 0.0)
+    other = c.motor if joint == c.joint else c.joint
+    function = ACCELERATION if p.stem == "iam" else int(FrictionColumn.VISCOUS)
+    return (function, 0, other, other), (c.ratio, 0.0, 0.0, 0.0, 0.0)
+
+
+def coupling_sign(robot: Robot, motor: int, simulated: bool = False) -> tuple[int, float]:
+    """Sign function of a coupling's Coulomb term: that of the motor's own joint.
+
+    Args:
+        robot: the robot.
+        motor: index of the coupled motor's joint.
+        simulated: replace the hard sign by the arctangent, as the simulator needs.
+    """
+    for term in robot.joints[motor].friction.terms:
+        _, sign, shape = term.encoded(simulated)
+        if term.stem.startswith("fc"):
+            return sign, shape[0]
+    return int(SignFunction.ATAN), robot.joints[motor].default_gamma
