@@ -81,10 +81,10 @@ def dynamics_rows(repeats: int) -> list[tuple[str, float, float, str, float]]:
     heads, truth = scenarios.tx40_truth(robot)
     values = make_model(robot, heads, np.array([truth[p.name] for p in heads]))
     problem, _ = scenarios.tx40_fine(samples=SAMPLES)
-    from pivident.estimation.auxiliary_model import loop_signals
+    from pivident.estimation.auxiliary_model import AuxiliaryModel
 
     assert problem.loop is not None
-    signals, start = loop_signals(problem.loop, problem.recordings[0])
+    ((signals, start),) = AuxiliaryModel(problem, differences=False).signals
     controller = problem.loop.controller
     assert isinstance(controller, type(PD(np.ones(1), np.ones(1))))
     few = max(1, repeats // 2)

@@ -1,9 +1,10 @@
 """Identify the EMPS and try the model on a run that it has not seen.
 
 First the benchmark authors' own least squares: their published values come out to the last
-digit. Then the methods of experiment.toml. All are judged on the validation run, which repeats the reference while
-pulses are added to the drive's input: the whole loop (controller, saturation, pulses, robot) is
-simulated with the identified parameters, and force and position are compared with the log.
+digit. Then the methods of experiment.toml. All are judged on the validation run, which repeats the
+reference while pulses are added to the drive's input: the whole loop (controller, saturation,
+pulses, robot) is simulated with the identified parameters, and force and position are compared
+with the log.
 
     PIVIDENT_DATA=FOLDER python identify_emps.py [--folder FOLDER]
 """

@@ -21,8 +21,7 @@ from pivident.recording.public_records import load_staubli_tx40
 from pivident.recording.recording import Recording
 from pivident.robot import Robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.signals.bandpass import bandpass
-from pivident.signals.decimation import parallel_decimation
+from pivident.signals.bandpass import bandpass, butterworth
 
 HERE = Path(__file__).parent
 
@@ -55,14 +54,14 @@ def laboratory(robot: Robot, method: LeastSquares) -> Identification:
 
 
 def unseen_error(result: Identification, recording: Recording) -> float:
-    """Relative torque error below 20 Hz on the unseen part, root mean square of joints [%]."""
+    """‖τ - Φθ‖/‖τ‖ of the unseen part over all joints, both sides below 20 Hz [%]."""
     motion = bandpass(recording.q, recording.rate, cutoff=100.0, median=3)
     model = result.predict(motion.q, motion.dq, motion.ddq)
-    unseen = recording.t >= FITTED
-    error = parallel_decimation((recording.tau - model)[unseen], (10, 10))
-    torque = parallel_decimation(recording.tau[unseen], (10, 10))
-    joints = np.sum(error**2, axis=0) / np.sum(torque**2, axis=0)
-    return 100 * float(np.sqrt(joints.mean()))
+    error, torque = (
+        butterworth(x, recording.rate, cutoff=20.0)[recording.t >= FITTED]
+        for x in (recording.tau - model, recording.tau)
+    )
+    return 100 * float(np.linalg.norm(error) / np.linalg.norm(torque))
 
 
 def main(folder: Path = HERE) -> dict[str, tuple[Identification, float]]:

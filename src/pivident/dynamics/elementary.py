@@ -42,7 +42,7 @@ def sine_and_cosine(x):
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def arctangent(x):
-    r"""atan(x), five times as fast as the library's where vectors are no use either."""
+    r"""atan(x); even one at a time five times as fast as the library's."""
     a = abs(x)
     large, middle = a > 2.414213562373095, a > 0.66
     numerator = -1.0 if large else (a - 1.0 if middle else a)

@@ -75,7 +75,9 @@ def make_entry_plan(
         (int(i), chains[i][k]): 10 * n
         for n, (i, k) in enumerate(np.argwhere(work & (INERTIAS | MOMENTS)))
     }
-    index, value, source = [], [], []
+    index: list[tuple[int, int, int, int]] = []
+    value: list[tuple[float, float, float, float, float]] = []
+    source: list[int] = []
     for joint, c in entries:
         p = parameters[c]
         if p.is_inertial:

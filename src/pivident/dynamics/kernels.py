@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
+from pivident.dynamics.elementary import sine_and_cosine
 from pivident.robot.description import Robot
 
 
@@ -85,7 +86,7 @@ def link_poses(prismatic, rotation, translation, q, pose):
                 pose[i, 3 * k + 2] = rotation[i, k, 2]
                 pose[i, 9 + k] = translation[i, k] + rotation[i, k, 2] * q[i]
         else:
-            c, s = np.cos(q[i]), np.sin(q[i])
+            s, c = sine_and_cosine(q[i])
             for k in range(3):
                 pose[i, 3 * k] = rotation[i, k, 0] * c + rotation[i, k, 1] * s
                 pose[i, 3 * k + 1] = rotation[i, k, 1] * c - rotation[i, k, 0] * s

@@ -139,7 +139,8 @@ class Regressor:
         flat = out.reshape(samples, shape[1] * shape[2])
 
         def block(part: slice) -> None:
-            dense_entries(self._plan, place, *_time_last(q[part], dq[part], ddq[part]), flat[part])
+            x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
+            dense_entries(self._plan, place, x, dx, ddx, flat[part])
 
         run_in_threads(block, _blocks(samples))
         return out
@@ -159,9 +160,9 @@ class Regressor:
         weights = np.asarray(theta, dtype=float)[self.column]
 
         def block(part: slice) -> None:
-            own = _time_last(q[part], dq[part], ddq[part])
-            torque = np.empty(own[0].shape)
-            joint_torques(self._plan, self.offsets, weights, *own, torque)
+            x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
+            torque = np.empty(x.shape)
+            joint_torques(self._plan, self.offsets, weights, x, dx, ddx, torque)
             tau[part] = torque.T
 
         run_in_threads(block, _blocks(len(q)))
@@ -173,9 +174,9 @@ def _blocks(samples: int) -> list[slice]:
     return [slice(start, min(start + BLOCK, samples)) for start in range(0, samples, BLOCK)]
 
 
-def _time_last(*signals: np.ndarray) -> list[np.ndarray]:
-    """Signals (samples, joints) as contiguous arrays (joints, samples)."""
-    return [np.ascontiguousarray(x.T, dtype=float) for x in signals]
+def _time_last(signal: np.ndarray) -> np.ndarray:
+    """A signal (samples, joints) as contiguous array (joints, samples)."""
+    return np.ascontiguousarray(signal.T, dtype=float)
 
 
 def _possible_entries(robot: Robot, parameters: Sequence[Parameter]) -> list[tuple[int, int]]:

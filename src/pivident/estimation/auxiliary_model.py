@@ -6,12 +6,14 @@ with the true one and not with the noise, which is what an instrument has to be.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.dynamics.forward import make_model
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
+from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
 from pivident.signals.random_walk import smooth_channels
@@ -49,9 +51,15 @@ class AuxiliaryModel:
         differences: replace dq and ddq by central differences of q. A torque held over a
             sampling period and averaged over the two that adjoin an instant belongs to exactly
             these differences.
+        kinematics: motions already smoothed at full rate, one per recording; None: smooth here.
     """
 
-    def __init__(self, problem: Problem, differences: bool) -> None:
+    def __init__(
+        self,
+        problem: Problem,
+        differences: bool,
+        kinematics: Sequence[Kinematics] | None = None,
+    ) -> None:
         if problem.loop is None:
             raise ExperimentError(
                 "IV and PIV need the control loop for their instruments: give the controller and "
@@ -60,7 +68,14 @@ class AuxiliaryModel:
         self.problem = problem
         self.differences = differences
         self.loop = problem.loop
-        self.signals = [loop_signals(self.loop, recording) for recording in problem.recordings]
+        self.signals = []
+        for k, recording in enumerate(problem.recordings):
+            if kinematics is None:
+                smoothed = smooth_channels(recording.q, recording.rate)
+                motion = smoothed.q, smoothed.dq
+            else:
+                motion = kinematics[k].q.T, kinematics[k].dq.T
+            self.signals.append(loop_signals(self.loop, recording, *motion))
 
     def simulate(self, theta: np.ndarray) -> list[SimulatedMotion]:
         """Simulate every recording.
@@ -116,17 +131,22 @@ class AuxiliaryModel:
 
 
 def loop_signals(
-    loop: Loop, recording: Recording
+    loop: Loop, recording: Recording, q: np.ndarray, dq: np.ndarray
 ) -> tuple[LoopSignals, tuple[np.ndarray, np.ndarray]]:
     """What drives the simulated loop of one recording, and its initial positions and speeds.
+
+    Args:
+        loop: the control loop.
+        recording: the run.
+        q: its smoothed positions, shape (samples, joints) [rad or m].
+        dq: their derivatives.
 
     Raises:
         ExperimentError: if the reference is to be taken from the record and is not there.
     """
     n = recording.joints
-    smoothed = smooth_channels(recording.q, recording.rate)
-    q_ref: np.ndarray = smoothed.q
-    dq_ref: np.ndarray | None = smoothed.dq
+    q_ref: np.ndarray = q
+    dq_ref: np.ndarray | None = dq
     if loop.reference == "recorded" and recording.q_ref is None:
         raise ExperimentError(
             f"recording {recording.name!r} has no reference q_ref; map its column, or set "
@@ -137,7 +157,7 @@ def loop_signals(
     inputs = np.sum(list(recording.inputs.values()), axis=0) if recording.inputs else None
     tracking = np.abs(recording.q - q_ref).max(axis=0)
     reach = np.ptp(q_ref, axis=0)
-    speed = np.abs(smoothed.dq).max(axis=0)
+    speed = np.abs(dq).max(axis=0)
     rate = recording.control_rate
     signals = LoopSignals(
         rate=rate,
@@ -150,7 +170,7 @@ def loop_signals(
         bound=np.maximum(10.0 * tracking, np.minimum(0.5, 0.5 * reach + 1e-3)),
         speed_bound=5.0 * speed + 1e-3,
     )
-    return signals, (smoothed.q[0].copy(), smoothed.dq[0].copy())
+    return signals, (q[0].copy(), dq[0].copy())
 
 
 def central_differences(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:

@@ -90,7 +90,7 @@ def _full_rate(
     say: Callable[[str], None],
 ) -> Identification:
     """No decimation and no prefilter: smoother and aligned torque do the work."""
-    auxiliary = AuxiliaryModel(problem, differences=True)
+    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
     filters = [Prefilter()] * problem.robot.size
     made: dict[str, list] = {}
 

@@ -147,12 +147,12 @@ def solve(
         zt[joint.columns] += joint.zt / lam**weight_power
         zz[grid] += joint.zz / lam
         ff[grid] += joint.ff / lam
-    condition = _check_rank(ff, names)
     scale = _scales(ff)
     outer = np.outer(scale, scale)
-    bread = np.linalg.inv(zf / outer) / outer
-    theta = np.linalg.solve(zf / outer, zt / scale) / scale
-    return Solution(theta, np.linalg.inv(zz / outer) / outer, bread, condition)
+    condition = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
+    bread = np.linalg.inv(zf / outer)
+    theta = bread @ (zt / scale) / scale
+    return Solution(theta, np.linalg.inv(zz / outer) / outer, bread / outer, condition)
 
 
 def sandwich(bread: np.ndarray, scores: np.ndarray) -> np.ndarray:
@@ -177,25 +177,27 @@ def _scales(gram: np.ndarray) -> np.ndarray:
     return np.where(length > 0, length, 1.0)
 
 
-def _check_rank(gram: np.ndarray, names: Sequence[str]) -> float:
-    """Condition number of the scaled columns.
+def _check_rank(gram: np.ndarray, empty: np.ndarray, names: Sequence[str]) -> float:
+    """Condition number of the observation matrix with columns of unit length.
+
+    Args:
+        gram: its Gram matrix, shape (parameters, parameters).
+        empty: indices of columns that are zero.
+        names: names of the parameters.
 
     Raises:
         RankDeficientRegressor: if some cannot be told apart.
     """
-    scale = _scales(gram)
-    values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
-    weak = np.flatnonzero(values < RANK_TOLERANCE**2 * values[-1])
-    empty = np.flatnonzero(np.diag(gram) <= 0)
-    if weak.size or empty.size:
-        groups: list[tuple[str, ...]] = [(names[int(i)],) for i in empty]
-        for k in weak:
-            share = np.abs(vectors[:, k])
-            members = [
-                names[int(i)] for i in np.argsort(-share) if share[i] > 0.1 and i not in empty
-            ]
-            if members:
-                groups.append(tuple(members))
-        missing = max(weak.size, empty.size)
-        raise RankDeficientRegressor(len(names) - missing, len(names), groups)
-    return float(np.sqrt(values[-1] / values[0]))
+    values = np.linalg.eigvalsh(gram)
+    if values[0] > RANK_TOLERANCE**2 * values[-1]:
+        return float(np.sqrt(values[-1] / values[0]))
+    values, vectors = np.linalg.eigh(gram)
+    weak = np.flatnonzero(values <= RANK_TOLERANCE**2 * values[-1])
+    groups: list[tuple[str, ...]] = [(names[int(i)],) for i in empty]
+    for k in weak:
+        share = np.abs(vectors[:, k])
+        share[empty] = 0.0
+        members = tuple(names[int(i)] for i in np.argsort(-share) if share[i] > 0.1)
+        if members:
+            groups.append(members)
+    raise RankDeficientRegressor(len(names) - weak.size, len(names), groups)

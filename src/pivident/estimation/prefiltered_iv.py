@@ -51,8 +51,8 @@ def identify_piv(
         RankDeficientRegressor: the motion does not separate the parameters.
     """
     say(f"{method.label}: smoothing the records")
-    auxiliary = AuxiliaryModel(problem, differences=True)
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
+    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
     limits = [problem.speed_limits(r) for r in problem.recordings]
     whitening = Whitening(problem, method, kinematics)
     made: dict[str, list[FullRateRecord]] = {}

@@ -114,9 +114,7 @@ class CouplingEntry(Entry):
     motor: JointReference
     joint: JointReference
     ratio: float | None = None
-    parameters: list[Literal["iam", "fvm", "fcm"]] = Field(
-        default_factory=lambda: ["iam", "fvm", "fcm"]
-    )
+    parameters: list[Literal["iam", "fvm", "fcm"]] = Field(["iam", "fvm", "fcm"])
 
 
 class RobotEntry(Entry):

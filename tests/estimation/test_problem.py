@@ -1,0 +1,144 @@
+"""What a problem refuses, and what it says."""
+
+import numpy as np
+import pytest
+
+from pivident.errors import (
+    ExperimentError,
+    IdentificationError,
+    MassMatrixNotPositiveDefinite,
+    RankDeficientRegressor,
+    SimulationDiverged,
+)
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import AutoRegressive, InstrumentalVariables, PrefilteredIV
+from pivident.estimation.problem import Loop, Problem
+from pivident.recording.recording import Recording
+from pivident.robot import load_robot
+from pivident.simulation.controllers import PD
+from pivident.simulation.reference import point_to_point
+
+RATE = 1000.0
+
+
+@pytest.fixture(scope="module")
+def arm():
+    return load_robot("planar_2r")
+
+
+def record_of(arm, samples=4000, still=None, **changes):
+    rng = np.random.default_rng(8)
+    postures = rng.uniform(-1.0, 1.0, (20, arm.size))
+    if still is not None:
+        postures[:, still] = 0.0
+    q, dq, ddq = point_to_point(postures, np.full(arm.size, 3.0), RATE, samples)
+    noise = 1e-6 * rng.standard_normal(q.shape)
+    tau = 5.0 * np.sin(q) + dq + ddq + 1e-3 * rng.standard_normal(q.shape)
+    fields = {"q_ref": q, "dq_ref": dq, "simulated": True} | changes
+    return Recording("run", arm.joint_names, q + noise, tau, RATE, **fields)
+
+
+@pytest.fixture(scope="module")
+def record(arm):
+    return record_of(arm)
+
+
+def loop_of(arm, kp=400.0, kd=40.0, gain=1.0):
+    return Loop(PD(np.full(arm.size, kp), np.full(arm.size, kd)), gain)
+
+
+def test_an_unknown_parameter_brings_the_nearest_name(arm, record):
+    with pytest.raises(ExperimentError, match=r"'fv3'.*fv"):
+        Problem(arm, (record,), parameters=("zz1", "fv3"))
+
+
+def test_a_parameter_asked_for_twice_is_refused(arm, record):
+    with pytest.raises(ExperimentError, match="twice"):
+        Problem(arm, (record,), parameters=("fv1", "fv1"))
+
+
+def test_initial_values_need_known_names(arm, record):
+    with pytest.raises(ExperimentError, match="fc9"):
+        Problem(arm, (record,), initial={"fc9": 1.0})
+
+
+def test_joints_of_record_and_robot_must_match(record):
+    with pytest.raises(ExperimentError, match=r"2 joints.*6"):
+        Problem(load_robot("staubli_tx40"), (record,))
+
+
+def test_no_recording_is_refused(arm):
+    with pytest.raises(IdentificationError, match="at least one"):
+        Problem(arm, ())
+
+
+def test_gains_need_one_value_per_joint(arm, record):
+    with pytest.raises(ExperimentError, match="kp"):
+        Problem(arm, (record,), Loop(PD(np.ones(3), np.ones(3))))
+
+
+@pytest.mark.parametrize("mask", [-0.1, 1.0, 7])
+def test_a_mask_is_a_share_of_the_rated_speed(arm, record, mask):
+    with pytest.raises(ExperimentError, match="share"):
+        Problem(arm, (record,), mask=mask)
+
+
+def test_iv_without_a_loop_says_what_to_give(arm, record):
+    with pytest.raises(ExperimentError, match=r"\[controller\]"):
+        identify(Problem(arm, (record,)), "iv")
+
+
+def test_a_recorded_reference_must_be_there(arm):
+    record = record_of(arm, q_ref=None, dq_ref=None)
+    with pytest.raises(ExperimentError, match="smoothed"):
+        identify(Problem(arm, (record,), loop_of(arm)), "piv")
+
+
+def test_an_unknown_method_lists_the_known_ones(arm, record):
+    with pytest.raises(IdentificationError, match="piv"):
+        identify(Problem(arm, (record,)), "kalman")
+
+
+def test_a_loop_that_cannot_be_simulated_names_joint_and_time(arm, record):
+    with pytest.raises((SimulationDiverged, MassMatrixNotPositiveDefinite)) as caught:
+        identify(Problem(arm, (record,), loop_of(arm, gain=-1.0)), "iv-full-rate")
+    assert caught.value.joint in arm.joint_names
+    assert "s (" in str(caught.value)
+
+
+def test_a_joint_that_rests_leaves_parameters_apart_unfound(arm):
+    record = record_of(arm, still=1, allow_constant=True)
+    still = np.zeros_like(record.q)
+    still[:, 0] = record.q[:, 0]
+    record = Recording("run", arm.joint_names, still, record.tau, RATE, allow_constant=True)
+    with pytest.raises(RankDeficientRegressor) as caught:
+        identify(Problem(arm, (record,), mask=None), "ls")
+    named = {name for group in caught.value.groups for name in group}
+    assert any(name.endswith("2") for name in named)
+
+
+def test_a_masked_joint_without_rows_is_named(arm):
+    record = record_of(arm)
+    with pytest.raises(IdentificationError, match="low-speed mask"):
+        identify(Problem(arm, (record,), mask=0.999), "ls")
+
+
+@pytest.mark.parametrize("options", [{"tolerance": 0.0}, {"max_iterations": 0}])
+def test_iteration_options_are_checked(options):
+    with pytest.raises(ExperimentError):
+        InstrumentalVariables(**options)
+    with pytest.raises(ExperimentError):
+        PrefilteredIV(**options)
+
+
+def test_an_unknown_prefilter_is_refused():
+    with pytest.raises(ExperimentError, match="direct"):
+        PrefilteredIV(prefilter="sideways")
+
+
+def test_the_motions_band_is_off_on_simulated_records(arm, record):
+    measured = record_of(arm, simulated=False)
+    assert AutoRegressive().band(record) == 0.0
+    assert AutoRegressive().band(measured) == 20.0
+    assert AutoRegressive(motion_band=None).band(measured) == 0.0
+    assert AutoRegressive(motion_band=5.0).band(record) == 5.0
