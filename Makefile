@@ -1,6 +1,7 @@
 # make demo   set up and run the demonstration: simulate a TX40, identify it, write a report
 # make test   set up and run all checks
-# make bench  set up and print the benchmark tables
+# make bench  set up and print the table of speeds, with the peers run beside us
+# make truth  coverage and errors on simulated records, errors on held-out motion (20 minutes)
 # make lint   style and types only
 #
 # Everything lives in .venv; PYTHON names the interpreter (3.11 or newer).
@@ -9,7 +10,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test bench lint clean
+.PHONY: demo test bench truth lint clean
 
 demo: .venv/.pivident
 	$(BIN)/pivident demo --out pivident-demo
@@ -23,7 +24,12 @@ lint: .venv/.pivident-test
 	$(BIN)/mypy
 
 bench: .venv/.pivident-test
-	$(BIN)/python -m pytest benchmarks --benchmark-enable --benchmark-only
+	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python -m pytest benchmarks/bench_*.py --benchmark-enable --benchmark-only
+
+truth: .venv/.pivident
+	$(BIN)/python benchmarks/statistical_truth.py
+	$(BIN)/python benchmarks/held_out_folds.py
 
 .venv/.pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -9,20 +9,25 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 
 
 def shared_folder(name: str) -> Path:
-    root = Path(os.environ.get("PIVIDENT_DATA", REPOSITORY.parent / "shared"))
-    folder = root / name
-    if not folder.is_dir():
-        pytest.skip(f"there is no {folder}; set PIVIDENT_DATA to the folder that holds {name}/")
-    return folder
+    """Beside the checkout, or where PIVIDENT_DATA (the records' folder, or its parent) points."""
+    named = os.environ.get("PIVIDENT_DATA")
+    roots = [Path(named), Path(named).parent] if named else [REPOSITORY.parent / "shared"]
+    for root in roots:
+        for folder in (root / name, root if root.name == name else root / name):
+            if folder.is_dir():
+                return folder
+    pytest.skip(
+        f"there is no {roots[0] / name}; set PIVIDENT_DATA to the folder that holds the records"
+    )
 
 
 @pytest.fixture(scope="session")
 def data_dir() -> Path:
-    """Public records: ``$PIVIDENT_DATA/data`` or ``../shared/data``."""
+    """Public records: ``$PIVIDENT_DATA``, its subfolder ``data``, or ``../shared/data``."""
     return shared_folder("data")
 
 
 @pytest.fixture(scope="session")
 def reference_dir() -> Path:
-    """Reference values: ``$PIVIDENT_DATA/reference`` or ``../shared/reference``."""
+    """Reference values: ``reference`` beside the records, or ``../shared/reference``."""
     return shared_folder("reference")

@@ -261,15 +261,24 @@ class SimulationDiverged(IdentificationError):
     Attributes:
         joint: name of the joint that left first.
         time: time at which it did [s].
-        deviation: distance from the reference at that time [rad or m].
-        bound: the largest distance allowed [rad or m].
+        deviation: distance from the reference at that time [rad or m], or the speed.
+        bound: the largest one allowed.
+        speed: whether the joint was too fast, and not too far away.
     """
 
-    def __init__(self, joint: str, time: float, deviation: float, bound: float) -> None:
+    def __init__(
+        self, joint: str, time: float, deviation: float, bound: float, speed: bool = False
+    ) -> None:
         self.joint, self.time, self.deviation, self.bound = joint, time, deviation, bound
+        self.speed = speed
+        what = (
+            f"has a speed of {deviation:.3g}"
+            if speed
+            else f"is {deviation:.3g} away from its reference"
+        )
         super().__init__(
-            f"the simulated joint {joint!r} is {deviation:.3g} away from its reference at "
-            f"t = {time:.4f} s (bound {bound:.3g}); check the controller's gains, units and sign, "
+            f"the simulated joint {joint!r} {what} at t = {time:.4f} s "
+            f"(bound {bound:.3g}); check the controller's gains, units and sign, "
             "the drive gain and the initial parameters"
         )
 

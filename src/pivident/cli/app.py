@@ -185,7 +185,12 @@ def main(tokens: Sequence[str] | None = None) -> int:
         note(error_line(error))
         return WRONG_USAGE
     except KeyboardInterrupt:
-        note("interrupted; nothing was written")
+        note("interrupted; nothing is half written")
+        if tokens is None:
+            # Python ends itself by the signal if code that it generates was interrupted; scripts
+            # are promised an exit code. Nothing is left to be cleaned up.
+            sys.stdout.flush()
+            os._exit(INTERRUPTED)
         return INTERRUPTED
     except BrokenPipeError:  # the reader, such as head, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

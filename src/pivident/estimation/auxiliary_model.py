@@ -12,12 +12,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.forward import make_model
+from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
 from pivident.signals.random_walk import smooth_channels
 from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.feed_forward import (
+    computed_torque_feed_forward,
+    gravity_feed_forward,
+)
 from pivident.threads import run_in_threads
 
 #: How often a step may be halved before the loop is declared impossible to simulate.
@@ -75,7 +81,7 @@ class AuxiliaryModel:
                 motion = smoothed.q, smoothed.dq
             else:
                 motion = kinematics[k].q.T, kinematics[k].dq.T
-            self.signals.append(loop_signals(self.loop, recording, *motion))
+            self.signals.append(loop_signals(problem.robot, self.loop, recording, *motion))
 
     def simulate(self, theta: np.ndarray) -> list[SimulatedMotion]:
         """Simulate every recording.
@@ -131,11 +137,12 @@ class AuxiliaryModel:
 
 
 def loop_signals(
-    loop: Loop, recording: Recording, q: np.ndarray, dq: np.ndarray
+    robot: Robot, loop: Loop, recording: Recording, q: np.ndarray, dq: np.ndarray
 ) -> tuple[LoopSignals, tuple[np.ndarray, np.ndarray]]:
     """What drives the simulated loop of one recording, and its initial positions and speeds.
 
     Args:
+        robot: the robot; its nominal parameters make the feed-forward, where there is one.
         loop: the control loop.
         recording: the run.
         q: its smoothed positions, shape (samples, joints) [rad or m].
@@ -155,6 +162,10 @@ def loop_signals(
     if loop.reference == "recorded" and recording.q_ref is not None:
         q_ref, dq_ref = recording.q_ref, recording.dq_ref
     inputs = np.sum(list(recording.inputs.values()), axis=0) if recording.inputs else None
+    gain = np.broadcast_to(np.asarray(loop.drive_gain, float), (n,)).copy()
+    if loop.feed_forward != "none":
+        known = 0.0 if inputs is None else inputs
+        inputs = known + _feed_forward(robot, loop, q_ref, dq_ref, recording) / gain
     tracking = np.abs(recording.q - q_ref).max(axis=0)
     reach = np.ptp(q_ref, axis=0)
     speed = np.abs(dq).max(axis=0)
@@ -165,12 +176,30 @@ def loop_signals(
         dq_ref=None if dq_ref is None else _upsampled(dq_ref, recording.rate, rate),
         inputs=None if inputs is None else _held(inputs, recording.rate, rate),
         noise=None,
-        drive_gain=np.broadcast_to(np.asarray(loop.drive_gain, float), (n,)).copy(),
+        drive_gain=gain,
         limit=np.broadcast_to(np.asarray(loop.limit, float), (n,)).copy(),
         bound=np.maximum(10.0 * tracking, np.minimum(0.5, 0.5 * reach + 1e-3)),
         speed_bound=5.0 * speed + 1e-3,
     )
     return signals, (q[0].copy(), dq[0].copy())
+
+
+def _feed_forward(
+    robot: Robot,
+    loop: Loop,
+    q_ref: np.ndarray,
+    dq_ref: np.ndarray | None,
+    recording: Recording,
+) -> np.ndarray:
+    """Feed-forward torque of the nominal robot on the reference, (samples, joints) [N m or N]."""
+    standard = standard_parameters(robot)
+    theta = nominal_values(robot, standard)
+    if loop.feed_forward == "gravity":
+        return gravity_feed_forward(robot, standard, theta, q_ref)
+    dq, ddq = central_differences(q_ref, recording.rate)
+    dq = dq if dq_ref is None else dq_ref
+    ddq = ddq if recording.ddq_ref is None else recording.ddq_ref
+    return computed_torque_feed_forward(robot, standard, theta, q_ref, dq, ddq)
 
 
 def central_differences(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:

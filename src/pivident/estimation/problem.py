@@ -42,6 +42,18 @@ class Loop:
     drive_gain: np.ndarray | float = 1.0
     limit: np.ndarray | float = np.inf
     reference: Literal["recorded", "smoothed"] = "recorded"
+    feed_forward: Literal["none", "gravity", "computed_torque"] = "none"
+
+    def __post_init__(self) -> None:
+        for name, choices in (
+            ("reference", ("recorded", "smoothed")),
+            ("feed_forward", ("none", "gravity", "computed_torque")),
+        ):
+            if getattr(self, name) not in choices:
+                raise ExperimentError(
+                    f"{name} of the loop is {getattr(self, name)!r}; choose one of "
+                    f"{', '.join(choices)}"
+                )
 
 
 @dataclass(frozen=True, eq=False)

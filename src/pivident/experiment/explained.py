@@ -43,6 +43,8 @@ def explained(details: Any, content: dict[str, Any]) -> str:
     if details["type"] == "extra_forbidden":
         *above, last = details["loc"]
         hint = nearest(str(last), keys_at(ExperimentFile, above))
+        if not above:
+            return f"unknown table {last!r}; {hint}"
         return f"{table}unknown key {key!r}; {hint}"
     if details["type"] == "missing":
         if not table:

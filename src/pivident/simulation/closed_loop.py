@@ -9,25 +9,22 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from pivident.dynamics.forward import Model
-from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
-from pivident.simulation.controllers import TAPS, Controller
-from pivident.simulation.integration import (
-    DDQ,
-    FACTOR,
-    LAYERS,
-    ROWS,
-    Q,
-    V,
-    advance,
-    advance_runge_kutta,
-    dry_friction_level,
-    evaluate,
+from pivident.errors import (
+    MassMatrixNotPositiveDefinite,
+    ShapeMismatch,
+    SimulationDiverged,
 )
-
-_DONE, _INDEFINITE, _DIVERGED = 0, 1, 2
+from pivident.simulation.controllers import Controller, PythonController, backward_difference
+from pivident.simulation.loop_kernel import (
+    INDEFINITE,
+    TOO_FAR,
+    TOO_FAST,
+    initial_state,
+    run_loop,
+)
+from pivident.simulation.python_loop import run_python_loop
 
 #: Longest step over which the rigid body may be frozen [s].
 LONGEST_STEP = 2.5e-4
@@ -82,102 +79,6 @@ class LoopSignals:
     speed_bound: np.ndarray
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def _run(
-    model, law, rate, q_ref, inputs, noise, gain, limit, bound, speed_bound, start, start_speed,
-    steps, oracle, q, dq, ddq, tau, command, failure,
-):  # fmt: skip
-    """Simulate all samples; returns (what happened, joint, sample)."""
-    n, samples = q_ref.shape[1], q_ref.shape[0]
-    period = 1.0 / rate
-    tree, friction = model.tree, model.friction
-    parent, prismatic, rotation = tree.parent, tree.prismatic, tree.rotation
-    translation, gravity, inertia, rotor = (
-        tree.translation,
-        tree.gravity,
-        model.inertia,
-        model.rotor,
-    )
-    linear, term_index, term_value = friction.linear, friction.term_index, friction.term_value
-    pair_index, pair_value = friction.pair_index, friction.pair_value
-    feedback, pole, integrand = law.feedback, law.pole, law.integrand
-    integral_gain, reference = law.integral_gain, law.reference
-    integrand_reference = law.integrand_reference
-    vectors, matrices = np.zeros((ROWS, n)), np.zeros((LAYERS, n, n))
-    slopes, clock = np.zeros((2, n + pair_index.shape[0])), np.zeros(4)
-    pose, motion, force, composite = (
-        np.zeros((n, 12)), np.zeros((n, 9)), np.zeros((n, 6)), np.zeros((n, 10)),
-    )  # fmt: skip
-    torque, integral = np.zeros(n), np.zeros(n)
-    vectors[Q], vectors[V] = start, start_speed
-    dry_friction_level(term_index, term_value, pair_index, pair_value, vectors)
-    past = np.zeros((n, TAPS))  # inner state of B/A and W/A, direct form II
-    for j in range(n):  # the loop has been at rest: the filters hold their stationary state
-        total = pole[j].sum()
-        if total != 0.0:
-            past[j] = start[j] / total
-    heard = 0  # row of noise and of inputs; a single row stands for all samples
-    given = 0
-    for k in range(samples):
-        if noise.shape[0] > 1:
-            heard = k
-        if inputs.shape[0] > 1:
-            given = k
-        for j in range(n):
-            w = vectors[Q, j] + noise[heard, j]
-            for m in range(1, TAPS):
-                w -= pole[j, m] * past[j, m - 1]
-            proportional, integrated = feedback[j, 0] * w, integrand[j, 0] * w
-            for m in range(1, TAPS):
-                proportional += feedback[j, m] * past[j, m - 1]
-                integrated += integrand[j, m] * past[j, m - 1]
-            for m in range(TAPS - 1, 0, -1):
-                past[j, m] = past[j, m - 1]
-            past[j, 0] = w
-            growth = integral_gain[j] * period * (integrand_reference[k, j] - integrated)
-            u = reference[k, j] - proportional + integral[j] + growth + inputs[given, j]
-            held = min(max(u, -limit[j]), limit[j])
-            # anti-windup: the integrator rests while it would push further into the limit
-            if (u - held) * growth <= 0.0:
-                integral[j] += growth
-            command[k, j] = held
-            torque[j] = gain[j] * held
-        for s in range(steps):
-            joint = evaluate(
-                parent, prismatic, rotation, translation, gravity, inertia, rotor,
-                linear, term_index, term_value, pair_index, pair_value,
-                vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
-                oracle > 0,
-            )  # fmt: skip
-            if joint >= 0:
-                failure[0] = matrices[FACTOR, joint, joint]
-                return _INDEFINITE, joint, k
-            if s == 0:
-                for j in range(n):
-                    q[k, j], dq[k, j], ddq[k, j] = vectors[Q, j], vectors[V, j], vectors[DDQ, j]
-                    tau[k, j] = torque[j]
-                    away = abs(vectors[Q, j] - q_ref[k, j])
-                    if not (away <= bound[j] and abs(vectors[V, j]) <= speed_bound[j]):
-                        failure[0] = away
-                        return _DIVERGED, j, k
-            if oracle > 0:
-                joint = advance_runge_kutta(
-                    parent, prismatic, rotation, translation, gravity, inertia, rotor,
-                    linear, term_index, term_value, pair_index, pair_value,
-                    vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
-                    period, oracle,
-                )  # fmt: skip
-                if joint >= 0:
-                    failure[0] = matrices[FACTOR, joint, joint]
-                    return _INDEFINITE, joint, k
-                break
-            advance(
-                linear, term_index, term_value, pair_index, pair_value,
-                vectors, matrices, slopes, clock, torque, period / steps,
-            )  # fmt: skip
-    return _DONE, -1, -1
-
-
 def simulate(
     model: Model,
     controller: Controller,
@@ -190,7 +91,7 @@ def simulate(
 
     Args:
         model: robot with parameter values, from ``make_model``.
-        controller: the sampled law.
+        controller: the sampled law, or a Python function (then at the speed of Python).
         signals: reference, known inputs, noise, gains and bounds.
         joint_names: for messages.
         start: initial positions and speeds, each (joints,); default: at rest on the reference.
@@ -202,27 +103,55 @@ def simulate(
     Raises:
         SimulationDiverged: names the joint, the time and the distance from the reference.
         MassMatrixNotPositiveDefinite: names the joint, the time and the pivot.
+        ShapeMismatch: signals that do not belong together.
     """
-    q_ref = np.ascontiguousarray(signals.q_ref, dtype=float)
-    n = q_ref.shape[1]
-    if start is None:
-        start = (q_ref[0].copy(), np.zeros(n))
-    steps = max(1, int(np.ceil(1.0 / (signals.rate * LONGEST_STEP) - 1e-9)))
-    q, dq, ddq, tau, command = (np.zeros(q_ref.shape) for _ in range(5))
-    silence = np.zeros((1, n))
-    inputs = silence if signals.inputs is None else np.ascontiguousarray(signals.inputs, float)
-    noise = silence if signals.noise is None else np.ascontiguousarray(signals.noise, float)
+    n = len(model.inertia)
+    rate, samples = float(signals.rate), len(signals.q_ref)
+    q_ref = _signal("q_ref", signals.q_ref, samples, n)
+    dq_ref = None if signals.dq_ref is None else _signal("dq_ref", signals.dq_ref, samples, n)
+    inputs = _signal("inputs", signals.inputs, samples, n)
+    noise = _signal("noise", signals.noise, samples, n)
+    begin = (q_ref[0], np.zeros(n)) if start is None else (_each(start[0], n), _each(start[1], n))
+    steps = max(1, int(np.ceil(1.0 / (rate * LONGEST_STEP) - 1e-9)))
+    limits = (signals.drive_gain, signals.limit, signals.bound, signals.speed_bound)
+    others = (*(_each(x, n) for x in limits), steps, oracle)
+    channels = [np.zeros((samples, n)) for _ in range(5)]
     failure = np.zeros(1)
-    law = controller.law(signals.rate, q_ref, signals.dq_ref)
-    what, joint, sample = _run(
-        model, law, signals.rate, q_ref, inputs, noise, signals.drive_gain, signals.limit,
-        signals.bound, signals.speed_bound, start[0], start[1], steps, oracle,
-        q, dq, ddq, tau, command, failure,
-    )  # fmt: skip
-    time = sample / signals.rate
-    if what == _INDEFINITE:
-        raise MassMatrixNotPositiveDefinite(joint_names[joint], time, float(failure[0]))
-    if what == _DIVERGED:
-        bound = float(signals.bound[joint])
-        raise SimulationDiverged(joint_names[joint], time, float(failure[0]), bound)
-    return Trajectory(signals.rate, q, dq, ddq, tau, command)
+    controller.check(n)
+    if isinstance(controller, PythonController):
+        if dq_ref is None:
+            dq_ref = backward_difference(q_ref, rate)
+        what, joint, sample = run_python_loop(
+            model, controller, begin, rate, q_ref, dq_ref, inputs, noise, others, channels, failure
+        )
+    else:
+        law = controller.law(rate, q_ref, dq_ref)
+        state = initial_state(model, law, *begin)
+        what, joint, sample = run_loop(
+            model, law, state, rate, q_ref, inputs, noise, *others, *channels, failure
+        )
+    time, value = sample / rate, float(failure[0])
+    if what == INDEFINITE:
+        raise MassMatrixNotPositiveDefinite(joint_names[joint], time, value)
+    if what == TOO_FAR:
+        raise SimulationDiverged(
+            joint_names[joint], time, value, float(_each(signals.bound, n)[joint])
+        )
+    if what == TOO_FAST:
+        fastest = float(_each(signals.speed_bound, n)[joint])
+        raise SimulationDiverged(joint_names[joint], time, value, fastest, speed=True)
+    return Trajectory(rate, *channels)
+
+
+def _each(value: np.ndarray | float, joints: int) -> np.ndarray:
+    """One number for each joint as the compiled loop wants them."""
+    return np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype=float), (joints,)))
+
+
+def _signal(name: str, signal: np.ndarray | None, samples: int, joints: int) -> np.ndarray:
+    """A signal as the compiled loop wants it; a single row of zeros where there is none."""
+    if signal is None:
+        return np.zeros((1, joints))
+    if np.shape(signal) != (samples, joints):
+        raise ShapeMismatch(name, np.shape(signal), (samples, joints))
+    return np.ascontiguousarray(signal, dtype=float)

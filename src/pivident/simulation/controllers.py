@@ -67,7 +67,7 @@ class PID:
     """u = kp e + ki ∫e + kd (dq_ref - dq̂), dq̂ the (filtered) backward difference of q.
 
     With derivative_time T > 0 the difference is filtered by h/(T + h - T z⁻¹) (backward Euler of
-    1/(T s + 1)), reference included where dq_ref is not recorded.
+    1/(T s + 1)). Where dq_ref is not recorded, the reference is differentiated in the same way.
 
     Attributes:
         kp: proportional gains, shape (joints,) [u per rad or m].
@@ -98,11 +98,19 @@ class PID:
         pole = np.stack([np.ones(n), np.full(n, -fade), zero], axis=1)
         integrand = np.stack([np.ones(n), np.full(n, -fade), zero], axis=1)
         if dq_ref is None:
-            dq_ref = backward_difference(q_ref, rate)
+            dq_ref = _faded(backward_difference(q_ref, rate), fade)
         ki = zero if self.ki is None else np.asarray(self.ki, float)
-        return SampledLaw(
-            feedback, pole, integrand, ki, kp * q_ref + np.asarray(self.kd) * dq_ref, q_ref.copy()
-        )
+        reference = kp * q_ref + np.asarray(self.kd, float) * dq_ref
+        return SampledLaw(feedback, pole, integrand, ki, reference, q_ref.copy())
+
+
+def _faded(x: np.ndarray, fade: float) -> np.ndarray:
+    """First-order lag y_k = fade y_{k-1} + (1 - fade) x_k along time, from rest."""
+    if fade == 0.0:
+        return x
+    from scipy.signal import lfilter
+
+    return lfilter([1.0 - fade], [1.0, -fade], x, axis=0)
 
 
 def PD(kp: np.ndarray, kd: np.ndarray, derivative_time: float = 0.0) -> PID:
@@ -189,7 +197,9 @@ class PythonController:
 def inverse_controller(
     controller: Controller, rate: float, joints: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The filter A/B that turns a torque residual back into encoder noise, (P-26), without integrator.
+    """The filter A/B that turns a torque residual back into encoder noise, (P-26).
+
+    The integrator is left out: its inverse would take the mean out of every column.
 
     Zeros of B outside the unit circle are reflected into it: the magnitude, hence the whitening,
     stays, and the phase is common to all columns.
@@ -201,11 +211,19 @@ def inverse_controller(
 
     Returns:
         numerator and denominator of the inverse, each (joints, TAPS), denominators monic.
+
+    Raises:
+        ExperimentError: a joint has no feedback that could be inverted.
     """
     still = np.zeros((1, joints))
     law = controller.law(rate, still, still)
     numerator, denominator = np.zeros((joints, TAPS)), np.zeros((joints, TAPS))
     for j in range(joints):
+        if law.feedback[j, 0] == 0.0:
+            raise ExperimentError(
+                f"the controller of joint {j + 1} has no gain, so its inverse does not exist; "
+                'use prefilter = "direct" or give its gains'
+            )
         stable = _reflected(law.feedback[j])
         denominator[j] = stable / stable[0]
         numerator[j] = law.pole[j] / stable[0]

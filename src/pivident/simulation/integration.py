@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.dynamics.forward import friction_torque
+from pivident.dynamics.forward import FrictionTable, friction_torque
 from pivident.dynamics.kernels import (
     bias_torque,
     composite_mass_matrix,
@@ -64,16 +64,14 @@ SINCE, RENEWALS, FRICTION_KNOWN, STEPS = 0, 1, 2, 3
 _inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
-@_inline
-def dry_friction_level(term_index, term_value, pair_index, pair_value, vectors):
+def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
     """Largest dry friction of each joint, the scale of the integrator's tolerance."""
-    for i in range(vectors.shape[1]):
-        vectors[LEVEL, i] = 1e-9
-    for k in range(term_index.shape[0]):
-        vectors[LEVEL, term_index[k, 0]] += abs(term_value[k, 0])
-    for k in range(pair_index.shape[0]):
-        vectors[LEVEL, pair_index[k, 0]] += abs(pair_value[k, 2])
-        vectors[LEVEL, pair_index[k, 1]] += abs(pair_value[k, 0] * pair_value[k, 2])
+    level = np.full(joints, 1e-9)
+    np.add.at(level, friction.term_index[:, 0], np.abs(friction.term_value[:, 0]))
+    ratio, _, dry, _ = friction.pair_value.T
+    np.add.at(level, friction.pair_index[:, 0], np.abs(dry))
+    np.add.at(level, friction.pair_index[:, 1], np.abs(ratio * dry))
+    return level
 
 
 @_inline

@@ -1,0 +1,191 @@
+"""The compiled loop: discrete control law and robot, sample by sample."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pivident.dynamics.forward import Model
+from pivident.simulation.controllers import TAPS, SampledLaw
+from pivident.simulation.integration import (
+    DDQ,
+    FACTOR,
+    LAYERS,
+    LEVEL,
+    ROWS,
+    Q,
+    V,
+    advance,
+    advance_runge_kutta,
+    dry_friction_level,
+    evaluate,
+)
+
+#: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast.
+DONE, INDEFINITE, TOO_FAR, TOO_FAST = 0, 1, 2, 3
+
+
+class LoopState(NamedTuple):
+    """State and scratch of a simulated loop.
+
+    Attributes:
+        vectors: state of the robot and more, see ``integration``; likewise the next three.
+        matrices: mass matrices.
+        slopes: friction slopes.
+        clock: how old M⁻¹ is.
+        pose: scratch of the rigid body; likewise the next three.
+        motion: scratch.
+        force: scratch.
+        composite: scratch.
+        torque: held joint torques, shape (joints,).
+        integral: I of the control law, shape (joints,).
+        past: inner state of B/A and W/A in direct form II, shape (joints, TAPS).
+    """
+
+    vectors: np.ndarray
+    matrices: np.ndarray
+    slopes: np.ndarray
+    clock: np.ndarray
+    pose: np.ndarray
+    motion: np.ndarray
+    force: np.ndarray
+    composite: np.ndarray
+    torque: np.ndarray
+    integral: np.ndarray
+    past: np.ndarray
+
+
+def initial_state(model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray) -> LoopState:
+    """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest."""
+    n = q.size
+    state = LoopState(
+        vectors=np.zeros((ROWS, n)),
+        matrices=np.zeros((LAYERS, n, n)),
+        slopes=np.zeros((2, n + len(model.friction.pair_index))),
+        clock=np.zeros(4),
+        pose=np.zeros((n, 12)),
+        motion=np.zeros((n, 9)),
+        force=np.zeros((n, 6)),
+        composite=np.zeros((n, 10)),
+        torque=np.zeros(n),
+        integral=np.zeros(n),
+        past=np.zeros((n, TAPS)),
+    )
+    state.vectors[Q], state.vectors[V] = q, dq
+    state.vectors[LEVEL] = dry_friction_level(model.friction, n)
+    # the filters hold their stationary state
+    total = law.pole.sum(axis=1)
+    state.past[:] = np.divide(q, total, out=np.zeros(n), where=total != 0.0)[:, None]
+    return state
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def run_loop(
+    model, law, state, rate, q_ref, inputs, noise, gain, limit, bound, speed_bound,
+    steps, oracle, q, dq, ddq, tau, command, failure,
+):  # fmt: skip
+    """Simulate all samples of the reference.
+
+    Args:
+        model: robot with parameter values.
+        law: the sampled law, discretised for this reference.
+        state: state of the loop, changed in place.
+        rate: control rate [Hz].
+        q_ref: reference positions, shape (samples, joints).
+        inputs: added to the law's output, shape (samples, joints) or (1, joints).
+        noise: added to the measured positions, likewise.
+        gain: joint torque per controller output, shape (joints,); likewise the next three.
+        limit: largest controller output.
+        bound: largest distance from the reference.
+        speed_bound: largest speed.
+        steps: integration steps of the fast scheme per control period.
+        oracle: 0, or Runge–Kutta substeps per control period.
+        q: receives positions, shape (samples, joints); likewise the next four.
+        dq: receives speeds.
+        ddq: receives accelerations, right after the new torque was applied.
+        tau: receives torques.
+        command: receives the law's limited output.
+        failure: receives the pivot, distance or speed that ended the run, shape (1,).
+
+    Returns:
+        What happened, to which joint, at which sample.
+    """
+    n, samples = q_ref.shape[1], q_ref.shape[0]
+    period = 1.0 / rate
+    # Everything is unpacked once: numba counts references of arrays in tuples at every use.
+    tree, friction, inertia, rotor = model.tree, model.friction, model.inertia, model.rotor
+    parent, prismatic, rotation = tree.parent, tree.prismatic, tree.rotation
+    translation, gravity = tree.translation, tree.gravity
+    linear, term_index, term_value = friction.linear, friction.term_index, friction.term_value
+    pair_index, pair_value = friction.pair_index, friction.pair_value
+    feedback, pole, integrand = law.feedback, law.pole, law.integrand
+    integral_gain, reference = law.integral_gain, law.reference
+    integrand_reference = law.integrand_reference
+    vectors, matrices, slopes, clock = state.vectors, state.matrices, state.slopes, state.clock
+    pose, motion, force, composite = state.pose, state.motion, state.force, state.composite
+    torque, integral, past = state.torque, state.integral, state.past
+    heard = 0  # row of noise and of inputs; a single row stands for all samples
+    given = 0
+    for k in range(samples):
+        if noise.shape[0] > 1:
+            heard = k
+        if inputs.shape[0] > 1:
+            given = k
+        for j in range(n):
+            w = vectors[Q, j] + noise[heard, j]
+            for m in range(1, TAPS):
+                w -= pole[j, m] * past[j, m - 1]
+            proportional, integrated = feedback[j, 0] * w, integrand[j, 0] * w
+            for m in range(1, TAPS):
+                proportional += feedback[j, m] * past[j, m - 1]
+                integrated += integrand[j, m] * past[j, m - 1]
+            for m in range(TAPS - 1, 0, -1):
+                past[j, m] = past[j, m - 1]
+            past[j, 0] = w
+            growth = integral_gain[j] * period * (integrand_reference[k, j] - integrated)
+            u = reference[k, j] - proportional + integral[j] + growth + inputs[given, j]
+            held = min(max(u, -limit[j]), limit[j])
+            # anti-windup: the integrator rests while it would push further into the limit
+            if (u - held) * growth <= 0.0:
+                integral[j] += growth
+            command[k, j] = held
+            torque[j] = gain[j] * held
+        for s in range(steps):
+            joint = evaluate(
+                parent, prismatic, rotation, translation, gravity, inertia, rotor,
+                linear, term_index, term_value, pair_index, pair_value,
+                vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
+                oracle > 0,
+            )  # fmt: skip
+            if joint >= 0:
+                failure[0] = matrices[FACTOR, joint, joint]
+                return INDEFINITE, joint, k
+            if s == 0:
+                for j in range(n):
+                    q[k, j], dq[k, j], ddq[k, j] = vectors[Q, j], vectors[V, j], vectors[DDQ, j]
+                    tau[k, j] = torque[j]
+                    # comparisons are written so that NaN fails them
+                    failure[0] = abs(vectors[Q, j] - q_ref[k, j])
+                    if not failure[0] <= bound[j]:
+                        return TOO_FAR, j, k
+                    failure[0] = abs(vectors[V, j])
+                    if not failure[0] <= speed_bound[j]:
+                        return TOO_FAST, j, k
+            if oracle > 0:
+                joint = advance_runge_kutta(
+                    parent, prismatic, rotation, translation, gravity, inertia, rotor,
+                    linear, term_index, term_value, pair_index, pair_value,
+                    vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
+                    period, oracle,
+                )  # fmt: skip
+                if joint >= 0:
+                    failure[0] = matrices[FACTOR, joint, joint]
+                    return INDEFINITE, joint, k
+                break
+            advance(
+                linear, term_index, term_value, pair_index, pair_value,
+                vectors, matrices, slopes, clock, torque, period / steps,
+            )  # fmt: skip
+    return DONE, -1, -1
