@@ -128,12 +128,16 @@ def test_urdf_with_frozen_joints(tmp_path):
 def test_controllers(tmp_path, lines, kind, gains):
     head, _, tail = EXPERIMENT.partition("[controller]")
     text = (
-        head + "[controller]\n" + lines + "\ndrive_gain = [2, 4]\n" + tail[tail.index("[ident") :]
+        head
+        + "[controller]\n"
+        + lines
+        + '\ndrive_gain = [2, 4]\nfeed_forward = "gravity"\n'
+        + tail[tail.index("[ident") :]
     )
     loop = load(tmp_path, text).problem().loop
     assert isinstance(loop.controller, kind)
     assert np.array_equal(loop.controller.kp, gains)
-    assert np.array_equal(loop.drive_gain, [2.0, 4.0])
+    assert np.array_equal(loop.drive_gain, [2.0, 4.0]) and loop.feed_forward == "gravity"
 
 
 def test_virtual_law_follows_the_smoothed_measurement(tmp_path):

@@ -36,6 +36,8 @@ class Loop:
             smoothed measurement takes its place. Such a loop is virtual: it only has to carry
             the simulation along the motion, and the instruments then depend on the noise that
             the smoother let through.
+        feed_forward: ``gravity`` or ``computed_torque``: the controller adds the inverse
+            dynamics of the reference with the robot's nominal parameters, at rest or in motion.
     """
 
     controller: Controller

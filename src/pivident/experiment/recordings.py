@@ -83,6 +83,7 @@ def loop_of(entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording
         drive_gain=_gains("drive_gain", entry.drive_gain, n),
         limit=np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n),
         reference=entry.source,
+        feed_forward=entry.feed_forward,
     )
 
 

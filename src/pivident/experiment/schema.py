@@ -17,13 +17,16 @@ from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.mdh_schema import Entry, FrictionEntry, Gravity, JointReference
 from pivident.robot.naming import nearest
 
+#: Keys that every real loop may have.
+LOOP_KEYS = {"drive_gain", "limit", "feed_forward"}
+
 #: Keys of each control law: those it needs, and those it may have besides.
 LAW_KEYS = {
-    "pd": ({"kp", "kd"}, {"derivative_time", "drive_gain", "limit"}),
-    "pid": ({"kp", "kd"}, {"ki", "derivative_time", "drive_gain", "limit"}),
+    "pd": ({"kp", "kd"}, LOOP_KEYS | {"derivative_time"}),
+    "pid": ({"kp", "kd"}, LOOP_KEYS | {"ki", "derivative_time"}),
     "cascade": (
         {"kp", "kv"},
-        {"ki", "averaged", "speed_feed_forward", "drive_gain", "limit"},
+        LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"},
     ),
     "virtual_pd": (set(), {"bandwidth", "damping"}),
 }
@@ -223,6 +226,7 @@ class ControllerEntry(Entry):
     speed_feed_forward: float = 0.0
     drive_gain: Numbers = 1.0
     limit: Numbers | None = None
+    feed_forward: Literal["none", "gravity", "computed_torque"] = "none"
     bandwidth: PositiveFloat | None = None
     damping: PositiveFloat | None = None
     reference: Literal["recorded", "smoothed"] | None = None

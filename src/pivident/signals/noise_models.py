@@ -200,8 +200,10 @@ def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
 
     if model.order == 0 or band <= 0:
         return model
-    frequency = np.linspace(0.0, 0.5 * rate, 16385)
-    spectrum = model.spectrum(frequency, rate)
+    points = 16384
+    frequency = np.linspace(0.0, 0.5 * rate, points + 1)
+    gain = np.abs(np.fft.rfft(model.coefficients, 2 * points)) ** 2
+    spectrum = 2 * model.innovation_variance / (rate * gain)
     edge = (frequency >= band) & (frequency <= 1.5 * band)
     inside = frequency < band
     spectrum = np.where(inside, np.minimum(spectrum, spectrum[edge].mean()), spectrum)

@@ -18,7 +18,12 @@ from pivident.errors import (
 )
 from pivident.simulation.controllers import Controller, PythonController, backward_difference
 from pivident.simulation.loop_kernel import (
+    CHANNELS,
+    DISTANCE,
+    GAIN,
     INDEFINITE,
+    OUTPUT,
+    SPEED,
     TOO_FAR,
     TOO_FAST,
     initial_state,
@@ -111,41 +116,34 @@ def simulate(
     dq_ref = None if signals.dq_ref is None else _signal("dq_ref", signals.dq_ref, samples, n)
     inputs = _signal("inputs", signals.inputs, samples, n)
     noise = _signal("noise", signals.noise, samples, n)
-    begin = (q_ref[0], np.zeros(n)) if start is None else (_each(start[0], n), _each(start[1], n))
+    begin = (q_ref[0], np.zeros(n)) if start is None else start
     steps = max(1, int(np.ceil(1.0 / (rate * LONGEST_STEP) - 1e-9)))
-    limits = (signals.drive_gain, signals.limit, signals.bound, signals.speed_bound)
-    others = (*(_each(x, n) for x in limits), steps, oracle)
-    channels = [np.zeros((samples, n)) for _ in range(5)]
-    failure = np.zeros(1)
+    limits = np.empty((4, n))
+    limits[GAIN], limits[OUTPUT] = signals.drive_gain, signals.limit
+    limits[DISTANCE], limits[SPEED] = signals.bound, signals.speed_bound
+    channels, failure = np.zeros((CHANNELS, samples, n)), np.zeros(1)
     controller.check(n)
     if isinstance(controller, PythonController):
         if dq_ref is None:
             dq_ref = backward_difference(q_ref, rate)
         what, joint, sample = run_python_loop(
-            model, controller, begin, rate, q_ref, dq_ref, inputs, noise, others, channels, failure
-        )
+            model, controller, begin, rate, q_ref, dq_ref, inputs, noise, limits, steps, oracle,
+            channels, failure,
+        )  # fmt: skip
     else:
         law = controller.law(rate, q_ref, dq_ref)
-        state = initial_state(model, law, *begin)
         what, joint, sample = run_loop(
-            model, law, state, rate, q_ref, inputs, noise, *others, *channels, failure
-        )
+            model, law, initial_state(model, law, *begin), rate, q_ref, inputs, noise, limits,
+            steps, oracle, 0, samples, channels, failure,
+        )  # fmt: skip
     time, value = sample / rate, float(failure[0])
     if what == INDEFINITE:
         raise MassMatrixNotPositiveDefinite(joint_names[joint], time, value)
-    if what == TOO_FAR:
-        raise SimulationDiverged(
-            joint_names[joint], time, value, float(_each(signals.bound, n)[joint])
-        )
-    if what == TOO_FAST:
-        fastest = float(_each(signals.speed_bound, n)[joint])
-        raise SimulationDiverged(joint_names[joint], time, value, fastest, speed=True)
+    if what in (TOO_FAR, TOO_FAST):
+        fast = what == TOO_FAST
+        bound = float(limits[SPEED if fast else DISTANCE, joint])
+        raise SimulationDiverged(joint_names[joint], time, value, bound, speed=fast)
     return Trajectory(rate, *channels)
-
-
-def _each(value: np.ndarray | float, joints: int) -> np.ndarray:
-    """One number for each joint as the compiled loop wants them."""
-    return np.ascontiguousarray(np.broadcast_to(np.asarray(value, dtype=float), (joints,)))
 
 
 def _signal(name: str, signal: np.ndarray | None, samples: int, joints: int) -> np.ndarray:

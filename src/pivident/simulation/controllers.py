@@ -254,12 +254,12 @@ def _check_gains(joints: int, **gains: np.ndarray | None) -> None:
             continue
         if np.shape(gain) != (joints,):
             raise ExperimentError(
-                f"controller: {name} has shape {np.shape(gain)}, but the robot has {joints} joints; "
-                "give one gain per joint"
+                f"controller: {name} has shape {np.shape(gain)}, but the robot has {joints} "
+                "joints; give one gain per joint"
             )
         bad = np.flatnonzero(~(np.isfinite(gain) & (np.asarray(gain) >= 0)))
         if bad.size:
             raise ExperimentError(
-                f"controller: {name} of joint {bad[0] + 1} is {np.asarray(gain)[bad[0]]}; gains must "
-                "be finite and not negative (a reversed axis belongs into the drive gain)"
+                f"controller: {name} of joint {bad[0] + 1} is {np.asarray(gain)[bad[0]]}; gains "
+                "must be finite and not negative (a reversed axis belongs into the drive gain)"
             )

@@ -26,6 +26,14 @@ from pivident.simulation.integration import (
 #: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast.
 DONE, INDEFINITE, TOO_FAR, TOO_FAST = 0, 1, 2, 3
 
+# Rows of ``limits``: joint torque per controller output, largest output, largest distance from the
+# reference, largest speed.
+GAIN, OUTPUT, DISTANCE, SPEED = 0, 1, 2, 3
+
+# Layers of ``channels``: positions, speeds, accelerations right after the new torque was applied,
+# torques, limited outputs of the law.
+_Q, _DQ, _DDQ, _TAU, _COMMAND, CHANNELS = 0, 1, 2, 3, 4, 5
+
 
 class LoopState(NamedTuple):
     """State and scratch of a simulated loop.
@@ -83,10 +91,10 @@ def initial_state(model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray) 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_loop(
-    model, law, state, rate, q_ref, inputs, noise, gain, limit, bound, speed_bound,
-    steps, oracle, q, dq, ddq, tau, command, failure,
+    model, law, state, rate, q_ref, inputs, noise, limits, steps, oracle, first, last, channels,
+    failure,
 ):  # fmt: skip
-    """Simulate all samples of the reference.
+    """Simulate the samples from ``first`` to before ``last``.
 
     Args:
         model: robot with parameter values.
@@ -96,23 +104,18 @@ def run_loop(
         q_ref: reference positions, shape (samples, joints).
         inputs: added to the law's output, shape (samples, joints) or (1, joints).
         noise: added to the measured positions, likewise.
-        gain: joint torque per controller output, shape (joints,); likewise the next three.
-        limit: largest controller output.
-        bound: largest distance from the reference.
-        speed_bound: largest speed.
+        limits: gains and bounds, see above, shape (4, joints).
         steps: integration steps of the fast scheme per control period.
         oracle: 0, or Runge–Kutta substeps per control period.
-        q: receives positions, shape (samples, joints); likewise the next four.
-        dq: receives speeds.
-        ddq: receives accelerations, right after the new torque was applied.
-        tau: receives torques.
-        command: receives the law's limited output.
+        first: first sample.
+        last: one past the last sample.
+        channels: receives the motion, see above, shape (CHANNELS, samples, joints).
         failure: receives the pivot, distance or speed that ended the run, shape (1,).
 
     Returns:
         What happened, to which joint, at which sample.
     """
-    n, samples = q_ref.shape[1], q_ref.shape[0]
+    n = q_ref.shape[1]
     period = 1.0 / rate
     # Everything is unpacked once: numba counts references of arrays in tuples at every use.
     tree, friction, inertia, rotor = model.tree, model.friction, model.inertia, model.rotor
@@ -128,7 +131,7 @@ def run_loop(
     torque, integral, past = state.torque, state.integral, state.past
     heard = 0  # row of noise and of inputs; a single row stands for all samples
     given = 0
-    for k in range(samples):
+    for k in range(first, last):
         if noise.shape[0] > 1:
             heard = k
         if inputs.shape[0] > 1:
@@ -146,12 +149,12 @@ def run_loop(
             past[j, 0] = w
             growth = integral_gain[j] * period * (integrand_reference[k, j] - integrated)
             u = reference[k, j] - proportional + integral[j] + growth + inputs[given, j]
-            held = min(max(u, -limit[j]), limit[j])
+            held = min(max(u, -limits[OUTPUT, j]), limits[OUTPUT, j])
             # anti-windup: the integrator rests while it would push further into the limit
             if (u - held) * growth <= 0.0:
                 integral[j] += growth
-            command[k, j] = held
-            torque[j] = gain[j] * held
+            channels[_COMMAND, k, j] = held
+            torque[j] = limits[GAIN, j] * held
         for s in range(steps):
             joint = evaluate(
                 parent, prismatic, rotation, translation, gravity, inertia, rotor,
@@ -164,14 +167,14 @@ def run_loop(
                 return INDEFINITE, joint, k
             if s == 0:
                 for j in range(n):
-                    q[k, j], dq[k, j], ddq[k, j] = vectors[Q, j], vectors[V, j], vectors[DDQ, j]
-                    tau[k, j] = torque[j]
+                    channels[_Q, k, j], channels[_DQ, k, j] = vectors[Q, j], vectors[V, j]
+                    channels[_DDQ, k, j], channels[_TAU, k, j] = vectors[DDQ, j], torque[j]
                     # comparisons are written so that NaN fails them
                     failure[0] = abs(vectors[Q, j] - q_ref[k, j])
-                    if not failure[0] <= bound[j]:
+                    if not failure[0] <= limits[DISTANCE, j]:
                         return TOO_FAR, j, k
                     failure[0] = abs(vectors[V, j])
-                    if not failure[0] <= speed_bound[j]:
+                    if not failure[0] <= limits[SPEED, j]:
                         return TOO_FAST, j, k
             if oracle > 0:
                 joint = advance_runge_kutta(

@@ -1,9 +1,8 @@
-"""The loop of a control law that is a Python function: the same compiled loop, a sample at a time."""
+"""Control laws that are Python functions: the compiled loop, called for one sample at a time."""
 
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 
 import numpy as np
 
@@ -26,11 +25,13 @@ def run_python_loop(
     dq_ref: np.ndarray,
     inputs: np.ndarray,
     noise: np.ndarray,
-    others: Sequence[object],
-    channels: Sequence[np.ndarray],
+    limits: np.ndarray,
+    steps: int,
+    oracle: int,
+    channels: np.ndarray,
     failure: np.ndarray,
 ) -> tuple[int, int, int]:
-    """Simulate all samples of the reference; arguments and answer as ``run_loop``.
+    """Simulate all samples of the reference; arguments and answer are those of ``run_loop``.
 
     Args:
         model: robot with parameter values.
@@ -41,29 +42,31 @@ def run_python_loop(
         dq_ref: reference speeds.
         inputs: added to the law's output, shape (samples, joints) or (1, joints).
         noise: added to the measured positions, likewise.
-        others: gains, bounds and steps, handed through.
-        channels: receive the motion, shape (samples, joints) each.
-        failure: receives the value that ended the run, shape (1,).
+        limits: gains and bounds.
+        steps: integration steps of the fast scheme per control period.
+        oracle: 0, or Runge–Kutta substeps per control period.
+        channels: receives the motion.
+        failure: receives the value that ended the run.
 
     Raises:
         ExperimentError: the law's answer has a wrong shape or is not finite.
     """
-    n = q_ref.shape[1]
-    # a law without feedback whose reference is what the function says
-    still, unit = np.zeros((n, TAPS)), np.tile(np.eye(1, TAPS), (n, 1))
-    law = SampledLaw(still, unit, still, np.zeros(n), np.zeros((1, n)), np.zeros((1, n)))
+    samples, n = q_ref.shape
+    # a law without feedback: its reference is what the function says
+    none, unit = np.zeros((n, TAPS)), np.tile(np.eye(1, TAPS), (n, 1))
+    said = np.zeros((samples, n))
+    law = SampledLaw(none, unit, none, np.zeros(n), said, said)
     state = initial_state(model, law, *start)
-    silence = np.zeros((1, n))
+    heard = np.zeros((1, n))
     with _ONE_RUN_AT_A_TIME:
         if controller.reset is not None:
             controller.reset()
-        for k in range(len(q_ref)):
-            here = slice(k, k + 1)
+        for k in range(samples):
             measured = state.vectors[Q] + noise[k if len(noise) > 1 else 0]
-            law.reference[0] = _checked(controller.function(k, measured, q_ref[k], dq_ref[k]), k, n)
+            said[k] = _checked(controller.function(k, measured, q_ref[k], dq_ref[k]), k, n)
             what, joint, _ = run_loop(
-                model, law, state, rate, q_ref[here], inputs[here] if len(inputs) > 1 else inputs,
-                silence, *others, *(channel[here] for channel in channels), failure,
+                model, law, state, rate, q_ref, inputs, heard, limits, steps, oracle, k, k + 1,
+                channels, failure,
             )  # fmt: skip
             if what != DONE:
                 return what, joint, k
