@@ -11,6 +11,8 @@ EMPS: fitted on one file, closed-loop simulation of the other (pulses of 5.07 V 
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel
@@ -43,7 +45,7 @@ def tx40_folds(folds: int = 5) -> dict[str, list[float]]:
     torque = butterworth(motion.tau.T, record.rate, 20.0)
     edges = np.linspace(0.1, 7.4, folds + 1)
     errors: dict[str, list[float]] = {name: [] for name in NAMES}
-    for start, stop in zip(edges[:-1], edges[1:], strict=True):
+    for start, stop in pairwise(edges):
         parts = [record.slice(0.05, start)] if start > 0.4 else []
         parts += [record.slice(stop, 7.5)] if stop < 7.2 else []
         problem = Problem(robot, tuple(parts), loop, chosen)
@@ -87,7 +89,7 @@ def main() -> None:
     print("EMPS, closed-loop simulation of the pulses file")
     for name, (theta, iterations, force, position) in emps_unseen().items():
         values = "  ".join(f"{v:9.4f}" for v in theta)
-        print(f"  {name:14s} {values}   {iterations} it   force {force:5.2f} %   q {position:.2f} µm")
+        print(f"  {name:14s} {values}  {iterations} it  force {force:5.2f} %  q {position:.2f} µm")
 
 
 if __name__ == "__main__":

@@ -76,7 +76,7 @@ def figures(results: list, truth: np.ndarray) -> dict[str, float]:
 
 
 def print_table(scenario: str, runs: int, rows: dict[str, dict[str, float]]) -> None:
-    print(f"\nscenario {scenario}, {runs} records of 6.9 s, 28 parameters; all but the last two in %")
+    print(f"\nscenario {scenario}, {runs} records of 6.9 s, 28 parameters; all but the last in %")
     print(
         f"{'estimator':30s} {'cover':>6s} {'robust':>6s} {'median':>8s} {'bias':>7s} "
         f"{'reported':>8s} {'robust':>8s} {'spread':>8s} {'iter':>4s} {'s':>5s}"

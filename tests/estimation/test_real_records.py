@@ -1,6 +1,5 @@
 """Published figures on the public records of the TX40 and of EMPS."""
 
-
 import numpy as np
 import pytest
 

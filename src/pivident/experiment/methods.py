@@ -1,6 +1,6 @@
 """From the table ``[identify]`` of an experiment file to methods.
 
-ready method ◀── shared options ◀── the method's own table         the rightmost wins
+A ready method takes the shared options that concern it, and then those of its own table.
 """
 
 from __future__ import annotations

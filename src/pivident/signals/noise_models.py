@@ -210,9 +210,7 @@ def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
     covariance = np.fft.irfft(spectrum)[: model.order + 1]
     solved = solve_toeplitz(covariance[:-1], -covariance[1:])
     variance = 0.5 * rate * (covariance[0] + solved @ covariance[1:])
-    return replace(
-        model, coefficients=np.r_[1.0, solved], innovation_variance=float(variance)
-    )
+    return replace(model, coefficients=np.r_[1.0, solved], innovation_variance=float(variance))
 
 
 def whiten(model: ArModel, x: np.ndarray) -> np.ndarray:
