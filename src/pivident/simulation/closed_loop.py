@@ -90,7 +90,7 @@ def simulate(
     signals: LoopSignals,
     joint_names: tuple[str, ...],
     start: tuple[np.ndarray, np.ndarray] | None = None,
-    oracle: int = 0,
+    oracle: int | None = None,
 ) -> Trajectory:
     """Simulate the closed loop over all samples of the reference.
 
@@ -100,7 +100,7 @@ def simulate(
         signals: reference, known inputs, noise, gains and bounds.
         joint_names: for messages.
         start: initial positions and speeds, each (joints,); default: at rest on the reference.
-        oracle: 0: the fast scheme; else Runge–Kutta 4 with so many substeps per control period.
+        oracle: None: the fast scheme; else Runge–Kutta 4 with so many substeps per control period.
 
     Returns:
         The trajectory at the control rate.

@@ -106,7 +106,7 @@ def run_loop(
         noise: added to the measured positions, likewise.
         limits: gains and bounds, see above, shape (4, joints).
         steps: integration steps of the fast scheme per control period.
-        oracle: 0, or Runge–Kutta substeps per control period.
+        oracle: None, or Runge–Kutta substeps per control period.
         first: first sample.
         last: one past the last sample.
         channels: receives the motion, see above, shape (CHANNELS, samples, joints).
@@ -160,7 +160,7 @@ def run_loop(
                 parent, prismatic, rotation, translation, gravity, inertia, rotor,
                 linear, term_index, term_value, pair_index, pair_value,
                 vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
-                oracle > 0,
+                oracle is not None,
             )  # fmt: skip
             if joint >= 0:
                 failure[0] = matrices[FACTOR, joint, joint]
@@ -176,7 +176,7 @@ def run_loop(
                     failure[0] = abs(vectors[V, j])
                     if not failure[0] <= limits[SPEED, j]:
                         return TOO_FAST, j, k
-            if oracle > 0:
+            if oracle is not None:  # decided by its type: the oracle is compiled when asked for
                 joint = advance_runge_kutta(
                     parent, prismatic, rotation, translation, gravity, inertia, rotor,
                     linear, term_index, term_value, pair_index, pair_value,

@@ -27,7 +27,7 @@ def run_python_loop(
     noise: np.ndarray,
     limits: np.ndarray,
     steps: int,
-    oracle: int,
+    oracle: int | None,
     channels: np.ndarray,
     failure: np.ndarray,
 ) -> tuple[int, int, int]:
@@ -44,7 +44,7 @@ def run_python_loop(
         noise: added to the measured positions, likewise.
         limits: gains and bounds.
         steps: integration steps of the fast scheme per control period.
-        oracle: 0, or Runge–Kutta substeps per control period.
+        oracle: None, or Runge–Kutta substeps per control period.
         channels: receives the motion.
         failure: receives the value that ended the run.
 
