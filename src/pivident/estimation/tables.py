@@ -72,6 +72,7 @@ def comparison_table(
     for k, label in enumerate(labels):
         rows = [entry[k] for entry in table.values()]
         columns += _method_columns(label, rows, errors=bool(truth))
+    differences = [0.0]
     if len(identifications) > 1:
         differences = [largest_difference(rows)[0] for rows in table.values()]
         marks = [f"{significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
@@ -81,7 +82,7 @@ def comparison_table(
         for label, i in zip(labels, identifications, strict=True)
     )
     parts = [_lines(columns), f"relative error of the torque: {errors}"]
-    if len(identifications) > 1:
+    if len(identifications) > 1 and max(differences) > CONTRADICTION:
         parts.append(f"* two methods differ by more than {CONTRADICTION:g} combined σ")
     return "\n".join(parts)
 
