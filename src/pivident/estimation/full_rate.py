@@ -18,7 +18,8 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
-BLOCK = 8192
+#: Samples per block: the columns of a joint, before and after its filter, stay in the cache.
+BLOCK = 2048
 
 #: Blocks of time per record whose scores the sandwich sums.
 SCORE_BLOCKS = 160

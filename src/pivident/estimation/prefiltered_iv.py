@@ -31,8 +31,10 @@ from pivident.simulation.controllers import inverse_controller
 from pivident.threads import run_in_threads
 
 #: Iteration (counted from zero) whose AR orders are kept: flips of the criterion must not go on
-#: changing the estimate.
+#: changing the estimate. The models themselves are kept from the next one on: the residual hardly
+#: changes any more, and a filter that follows it only delays convergence.
 ORDER_FROZEN_AFTER = 1
+MODEL_FROZEN_AFTER = 2
 
 
 def identify_piv(
@@ -128,7 +130,7 @@ class Whitening:
             theta: parameters, shape (parameters,).
             votes: samples that count, one (joints, samples) array for each recording.
         """
-        if k == 0:
+        if k == 0 or k > MODEL_FROZEN_AFTER:
             return
         residuals = [
             kin.tau - torque_of(self.problem.regressor, kin, theta) for kin in self.kinematics
