@@ -67,7 +67,7 @@ class LoopState(NamedTuple):
 
 def initial_state(model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray) -> LoopState:
     """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest."""
-    n = q.size
+    n = len(model.inertia)
     state = LoopState(
         vectors=np.zeros((ROWS, n)),
         matrices=np.zeros((LAYERS, n, n)),

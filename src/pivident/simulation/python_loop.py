@@ -58,12 +58,14 @@ def run_python_loop(
     law = SampledLaw(none, unit, none, np.zeros(n), said, said)
     state = initial_state(model, law, *start)
     heard = np.zeros((1, n))
+    q_wanted, dq_wanted = q_ref.view(), dq_ref.view()
+    q_wanted.flags.writeable = dq_wanted.flags.writeable = False
     with _ONE_RUN_AT_A_TIME:
         if controller.reset is not None:
             controller.reset()
         for k in range(samples):
             measured = state.vectors[Q] + noise[k if len(noise) > 1 else 0]
-            said[k] = _checked(controller.function(k, measured, q_ref[k], dq_ref[k]), k, n)
+            said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
                 model, law, state, rate, q_ref, inputs, heard, limits, steps, oracle, k, k + 1,
                 channels, failure,
