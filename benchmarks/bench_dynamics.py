@@ -57,7 +57,9 @@ def model_of_pinocchio(robot):
         index = model.addJoint(joint.parent + 1, pin.JointModelRZ(), placement, joint.name)
         xx, xy, xz, yy, yz, zz, mx, my, mz, m = link.inertia
         dynamic = np.array([m, mx, my, mz, xx, xy, yy, xz, yz, zz])
-        model.appendBodyToJoint(index, pin.Inertia.FromDynamicParameters(dynamic), pin.SE3())
+        model.appendBodyToJoint(
+            index, pin.Inertia.FromDynamicParameters(dynamic), pin.SE3.Identity()
+        )
     model.armature[:] = robot.rotor_inertia
     return model
 

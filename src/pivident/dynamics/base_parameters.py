@@ -130,10 +130,11 @@ def base_parameters(robot: Robot) -> BaseParameters:
     length = np.linalg.norm(phi, axis=0)
     active = length > 1e-12 * length.max()
     order = [i for i in _preference(robot, standard) if active[i]]
-    kept = _independent_columns(phi / np.where(active, length, 1.0), order)
-    dropped = sorted(set(order) - set(kept))
-    kept = sorted(kept)
-    regrouping = np.linalg.lstsq(phi[:, kept], phi[:, dropped], rcond=None)[0]
+    chosen, basis = _independent_columns(phi / np.where(active, length, 1.0), order)
+    kept, dropped = sorted(chosen), sorted(set(order) - set(chosen))
+    # Φ_k = Q R with Q the basis, so K = R⁻¹ Qᵀ Φ_d
+    regrouping = np.linalg.solve(basis.T @ phi[:, chosen], basis.T @ phi[:, dropped])
+    regrouping = regrouping[np.argsort(chosen)]
     return BaseParameters(
         robot,
         standard,
@@ -168,8 +169,8 @@ def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
     return sorted(range(len(standard)), key=lambda i: (last(standard[i]), i))
 
 
-def _independent_columns(phi: np.ndarray, order: list[int]) -> list[int]:
-    """Columns that are not combinations of those before them in ``order``.
+def _independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], np.ndarray]:
+    """Columns that are not combinations of those before them in ``order``, and a basis of them.
 
     Gram–Schmidt with a second pass (twice is enough), so that a remainder of rounding errors
     stays at rounding level and cannot pass for an independent direction.
@@ -185,7 +186,7 @@ def _independent_columns(phi: np.ndarray, order: list[int]) -> list[int]:
         if size > DEPENDENCE:
             basis[:, len(kept)] = remainder / size
             kept.append(i)
-    return kept
+    return kept, basis[:, : len(kept)]
 
 
 def _cleaned(regrouping: np.ndarray) -> np.ndarray:

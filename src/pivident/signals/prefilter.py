@@ -197,9 +197,12 @@ def _recursive(x, numerator, denominator, state, y):
         y[t] = now
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, fastmath={"contract"})
 def _convolve(x, taps, y):
-    """y_t = Σ_k taps_k x_{t + past - k}: taps outside, samples inside, so that it vectorises."""
+    """y_t = Σ_k taps_k x_{t + past - k}: taps outside, samples inside, so that it vectorises.
+
+    Contraction alone is allowed of fast arithmetic: products and sums in one instruction, NaN kept.
+    """
     past = taps.size - 1
     y[:] = 0.0
     for k in range(0, taps.size, _TAPS):
