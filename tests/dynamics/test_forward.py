@@ -96,6 +96,16 @@ def test_an_indefinite_mass_matrix_names_joint_sample_and_pivot(tx40):
     assert "start from larger rotor inertias" in str(caught.value)
 
 
+def test_arrays_of_another_length_or_robot_are_refused(tx40):
+    parameters = standard_parameters(tx40)
+    theta = nominal_values(tx40, parameters)
+    q, dq, tau = states(tx40, 3)
+    with pytest.raises(ValueError, match="is needed"):
+        mass_matrix(tx40, parameters, theta, q[:, :5])
+    with pytest.raises(ValueError, match="is needed"):
+        acceleration(tx40, parameters, theta, q, dq[:2], tau)
+
+
 def test_nothing_given_is_refused_at_the_first_joint(tx40):
     parameters = standard_parameters(tx40)
     q, dq, tau = states(tx40, 3)

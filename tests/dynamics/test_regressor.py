@@ -110,6 +110,20 @@ def test_a_buffer_that_does_not_fit_is_refused(tx40):
     regressor = essential_regressor(tx40)
     with pytest.raises(ValueError, match=r"\(10, 6, 34\) in C order"):
         regressor.matrix(*motion(10, 6), out=np.zeros((10, 34, 6)).transpose(0, 2, 1))
+    with pytest.raises(ValueError, match=r"\(50, 10\) is needed"):
+        regressor.packed(*motion(6, 10), out=np.zeros((50, 9)))
+
+
+def test_signals_of_another_length_or_robot_are_refused(tx40):
+    regressor = essential_regressor(tx40)
+    q, dq, ddq = motion(10, 6)
+    for wrong in ((q, dq[:9], ddq), (q[:, :5], dq[:, :5], ddq[:, :5])):
+        with pytest.raises(ValueError, match="all must be"):
+            regressor.matrix(*wrong)
+        with pytest.raises(ValueError, match="all must be"):
+            regressor.torque(*wrong, np.zeros(34))
+        with pytest.raises(ValueError, match="all must be"):
+            regressor.packed(*(x.T for x in wrong))
 
 
 def test_a_sample_that_is_not_a_number_spoils_only_itself(tx40):

@@ -220,9 +220,13 @@ def mass_matrix(
         parameters: standard parameters or heads of base groups.
         theta: their values, shape (parameters,).
         q: joint positions [rad or m], shape (samples, joints).
+
+    Raises:
+        ValueError: positions of another number of joints.
     """
+    (q,) = _states(robot, q)
     out = np.zeros((len(q), robot.size, robot.size))
-    _mass_matrices(make_model(robot, parameters, theta), np.ascontiguousarray(q, float), out)
+    _mass_matrices(make_model(robot, parameters, theta), q, out)
     return out
 
 
@@ -246,10 +250,20 @@ def acceleration(
 
     Raises:
         MassMatrixNotPositiveDefinite: names the joint; its time is the sample's index.
+        ValueError: arrays that do not belong together.
     """
-    q, dq, tau = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, tau))
+    q, dq, tau = _states(robot, q, dq, tau)
     out, failure = np.zeros(q.shape), np.zeros(1)
     joint, sample = _accelerations(make_model(robot, parameters, theta), q, dq, tau, out, failure)
     if joint >= 0:
         raise MassMatrixNotPositiveDefinite(robot.joint_names[joint], float(sample), failure[0])
     return out
+
+
+def _states(robot: Robot, *signals: np.ndarray) -> list[np.ndarray]:
+    """Signals (samples, joints) as the compiled loops want them; those do not look at shapes."""
+    wanted = (len(signals[0]), robot.size)
+    if any(np.shape(x) != wanted for x in signals):
+        shapes = ", ".join(str(np.shape(x)) for x in signals)
+        raise ValueError(f"arrays have shapes {shapes}, (samples, joints) = {wanted} is needed")
+    return [np.ascontiguousarray(x, dtype=float) for x in signals]

@@ -100,10 +100,17 @@ class Regressor:
 
         Returns:
             Entries, shape (entries, samples).
+
+        Raises:
+            ValueError: shapes that do not fit.
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
+        self._check_motion(q.T, dq.T, ddq.T)
+        shape = (self.entries, q.shape[1])
         if out is None:
-            out = np.empty((self.entries, q.shape[1]))
+            out = np.empty(shape)
+        if out.shape != shape:
+            raise ValueError(f"out has shape {out.shape}; {shape} is needed")
         packed_entries(self._plan, q, dq, ddq, out)
         return out
 
@@ -127,8 +134,9 @@ class Regressor:
             Φ, shape (samples, joints, parameters).
 
         Raises:
-            ValueError: if ``out`` does not fit.
+            ValueError: shapes that do not fit.
         """
+        self._check_motion(q, dq, ddq)
         samples = q.shape[0]
         shape = (samples, self.robot.size, len(self.parameters))
         if out is None:
@@ -155,7 +163,11 @@ class Regressor:
             dq: joint speeds.
             ddq: joint accelerations.
             theta: parameters, shape (parameters,).
+
+        Raises:
+            ValueError: shapes that do not fit.
         """
+        self._check_motion(q, dq, ddq)
         tau = np.empty(q.shape)
         weights = np.asarray(theta, dtype=float)[self.column]
 
@@ -167,6 +179,15 @@ class Regressor:
 
         run_in_threads(block, _blocks(len(q)))
         return tau
+
+    def _check_motion(self, *signals: np.ndarray) -> None:
+        """The compiled loops do not look at shapes; signals are (samples, joints) here."""
+        wanted = (len(signals[0]), self.robot.size)
+        if any(x.shape != wanted for x in signals):
+            raise ValueError(
+                f"q, dq, ddq have shapes {', '.join(str(x.shape) for x in signals)} "
+                f"(samples, joints); all must be {wanted}"
+            )
 
 
 def _blocks(samples: int) -> list[slice]:

@@ -2,8 +2,8 @@
 
 Quantities are stored with time last, in rows of ``TILE`` samples, so that the innermost loops run
 over samples and the compiler turns them into vector instructions. All rows lie in one array, the
-*tile*. Loops that touch fewer rows are easier on the compiler: it must make sure at run time that
-the rows do not overlap, and beyond some thirty it does not try.
+*tile*. The compiler makes sure at run time that the rows of a loop do not overlap, and does not try
+where a loop writes to many rows and reads from many more; such loops are split.
 
 The ten inertial parameters enter linearly. With ω, dω, a of the frame's origin (gravity is an
 upward acceleration of the base), I the inertia about that origin and h the first moments,
@@ -92,10 +92,7 @@ def _rotated(tile, s, x, y, z):
 
 @_inline
 def _move(tile, parent, link):
-    """ω, dω, a and G of the link at row ``link`` from those of its parent.
-
-    Four loops, because the compiler gives up on one that writes to so many rows.
-    """
+    """ω, dω, a and G of the link at row ``link`` from those of its parent."""
     up, own = parent + _G, link + _G
     for s in range(TILE):
         wx, wy, wz = _rotated(tile, s, tile[parent, s], tile[parent + 1, s], tile[parent + 2, s])
