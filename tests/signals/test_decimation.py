@@ -44,53 +44,58 @@ def test_the_papers_record_keeps_276_rows():
     assert parallel_decimation(np.zeros((34_500, 2)), 125).shape == (276, 2)
 
 
-def test_scipys_decimate_agrees_up_to_the_ends():
-    """It has the same filter and keeps the first sample, with other ends."""
-    x = np.random.default_rng(0).standard_normal(8000)
-    ours = parallel_decimation(x, 5, phase="first")
-    np.testing.assert_allclose(ours[200:-200], decimate(x, 5)[200:-200], atol=1e-9)
+def test_scipys_convention_is_scipys_decimate_ends_included():
+    x = np.random.default_rng(0).standard_normal(8001)
+    ours = parallel_decimation(x, (5, 4), convention="scipy")
+    np.testing.assert_allclose(ours, decimate(decimate(x, 5), 4), atol=1e-9)
 
 
 @given(st.integers(20_000, 20_200), st.sampled_from([2, 5, 10, 20, 100]))
 @settings(max_examples=25, deadline=None)
-def test_rows_stand_on_the_samples_that_the_phase_names(samples, factor):
+def test_rows_stand_on_the_samples_that_the_convention_names(samples, factor):
     """A slow straight line passes with the gain of a constant, so rows tell their instants."""
     t = np.arange(samples) - samples / 2
-    for phase in ("matlab", "first"):
-        rows = parallel_decimation(np.column_stack([t, np.ones(samples)]), factor, phase=phase)
+    for convention in ("matlab", "scipy"):
+        rows = parallel_decimation(
+            np.column_stack([t, np.ones(samples)]), factor, convention=convention
+        )
         instants = rows[:, 0] / rows[:, 1] + samples / 2
         first, scale = 0, 1
         stages = decimation_stages(factor)
-        for stage, offset in zip(stages, decimation_offsets(samples, stages, phase), strict=True):
+        for stage, offset in zip(
+            stages, decimation_offsets(samples, stages, convention), strict=True
+        ):
             first, scale = first + scale * offset, scale * stage
         expected = first + factor * np.arange(len(rows))
         middle = slice(len(rows) // 3, -len(rows) // 3)
         np.testing.assert_allclose(instants[middle], expected[middle], atol=0.05)
-        if phase == "matlab":
+        if convention == "matlab":
             assert expected[-1] == samples - 1
 
 
-def test_matlabs_phase_keeps_the_last_sample():
+def test_matlabs_convention_keeps_the_last_sample():
     assert decimation_offsets(24_792, 10) == (1,)
     assert decimation_offsets(34_500, 125) == (4, 4, 4)
-    assert decimation_offsets(34_500, 125, "first") == (0, 0, 0)
+    assert decimation_offsets(34_500, 125, "scipy") == (0, 0, 0)
 
 
 @given(
     st.integers(600, 60_000),
     st.sampled_from([(4,), (10,), (5, 4), (10, 10)]),
     st.integers(100, 20_000),
-    st.sampled_from(["matlab", "first"]),
+    st.sampled_from(["matlab", "scipy"]),
 )
 @settings(max_examples=30, deadline=None)
-def test_overlapping_blocks_give_the_whole(samples, stages, block, phase):
-    if samples // math.prod(stages[:-1]) <= 24:
+def test_overlapping_blocks_give_the_whole(samples, stages, block, convention):
+    if samples // math.prod(stages[:-1]) <= 27:
         return
     x = np.random.default_rng(0).standard_normal((samples, 2)) + 10
-    whole = parallel_decimation(x, stages, phase=phase)
+    whole = parallel_decimation(x, stages, convention=convention)
     assembled = np.full_like(whole, np.nan)
-    for part in decimation_blocks(samples, stages, block, phase):
-        rows = parallel_decimation(x[part.source], stages, offsets=part.offsets)
+    for part in decimation_blocks(samples, stages, block, convention):
+        rows = parallel_decimation(
+            x[part.source], stages, convention=convention, offsets=part.offsets
+        )
         assembled[part.target] = rows[part.keep]
     np.testing.assert_allclose(assembled, whole, atol=2e-11)
 

@@ -12,8 +12,11 @@ from pivident.estimation.auxiliary_model import SimulatedMotion
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Bandpass
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.sandwich import windows_of
 from pivident.signals.decimation import (
+    Convention,
     decimation_blocks,
+    decimation_offsets,
     decimation_overlap,
     decimation_stages,
     parallel_decimation,
@@ -62,31 +65,33 @@ def decimate_record(
         motion: simulated motion for the instruments.
         earlier: an earlier result, whose Φ and τ are kept (only the instruments are new).
     """
-    factor = signals.factor(kinematics.recording.rate)
+    factor, like = signals.factor(kinematics.recording.rate), signals.convention
     part = slice(kinematics.start, kinematics.stop)
     if earlier is None:
-        phi = _decimated_columns(regressor, kinematics, part, factor)
-        tau = parallel_decimation(kinematics.tau[:, part].T, factor).T
-        samples = np.arange(part.stop - part.start, dtype=float)[:, None]
-        index = _kept_samples(samples, factor)
+        phi = _decimated_columns(regressor, kinematics, part, factor, like)
+        tau = parallel_decimation(kinematics.tau[:, part].T, factor, convention=like).T
+        index = _kept_samples(part.stop - part.start, factor, like)
         t = kinematics.recording.start_time + (part.start + index) / kinematics.recording.rate
     else:
         phi, tau, t = earlier.phi, earlier.tau, earlier.t
     source = kinematics if motion is None else motion
-    z = None if motion is None else _decimated_columns(regressor, motion, part, factor)
-    dq = parallel_decimation(source.dq[:, part].T, factor).T
+    z = None if motion is None else _decimated_columns(regressor, motion, part, factor, like)
+    dq = parallel_decimation(source.dq[:, part].T, factor, convention=like).T
     votes = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
     return DecimatedRecord(kinematics, t, phi, z, tau, dq, votes)
 
 
 def decimated_sums(regressor: Regressor, records: Sequence[DecimatedRecord]) -> list[JointSums]:
     """Normal equations of all joints over all recordings."""
+    windows = windows_of([r.t.size for r in records])
+    count = sum(w.count for w in windows)
     sums = []
     for j in range(regressor.robot.size):
         own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-        joint = JointSums.empty(regressor.robot.joint_names[j], regressor.columns_of(j))
-        for r in records:
-            joint.add(r.phi[own], None if r.z is None else r.z[own], r.tau[j], r.votes[j])
+        joint = JointSums.empty(regressor.robot.joint_names[j], regressor.columns_of(j), count)
+        for r, w in zip(records, windows, strict=True):
+            z = None if r.z is None else r.z[own]
+            joint.add(r.phi[own], z, r.tau[j], r.votes[j], list(w.shares(slice(0, r.t.size))))
         sums.append(joint)
     return sums
 
@@ -100,41 +105,19 @@ def decimated_torque(
     return np.stack([theta[regressor.column[own]] @ record.phi[own] for own in spans])
 
 
-def decimated_scores(
-    regressor: Regressor,
-    records: Sequence[DecimatedRecord],
-    theta: np.ndarray,
-    variance: np.ndarray,
-    blocks: int = 80,
-) -> np.ndarray:
-    """Scores Σ zε/λ over blocks of rows, for the sandwich, shape (blocks, parameters)."""
-    scores = []
-    for r in records:
-        length = max(2, r.t.size // blocks)
-        starts = np.arange(0, r.t.size, length)
-        residual = np.where(r.votes, r.tau - decimated_torque(regressor, r, theta), 0.0)
-        own = np.zeros((starts.size, len(theta)))
-        for j in range(regressor.robot.size):
-            span = slice(regressor.offsets[j], regressor.offsets[j + 1])
-            z = (r.phi if r.z is None else r.z)[span]
-            products = np.add.reduceat(z * residual[j] / variance[j], starts, axis=1)
-            own[:, regressor.column[span]] += products.T
-        scores.append(own)
-    return np.vstack(scores)
-
-
 def _decimated_columns(
     regressor: Regressor,
     motion: Kinematics | SimulatedMotion,
     part: slice,
     factor: int | tuple[int, ...],
+    like: Convention,
 ) -> np.ndarray:
     """Packed columns of a motion, decimated in blocks that overlap by the filter's reach."""
     samples = part.stop - part.start
     reach = decimation_overlap(factor)
     thinning = int(np.prod(decimation_stages(factor)))
-    blocks = list(decimation_blocks(samples, factor, max(4 * reach, 65536)))
-    out = np.empty((regressor.entries, len(_kept_samples(np.zeros((samples, 1)), factor))))
+    blocks = list(decimation_blocks(samples, factor, max(4 * reach, 65536), like))
+    out = np.empty((regressor.entries, _kept_samples(samples, factor, like).size))
     for b in blocks:
         span = slice(part.start + b.source.start, part.start + b.source.stop)
         packed = regressor.packed(motion.q[:, span], motion.dq[:, span], motion.ddq[:, span])
@@ -142,7 +125,10 @@ def _decimated_columns(
         def work(j: int, packed=packed, b=b) -> None:
             own = slice(regressor.offsets[j], regressor.offsets[j + 1])
             if thinning > 1:
-                thin = parallel_decimation(packed[own].T, factor, offsets=b.offsets)[b.keep]
+                whole = parallel_decimation(
+                    packed[own].T, factor, convention=like, offsets=b.offsets
+                )
+                thin = whole[b.keep]
             else:
                 thin = packed[own].T[b.keep]
             out[own, b.target] = thin.T
@@ -151,12 +137,10 @@ def _decimated_columns(
     return out
 
 
-def _kept_samples(like: np.ndarray, factor: int | tuple[int, ...]) -> np.ndarray:
+def _kept_samples(samples: int, factor: int | tuple[int, ...], like: Convention) -> np.ndarray:
     """Indices of the samples that decimation keeps."""
-    from pivident.signals.decimation import decimation_offsets
-
-    index = np.arange(len(like))
-    offsets = decimation_offsets(len(like), factor)
+    index = np.arange(samples)
+    offsets = decimation_offsets(samples, factor, like)
     for stage, offset in zip(decimation_stages(factor), offsets, strict=True):
         index = index[offset::stage]
     return index

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.decimated import DecimatedRecord, decimated_scores, decimated_torque
+from pivident.estimation.decimated import DecimatedRecord, decimated_torque
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
 from pivident.estimation.iteration import (
     joint_fits,
@@ -17,6 +17,7 @@ from pivident.estimation.iteration import (
 from pivident.estimation.methods import InstrumentalVariables, LeastSquares
 from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
+from pivident.estimation.sandwich import sandwich
 
 
 def decimated_answer(
@@ -72,7 +73,7 @@ def decimated_answer(
         problem,
         method,
         solution,
-        decimated_scores(problem.regressor, records, theta, variance),
+        sandwich(sums, theta, variance),
         history,
         converged,
         joint_fits(

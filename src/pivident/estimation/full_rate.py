@@ -15,14 +15,12 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.auxiliary_model import SimulatedMotion
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.sandwich import windows_of
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
 #: Samples per block: the columns of a joint, before and after its filter, stay in the cache.
 BLOCK = 2048
-
-#: Blocks of time per record whose scores the sandwich sums.
-SCORE_BLOCKS = 160
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,69 +67,51 @@ def accumulate(
         records: recordings with instruments.
         filters: one prefilter per joint.
     """
+    windows = windows_of([r.votes.shape[1] for r in records])
+    count = sum(w.count for w in windows)
     sums = [
-        JointSums.empty(name, regressor.columns_of(j))
+        JointSums.empty(name, regressor.columns_of(j), count)
         for j, name in enumerate(regressor.robot.joint_names)
     ]
-    for record in records:
+    for record, own in zip(records, windows, strict=True):
+        shares = [list(own.shares(span)) for span in _blocks(own.samples)]
 
-        def add(j: int, span: slice, phi, z, tau, votes=record.votes) -> None:
-            sums[j].add(phi, z, tau, votes[j, span])
+        def add(j: int, span: slice, phi, z, tau, votes=record.votes, shares=shares) -> None:
+            sums[j].add(phi, z, tau, votes[j, span], shares[span.start // BLOCK])
 
-        _walk(regressor, record, filters, BLOCK, add)
+        _walk(regressor, record, filters, add)
     return sums
 
 
-def scores_and_residuals(
+def filtered_residual(
     regressor: Regressor,
-    records: Sequence[FullRateRecord],
+    record: FullRateRecord,
     filters: Sequence[Prefilter],
     theta: np.ndarray,
-    variance: np.ndarray,
-    weight_power: float = 1.0,
-) -> tuple[np.ndarray, list[np.ndarray]]:
-    """Scores Σ zε/λ over blocks of time, for the sandwich, and whitened residuals ε/√λ.
+) -> np.ndarray:
+    """L(τ - Φθ), shape (joints, samples).
 
     Args:
         regressor: the observation matrix.
-        records: recordings with instruments.
+        record: one recording.
         filters: one prefilter per joint.
         theta: parameters, shape (parameters,).
-        variance: λ of each joint, shape (joints,).
-        weight_power: power of λ in the weights.
-
-    Returns:
-        Scores, shape (blocks, parameters), and for each recording its residuals, shape
-        (joints, samples).
     """
-    scores, residuals = [], []
-    for record in records:
-        samples = record.votes.shape[1]
-        length = max(32, samples // SCORE_BLOCKS)
-        # one layer per joint: the joints' threads must not write to the same place
-        by_joint = np.zeros((-(-samples // length), len(theta), regressor.robot.size))
-        residual = np.zeros(record.votes.shape)
+    residual = record.kinematics.tau - torque_of(regressor, record.kinematics, theta)
 
-        def add(
-            j: int, span: slice, phi, z, tau,
-            by_joint=by_joint, residual=residual, length=length, votes=record.votes,
-        ) -> None:  # fmt: skip
-            columns = regressor.columns_of(j)
-            e = tau - theta[columns] @ phi
-            residual[j, span] = e / np.sqrt(variance[j])
-            e = np.where(votes[j, span], e, 0.0) / variance[j] ** weight_power
-            starts = np.arange(0, e.size, length)
-            products = np.add.reduceat((phi if z is None else z) * e, starts, axis=1)
-            first = span.start // length
-            by_joint[first : first + starts.size, columns, j] = products.T
+    def work(j: int) -> None:
+        residual[j : j + 1] = filters[j].stream(1).process(residual[j : j + 1])
 
-        _walk(regressor, record, filters, length * -(-BLOCK // length), add)
-        scores.append(by_joint.sum(axis=2))
-        residuals.append(residual)
-    return np.vstack(scores), residuals
+    run_in_threads(work, range(regressor.robot.size))
+    return residual
 
 
-def _walk(regressor: Regressor, record: FullRateRecord, filters, block: int, add) -> None:
+def _blocks(samples: int) -> list[slice]:
+    """The stretches in which a record is walked through."""
+    return [slice(k, min(k + BLOCK, samples)) for k in range(0, samples, BLOCK)]
+
+
+def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
     """Hand the filtered columns of each block and joint to ``add(joint, span, Φ, Z, τ)``."""
     k, motion = record.kinematics, record.motion
     samples = k.q.shape[1]
@@ -140,8 +120,7 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, block: int, add
     rows = [copies * regressor.columns_of(j).size + 1 for j in joints]
     streams = [f.stream(r, threads=1) for f, r in zip(filters, rows, strict=True)]
     plain = all(len(f.fir) == 1 and len(f.denominator) == 1 for f in filters)
-    for start in range(0, samples, block):
-        span = slice(start, min(start + block, samples))
+    for span in _blocks(samples):
         sources = [k] if motion is None else [k, motion]
         packed: list[np.ndarray] = [np.empty(0)] * copies
 

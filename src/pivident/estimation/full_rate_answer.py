@@ -6,12 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.full_rate import FullRateRecord, scores_and_residuals, torque_of
+from pivident.estimation.full_rate import FullRateRecord, filtered_residual, torque_of
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
 from pivident.estimation.iteration import joint_fits, make_identification
 from pivident.estimation.methods import InstrumentalVariables, LeastSquares, PrefilteredIV
-from pivident.estimation.normal_equations import Solution
+from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
+from pivident.estimation.sandwich import sandwich
 from pivident.signals.noise_models import ArModel
 from pivident.signals.prefilter import Prefilter
 
@@ -21,6 +22,7 @@ def full_rate_answer(
     method: LeastSquares | InstrumentalVariables | PrefilteredIV,
     records: Sequence[FullRateRecord],
     filters: Sequence[Prefilter],
+    sums: Sequence[JointSums],
     solution: Solution,
     variance: np.ndarray,
     history: Sequence[Iteration],
@@ -38,6 +40,7 @@ def full_rate_answer(
         method: how it was estimated.
         records: recordings with instruments and votes.
         filters: prefilter of each joint.
+        sums: normal equations of the last iteration.
         solution: the solution.
         variance: λ of each joint, shape (joints,).
         history: iterations.
@@ -49,9 +52,8 @@ def full_rate_answer(
         warnings: sentences.
     """
     regressor, theta = problem.regressor, solution.theta
-    scores, whitened = scores_and_residuals(
-        regressor, records, filters, theta, variance, weight_power
-    )
+    scale = np.sqrt(variance)[:, None]
+    whitened = [filtered_residual(regressor, r, filters, theta) / scale for r in records]
     torques = [torque_of(regressor, r.kinematics, theta) for r in records]
     errors = [
         (r.kinematics.tau - m, r.kinematics.tau, r.votes)
@@ -95,7 +97,7 @@ def full_rate_answer(
         problem,
         method,
         solution,
-        scores,
+        sandwich(sums, theta, variance, weight_power),
         history,
         converged,
         fits,

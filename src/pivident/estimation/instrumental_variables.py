@@ -70,14 +70,13 @@ def _decimated(
                 kinematics, limits, motions, made["records"], strict=True
             )
         ]
-        made["sums"] = decimated_sums(problem.regressor, made["records"])
-        return made["sums"]
+        return decimated_sums(problem.regressor, made["records"])
 
-    solution, variance, history, converged = iterate(
+    sums, solution, variance, history, converged = iterate(
         problem, auxiliary, stage, method.tolerance, method.max_iterations, say
     )
     return decimated_answer(
-        problem, method, made["records"], made["sums"], solution, variance, history, converged,
+        problem, method, made["records"], sums, solution, variance, history, converged,
         loop_warnings(problem),
     )  # fmt: skip
 
@@ -101,10 +100,10 @@ def _full_rate(
         ]
         return accumulate(problem.regressor, made["records"], filters)
 
-    solution, variance, history, converged = iterate(
+    sums, solution, variance, history, converged = iterate(
         problem, auxiliary, stage, method.tolerance, method.max_iterations, say
     )
     return full_rate_answer(
-        problem, method, made["records"], filters, solution, variance, history, converged,
+        problem, method, made["records"], filters, sums, solution, variance, history, converged,
         torque_units(problem), warnings=loop_warnings(problem),
     )  # fmt: skip

@@ -15,10 +15,10 @@ from pivident.estimation.identification import (
     Iteration,
     JointFit,
 )
-from pivident.estimation.normal_equations import JointSums, Solution, sandwich, solve
+from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Problem
 
-Stage = Callable[[int, np.ndarray, list[SimulatedMotion]], Sequence[JointSums]]
+Stage = Callable[[int, np.ndarray, list[SimulatedMotion]], list[JointSums]]
 
 
 def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
@@ -63,7 +63,7 @@ def iterate(
     weight_power: float = 1.0,
     orders: Callable[[], tuple[int, ...]] = tuple,
     earliest: int = 2,
-) -> tuple[Solution, np.ndarray, list[Iteration], bool]:
+) -> tuple[list[JointSums], Solution, np.ndarray, list[Iteration], bool]:
     """Simulate, build the equations, solve; until parameters and residual stand still.
 
     Both must change by less than ``tolerance``: the parameters relative to the larger of their
@@ -82,7 +82,7 @@ def iterate(
         earliest: first iteration that may be the last.
 
     Returns:
-        Last solution, its variances, the history, whether it converged.
+        Last normal equations, their solution and variances, the history, whether it converged.
     """
     theta = problem.initial_values()
     previous: np.ndarray | None = None
@@ -105,8 +105,8 @@ def iterate(
         previous, theta = theta, solution.theta
         still = change < tolerance and settled < 0.2
         if k + 1 >= earliest and still and abs(residual - last) < tolerance * residual:
-            return solution, variance, history, True
-    return solution, variance, history, False
+            return sums, solution, variance, history, True
+    return sums, solution, variance, history, False
 
 
 def relative_residual(sums: Sequence[JointSums], theta: np.ndarray, variance: np.ndarray) -> float:
@@ -149,7 +149,7 @@ def make_identification(
     problem: Problem,
     method: Any,
     solution: Solution,
-    scores: np.ndarray,
+    robust_covariance: np.ndarray,
     history: Sequence[Iteration],
     converged: bool,
     joints: Sequence[JointFit],
@@ -177,7 +177,7 @@ def make_identification(
         expressions=problem.expressions,
         theta=solution.theta,
         covariance=solution.covariance,
-        robust_covariance=sandwich(solution.bread, scores),
+        robust_covariance=robust_covariance,
         converged=converged,
         history=tuple(history),
         joints=tuple(joints),

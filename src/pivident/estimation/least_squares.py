@@ -51,7 +51,16 @@ def identify_ls(
     sums = accumulate(regressor, full, filters)
     solution, variance, history = _solve(problem, method, sums)
     return full_rate_answer(
-        problem, method, full, filters, solution, variance, history, True, torque_units(problem)
+        problem,
+        method,
+        full,
+        filters,
+        sums,
+        solution,
+        variance,
+        history,
+        True,
+        torque_units(problem),
     )
 
 

@@ -5,13 +5,14 @@ The signal recipe belongs to the method, since methods are compared with differe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.recording.recording import Recording
+from pivident.signals.decimation import Convention
 
 #: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
 MOTION_BAND = 20.0
@@ -33,6 +34,7 @@ class Bandpass:
         order: order of the Butterworth filter.
         decimation: factor n_d, or its stages (10, 10); None: to ``bandwidth``.
         bandwidth: frequency kept by the decimation [Hz]: n_d = (rate/2)/bandwidth.
+        convention: whose ``decimate`` is followed at the ends, ``matlab`` or ``scipy``.
         median: length of a median filter before, 1 for none.
         padlen: samples the zero-phase filters extend the record by; None: scipy's choice.
         edge: samples dropped at both ends (or at start and end) before decimation; None: five
@@ -47,6 +49,7 @@ class Bandpass:
     order: int = 4
     decimation: int | tuple[int, ...] | None = None
     bandwidth: float = 20.0
+    convention: Convention = "matlab"
     median: int = 1
     padlen: int | None = None
     edge: int | tuple[int, int] | None = None
@@ -159,7 +162,8 @@ class PrefilteredIV:
         prefilter: ``controller``: inverse of the law's proportional and derivative part, then
             the AR whitener; ``direct``: the AR whitener on the torque residual.
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
-            AR orders up to 32, and (P-22), (P-28) with λ⁻¹ on both sides instead of λ^(-1/2).
+            and (P-22), (P-28) with λ⁻¹ on both sides instead of λ^(-1/2). AR orders go up to
+            the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 unless told otherwise.
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
     """
@@ -179,9 +183,8 @@ class PrefilteredIV:
             )
         if self.as_printed:
             object.__setattr__(self, "signals", RandomWalk(order=2, passes=2, align=False))
-            object.__setattr__(
-                self, "noise", AutoRegressive(p_max=32, on_unmasked=False, motion_band=None)
-            )
+            noise = replace(self.noise, on_unmasked=False, motion_band=None)
+            object.__setattr__(self, "noise", noise)
 
     @property
     def label(self) -> str:

@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError, RankDeficientRegressor
+from pivident.estimation.sandwich import Share
 
 #: Smallest singular value of the scaled observation matrix, relative to the largest.
 RANK_TOLERANCE = 1e-6
@@ -37,6 +38,8 @@ class JointSums:
         ff: Φᵀ Φ.
         zt: Zᵀ τ, shape (k,); ``ft`` Φᵀ τ likewise.
         ft: Φᵀ τ.
+        window_zf: Zᵀ Φ of each window of time, shape (windows, k, k), see ``sandwich``.
+        window_zt: Zᵀ τ likewise, shape (windows, k).
         tt: τᵀ τ.
         rows: number of samples that voted.
     """
@@ -48,18 +51,28 @@ class JointSums:
     ff: np.ndarray
     zt: np.ndarray
     ft: np.ndarray
+    window_zf: np.ndarray
+    window_zt: np.ndarray
     tt: float = 0.0
     rows: int = 0
 
     @classmethod
-    def empty(cls, name: str, columns: np.ndarray) -> JointSums:
+    def empty(cls, name: str, columns: np.ndarray, windows: int = 0) -> JointSums:
         """No samples yet."""
         k = columns.size
         zf, zz, ff = np.zeros((3, k, k))
-        return cls(name, columns, zf, zz, ff, np.zeros(k), np.zeros(k))
+        zt, ft = np.zeros((2, k))
+        return cls(
+            name, columns, zf, zz, ff, zt, ft, np.zeros((windows, k, k)), np.zeros((windows, k))
+        )
 
     def add(
-        self, phi: np.ndarray, z: np.ndarray | None, tau: np.ndarray, votes: np.ndarray | None
+        self,
+        phi: np.ndarray,
+        z: np.ndarray | None,
+        tau: np.ndarray,
+        votes: np.ndarray | None,
+        shares: Sequence[Share] = (),
     ) -> None:
         """Add samples, time last.
 
@@ -68,6 +81,7 @@ class JointSums:
             z: instruments of the same shape; None: Z = Φ.
             tau: torque, shape (samples,).
             votes: True where a sample votes, shape (samples,); None: all do.
+            shares: the windows that the samples belong to.
         """
         rows = tau.size
         if votes is not None and not votes.all():
@@ -75,16 +89,31 @@ class JointSums:
             weights = votes.astype(float)
             phi, tau, rows = phi * weights, tau * weights, int(np.count_nonzero(votes))
             z = None if z is None else z * weights
-        self.ff += phi @ phi.T
-        self.ft += phi @ tau
+        instruments = phi if z is None else z
+        for share in shares:
+            self._share(phi, instruments, tau, share)
+        if not shares:
+            self.zf += instruments @ phi.T
+            self.zt += instruments @ tau
         if z is None:
-            self.zf, self.zz, self.zt = self.ff, self.ff, self.ft
+            self.ff, self.zz, self.ft = self.zf, self.zf, self.zt
         else:
-            self.zf += z @ phi.T
+            self.ff += phi @ phi.T
             self.zz += z @ z.T
-            self.zt += z @ tau
+            self.ft += phi @ tau
         self.tt += float(tau @ tau)
         self.rows += rows
+
+    def _share(self, phi: np.ndarray, z: np.ndarray, tau: np.ndarray, share: Share) -> None:
+        """Add a stretch, split between the window that falls and the one that rises."""
+        z, phi, tau = z[:, share.part], phi[:, share.part], tau[share.part]
+        rising = z * share.rising
+        for window, weighted in ((share.window, z - rising), (share.window + 1, rising)):
+            zf, zt = weighted @ phi.T, weighted @ tau
+            self.window_zf[window] += zf
+            self.window_zt[window] += zt
+            self.zf += zf
+            self.zt += zt
 
     def residual_sum(self, theta: np.ndarray) -> float:
         """‖τ - Φθ‖² for all parameters ``theta``, from the sums."""
@@ -109,13 +138,11 @@ class Solution:
     Attributes:
         theta: parameters, shape (parameters,).
         covariance: (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters).
-        bread: (Σ ZᵀΦ w)⁻¹, for the sandwich.
         condition: condition number of the column-scaled observation matrix.
     """
 
     theta: np.ndarray
     covariance: np.ndarray
-    bread: np.ndarray
     condition: float
 
 
@@ -153,25 +180,8 @@ def solve(
     scale = _scales(ff)
     outer = np.outer(scale, scale)
     condition = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
-    bread = np.linalg.inv(zf / outer)
-    theta = bread @ (zt / scale) / scale
-    return Solution(theta, np.linalg.inv(zz / outer) / outer, bread / outer, condition)
-
-
-def sandwich(bread: np.ndarray, scores: np.ndarray) -> np.ndarray:
-    """Covariance P = (ZᵀΦ)⁻¹ S (ΦᵀZ)⁻¹ that holds for correlated residuals, (E3).
-
-    S sums the outer products of the scores Zᵀε over blocks of time. Within a block any
-    correlation is allowed; blocks are longer than the correlation and taken as independent.
-
-    Args:
-        bread: (ZᵀΦ)⁻¹, shape (parameters, parameters).
-        scores: Σ zε over each block, shape (blocks, parameters).
-    """
-    blocks = len(scores)
-    if blocks < 2:
-        return np.full(bread.shape, np.nan)
-    return bread @ (scores.T @ scores * blocks / (blocks - 1)) @ bread.T
+    theta = np.linalg.solve(zf / outer, zt / scale) / scale
+    return Solution(theta, np.linalg.inv(zz / outer) / outer, condition)
 
 
 def _scales(gram: np.ndarray) -> np.ndarray:

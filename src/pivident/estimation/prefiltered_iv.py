@@ -73,7 +73,7 @@ def identify_piv(
         return accumulate(problem.regressor, made["records"], whitening.filters)
 
     power = 2.0 if method.as_printed else 1.0
-    solution, variance, history, converged = iterate(
+    sums, solution, variance, history, converged = iterate(
         problem,
         auxiliary,
         stage,
@@ -90,6 +90,7 @@ def identify_piv(
         method,
         made["records"],
         whitening.filters,
+        sums,
         solution,
         variance,
         history,

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -112,12 +113,13 @@ class Problem:
     selection: tuple[int, ...] = field(init=False, repr=False)
     regressor: Regressor = field(init=False, repr=False)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the estimated parameters."""
-        return tuple(self.base.names[k] for k in self.selection)
+        names = self.base.names
+        return tuple(names[k] for k in self.selection)
 
-    @property
+    @cached_property
     def expressions(self) -> tuple[str, ...]:
         """Their groups written out."""
         expressions = self.base.expressions

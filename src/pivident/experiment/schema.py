@@ -259,6 +259,7 @@ class BandpassEntry(Entry):
     order: Annotated[int, Field(ge=1, le=20)] | None = None
     decimation: Stages | None = None
     bandwidth: PositiveFloat | None = None
+    convention: Literal["matlab", "scipy"] | None = None
     median: Annotated[int, Field(ge=1)] | None = None
     padlen: Annotated[int, Field(ge=0)] | None = None
     edge: Edge | None = None

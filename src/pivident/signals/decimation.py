@@ -3,8 +3,10 @@
 The columns of the observation matrix and the torque are filtered alike and every r-th sample is
 kept, so that the linear relation between them survives while everything above the decimated rate
 is dropped. A stage is MATLAB's ``decimate``: Chebyshev type I of order 8, ripple 0.05 dB, edge
-0.8/r of half the rate, forwards and backwards; large factors are split into stages. A Chebyshev
-filter of even order scales constants by its ripple (-0.1 dB in a stage); both sides of the
+0.8/r of half the rate, forwards and backwards; large factors are split into stages.
+``scipy.signal.decimate`` has the same filter, but other ends: it keeps the first sample where
+MATLAB keeps the last, and extends the record by three samples more. A Chebyshev filter of even
+order scales constants by its ripple (-0.1 dB in a stage); both sides of the
 equation carry the same factor, so the estimates do not see it.
 """
 
@@ -24,16 +26,16 @@ ORDER = 8
 RIPPLE_DB = 0.05
 EDGE_OF_BAND = 0.8
 
-#: Odd extension at each end of a stage: three times the order, as MATLAB's ``filtfilt`` has it.
-PADLEN = 3 * ORDER
+Convention = Literal["matlab", "scipy"]
+
+#: Odd extension at each end of a stage: three times the order, or the number of coefficients.
+PADLEN: dict[Convention, int] = {"matlab": 3 * ORDER, "scipy": 3 * (ORDER + 1)}
 
 #: Largest factor of one stage; beyond it the filter's poles crowd at z = 1.
 LARGEST_STAGE = 13
 
 #: Impulse responses count as ended below this, relative to a unit step's response of one.
 NEGLIGIBLE = 1e-12
-
-Phase = Literal["matlab", "first"]
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,7 @@ def parallel_decimation(
     x: np.ndarray,
     factor: int | Sequence[int],
     *,
-    phase: Phase = "matlab",
-    padlen: int = PADLEN,
+    convention: Convention = "matlab",
     offsets: Sequence[int] | None = None,
 ) -> np.ndarray:
     """Low-pass x along time without phase and keep every ``factor``-th sample.
@@ -69,13 +70,13 @@ def parallel_decimation(
     Args:
         x: samples along axis 0, any number of columns.
         factor: total factor, or the factors of the stages.
-        phase: ``matlab`` keeps samples r - (r·⌈n/r⌉ - n) + i·r, counted from one, of each stage,
-            so that the last sample is kept; ``first`` keeps the first one.
-        padlen: samples of odd extension at each end of a stage.
-        offsets: index of the first sample kept by each stage, instead of a phase.
+        convention: whose ``decimate`` is followed at the ends: ``matlab`` keeps samples
+            r - (r·⌈n/r⌉ - n) + i·r, counted from one, of each stage, so that the last sample is
+            kept; ``scipy`` keeps the first one.
+        offsets: index of the first sample kept by each stage, instead of the convention's.
 
     Returns:
-        ⌈samples/factor⌉ rows (stage by stage) with either phase.
+        ⌈samples/factor⌉ rows (stage by stage) with either convention.
 
     Raises:
         RecordingError: the factor is below one or the record too short for a stage.
@@ -84,7 +85,8 @@ def parallel_decimation(
 
     factors = decimation_stages(factor)
     if offsets is None:
-        offsets = decimation_offsets(len(x), factors, phase)
+        offsets = decimation_offsets(len(x), factors, convention)
+    padlen = PADLEN[convention]
     for stage, offset in zip(factors, offsets, strict=True):
         if len(x) <= padlen:
             raise RecordingError(
@@ -109,19 +111,19 @@ def decimation_stages(factor: int | Sequence[int]) -> tuple[int, ...]:
 
 
 def decimation_offsets(
-    samples: int, factor: int | Sequence[int], phase: Phase = "matlab"
+    samples: int, factor: int | Sequence[int], convention: Convention = "matlab"
 ) -> tuple[int, ...]:
     """Index of the first sample that each stage keeps.
 
     Args:
         samples: length of the record.
         factor: total factor, or the factors of the stages.
-        phase: see :func:`parallel_decimation`.
+        convention: see :func:`parallel_decimation`.
     """
     offsets = []
     for stage in decimation_stages(factor):
         kept = math.ceil(samples / stage)
-        offsets.append(0 if phase == "first" else stage - 1 - (stage * kept - samples))
+        offsets.append(0 if convention == "scipy" else stage - 1 - (stage * kept - samples))
         samples = kept
     return tuple(offsets)
 
@@ -142,7 +144,7 @@ def decimation_overlap(factor: int | Sequence[int]) -> int:
 
 
 def decimation_blocks(
-    samples: int, factor: int | Sequence[int], block: int, phase: Phase = "matlab"
+    samples: int, factor: int | Sequence[int], block: int, convention: Convention = "matlab"
 ) -> Iterator[DecimationBlock]:
     """Cut a record into overlapping blocks whose decimation equals that of the whole.
 
@@ -154,14 +156,14 @@ def decimation_blocks(
         factor: total factor, or the factors of the stages.
         block: samples that a block contributes, rounded up to a multiple of the factor; the
             overlap comes on top on both sides.
-        phase: see :func:`parallel_decimation`.
+        convention: see :func:`parallel_decimation`.
 
     Yields:
         The blocks from first to last; their targets cover the decimated record without gaps.
     """
     stages = decimation_stages(factor)
     total = math.prod(stages)
-    offsets = decimation_offsets(samples, stages, phase)
+    offsets = decimation_offsets(samples, stages, convention)
     rows = samples
     for stage, offset in zip(stages, offsets, strict=True):
         rows = math.ceil((rows - offset) / stage)
