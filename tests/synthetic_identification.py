@@ -52,6 +52,7 @@ def synthetic_identification(
         theta=theta,
         covariance=np.diag(std**2),
         robust_covariance=np.diag((1.3 * std) ** 2),
+        formula_covariance=np.diag(std**2),
         converged=True,
         history=tuple(
             Iteration(

@@ -175,7 +175,9 @@ def test_shared_and_own_options(tmp_path):
     assert methods["piv"] == PrefilteredIV(
         RandomWalk(order=2), AutoRegressive(40, "bic"), "direct", tolerance=0.005
     )
-    assert methods["piv-as-printed"] == PrefilteredIV(as_printed=True, tolerance=0.005)
+    assert methods["piv-as-printed"] == PrefilteredIV(
+        noise=AutoRegressive(40), as_printed=True, tolerance=0.005
+    )
 
 
 def test_parameters_mask_and_start(tmp_path):
@@ -239,6 +241,10 @@ BAD = {
     "as printed, directly": (
         with_identify('piv = {as_printed = true, prefilter = "direct"}'),
         ("[identify.piv]", "as_printed", "prefilter", "remove"),
+    ),
+    "as printed, with another noise": (
+        with_identify("piv-as-printed = {noise = {p_max = 32, on_unmasked = true}}"),
+        ("[identify.piv-as-printed]", "as_printed", "noise.on_unmasked", "remove"),
     ),
     "options of another method": (
         with_identify("ls = {noise = {p_max = 3}}"),

@@ -14,7 +14,7 @@ from tests.synthetic_identification import synthetic_identification
 
 KEYS = (
     "schema method robot converged iterations parameters covariance robust_covariance "
-    "relative_error joints history condition options warnings sources version"
+    "formula_covariance relative_error joints history condition options warnings sources version"
 ).split()
 
 

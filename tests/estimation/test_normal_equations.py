@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import IdentificationError, RankDeficientRegressor
-from pivident.estimation.normal_equations import JointSums, sandwich, solve
+from pivident.estimation.normal_equations import JointSums, solve
 
 
 def make_joint(rng, columns, rows, theta, noise):
@@ -84,26 +84,3 @@ def test_a_joint_without_rows_is_named():
     joint = JointSums.empty("elbow", np.arange(3))
     with pytest.raises(IdentificationError, match="elbow"):
         solve([joint], np.ones(1), ["a", "b", "c"])
-
-
-def test_the_sandwich_sees_correlation_that_the_plain_covariance_misses():
-    # residual of an AR(1): deviations are (1 + a)/(1 - a) times the i.i.d. ones, squared
-    rng = np.random.default_rng(5)
-    a, rows, runs = 0.9, 4000, 200
-    estimates, plain, robust = [], [], []
-    for _ in range(runs):
-        e = np.zeros(rows)
-        drive = rng.normal(size=rows)
-        for k in range(1, rows):
-            e[k] = a * e[k - 1] + drive[k]
-        phi = np.ones((1, rows))
-        joint = JointSums.empty("a", np.arange(1))
-        joint.add(phi, None, e, None)
-        solution = solve([joint], np.array([e.var()]), ["mean"])
-        scores = np.add.reduceat((e - solution.theta) / e.var(), np.arange(0, rows, 100))
-        estimates.append(solution.theta[0])
-        plain.append(solution.covariance[0, 0])
-        robust.append(sandwich(solution.bread, scores[:, None])[0, 0])
-    spread = np.std(estimates)
-    assert np.sqrt(np.mean(plain)) < 0.4 * spread
-    assert 0.8 * spread < np.sqrt(np.mean(robust)) < 1.2 * spread

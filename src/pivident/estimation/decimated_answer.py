@@ -74,6 +74,7 @@ def decimated_answer(
         method,
         solution,
         sandwich(sums, theta, variance),
+        "formula",
         history,
         converged,
         joint_fits(

@@ -64,6 +64,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "parameters": parameters,
         "covariance": identification.covariance,
         "robust_covariance": identification.robust_covariance,
+        "formula_covariance": identification.formula_covariance,
         "relative_error": identification.relative_error,
         "joints": identification.joints,
         "history": identification.history,

@@ -9,7 +9,12 @@ import numpy as np
 from pivident.estimation.full_rate import FullRateRecord, filtered_residual, torque_of
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
 from pivident.estimation.iteration import joint_fits, make_identification
-from pivident.estimation.methods import InstrumentalVariables, LeastSquares, PrefilteredIV
+from pivident.estimation.methods import (
+    CovarianceKind,
+    InstrumentalVariables,
+    LeastSquares,
+    PrefilteredIV,
+)
 from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
 from pivident.estimation.sandwich import sandwich
@@ -32,6 +37,7 @@ def full_rate_answer(
     models: Sequence[ArModel] = (),
     at_bound: Sequence[bool] = (),
     warnings: Sequence[str] = (),
+    reported: CovarianceKind = "formula",
 ) -> Identification:
     """Residuals, scores and plots on all samples.
 
@@ -50,6 +56,7 @@ def full_rate_answer(
         models: noise models, where there are any.
         at_bound: whether their orders are the largest allowed.
         warnings: sentences.
+        reported: which covariance is the estimate's.
     """
     regressor, theta = problem.regressor, solution.theta
     scale = np.sqrt(variance)[:, None]
@@ -98,6 +105,7 @@ def full_rate_answer(
         method,
         solution,
         sandwich(sums, theta, variance, weight_power),
+        reported,
         history,
         converged,
         fits,

@@ -108,8 +108,11 @@ class Identification:
         names: names of the base parameters (``zz1r``).
         expressions: their groups written out.
         theta: estimates, shape (parameters,).
-        covariance: covariance by (P-31), summed over samples, shape (parameters, parameters).
-        robust_covariance: sandwich over blocks of time, valid for correlated residuals.
+        covariance: covariance of the estimate, shape (parameters, parameters): the sandwich with
+            IDIM-PIV, the formula with the others.
+        robust_covariance: sandwich over windows of time, which holds for residuals that are
+            correlated and of changing variance.
+        formula_covariance: (P-31) summed over samples, which holds for white ones.
         converged: whether the iteration met both criteria (a single solution always has).
         history: iterations, the last one first to hold the estimate.
         joints: fit of each joint.
@@ -130,6 +133,7 @@ class Identification:
     theta: np.ndarray
     covariance: np.ndarray
     robust_covariance: np.ndarray
+    formula_covariance: np.ndarray
     converged: bool
     history: tuple[Iteration, ...]
     joints: tuple[JointFit, ...]
@@ -153,13 +157,18 @@ class Identification:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations by the method's own covariance, shape (parameters,)."""
+        """Standard deviations by the method's covariance, shape (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def robust_std(self) -> np.ndarray:
         """Standard deviations by the sandwich, shape (parameters,)."""
         return np.sqrt(np.diag(self.robust_covariance))
+
+    @property
+    def formula_std(self) -> np.ndarray:
+        """Standard deviations by (P-31), for white residuals, shape (parameters,)."""
+        return np.sqrt(np.diag(self.formula_covariance))
 
     @property
     def relative_std(self) -> np.ndarray:

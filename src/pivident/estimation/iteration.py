@@ -15,6 +15,7 @@ from pivident.estimation.identification import (
     Iteration,
     JointFit,
 )
+from pivident.estimation.methods import CovarianceKind
 from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Problem
 
@@ -150,6 +151,7 @@ def make_identification(
     method: Any,
     solution: Solution,
     robust_covariance: np.ndarray,
+    reported: CovarianceKind,
     history: Sequence[Iteration],
     converged: bool,
     joints: Sequence[JointFit],
@@ -160,7 +162,8 @@ def make_identification(
     """Put the answer together; see :class:`Identification` for the fields."""
     from pivident import __version__
 
-    std = np.sqrt(np.diag(solution.covariance))
+    covariance = robust_covariance if reported == "sandwich" else solution.covariance
+    std = np.sqrt(np.diag(covariance))
     noticed = [*warnings, *friction_warnings(problem, solution.theta, std)]
     if not converged:
         noticed.insert(
@@ -176,8 +179,9 @@ def make_identification(
         names=problem.names,
         expressions=problem.expressions,
         theta=solution.theta,
-        covariance=solution.covariance,
+        covariance=covariance,
         robust_covariance=robust_covariance,
+        formula_covariance=solution.covariance,
         converged=converged,
         history=tuple(history),
         joints=tuple(joints),

@@ -14,6 +14,8 @@ from pivident.errors import ExperimentError
 from pivident.recording.recording import Recording
 from pivident.signals.decimation import Convention
 
+CovarianceKind = Literal["formula", "sandwich"]
+
 #: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
 MOTION_BAND = 20.0
 
@@ -161,8 +163,11 @@ class PrefilteredIV:
         noise: the noise model.
         prefilter: ``controller``: inverse of the law's proportional and derivative part, then
             the AR whitener; ``direct``: the AR whitener on the torque residual.
+        covariance: what the deviations come from: ``sandwich``, which allows the whitened
+            residual what is left of correlation and changing variance, or the paper's
+            ``formula`` (P-31).
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
-            and (P-22), (P-28) with λ⁻¹ on both sides instead of λ^(-1/2). AR orders go up to
+            deviations by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
             the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 unless told otherwise.
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
@@ -171,6 +176,7 @@ class PrefilteredIV:
     signals: RandomWalk = field(default_factory=RandomWalk)
     noise: AutoRegressive = field(default_factory=AutoRegressive)
     prefilter: Literal["controller", "direct"] = "controller"
+    covariance: CovarianceKind = "sandwich"
     as_printed: bool = False
     tolerance: float = 1e-2
     max_iterations: int = 20
@@ -181,10 +187,15 @@ class PrefilteredIV:
             raise ExperimentError(
                 f"prefilter is {self.prefilter!r}; choose 'controller' or 'direct'"
             )
+        if self.covariance not in ("sandwich", "formula"):
+            raise ExperimentError(
+                f"covariance is {self.covariance!r}; choose 'sandwich' or 'formula'"
+            )
         if self.as_printed:
             object.__setattr__(self, "signals", RandomWalk(order=2, passes=2, align=False))
             noise = replace(self.noise, on_unmasked=False, motion_band=None)
             object.__setattr__(self, "noise", noise)
+            object.__setattr__(self, "covariance", "formula")
 
     @property
     def label(self) -> str:

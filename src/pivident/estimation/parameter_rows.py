@@ -27,7 +27,7 @@ class ParameterRow:
     Attributes:
         name: base parameter.
         value: estimate [unit].
-        std: standard deviation by the method's own covariance [unit].
+        std: standard deviation by the method's covariance [unit].
         robust_std: standard deviation by the sandwich [unit].
         relative_std: 100 σ/|θ| [%].
         unit: unit of the parameter.

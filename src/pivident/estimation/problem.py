@@ -70,8 +70,8 @@ class Problem:
         parameters: names of the base parameters to estimate (with or without the trailing
             ``r``); None: all of them.
         mask: ``auto``: rows of a joint below 1 % of its rated speed do not vote on measured
-            records and do on simulated ones; a number: that share of the rated speed; None or
-            0: all rows vote.
+            records; on simulated ones they do, unless PIV finds its residual much noisier there
+            than in motion. A number: that share of the rated speed. None or 0: all rows vote.
         initial: starting values by parameter name; base parameters not named start at their
             nominal value, frictions at zero.
     """
@@ -126,19 +126,21 @@ class Problem:
         return tuple(expressions[k] for k in self.selection)
 
     def speed_limits(self, recording: Recording) -> np.ndarray:
-        """Speed of each joint below which its rows do not vote [rad/s or m/s], shape (joints,).
-
-        Where the rated speed is not known, the fastest motion of the record stands for it.
-        """
+        """Speed of each joint below which its rows do not vote [rad/s or m/s], shape (joints,)."""
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED
-        share = float(share or 0.0)
-        if share == 0.0:
-            return np.zeros(self.robot.size)
+        return float(share or 0.0) * self._rated_speeds(recording)
+
+    def low_speeds(self, recording: Recording) -> np.ndarray:
+        """Speed of each joint that passes for standstill [rad/s or m/s], shape (joints,)."""
+        return LOW_SPEED * self._rated_speeds(recording)
+
+    def _rated_speeds(self, recording: Recording) -> np.ndarray:
+        """Rated speeds; where one is not known, the fastest motion of the record."""
         rated = self.robot.rated_speeds
         fastest = np.abs(np.diff(recording.q, axis=0)).max(axis=0) * recording.rate
-        return share * np.where(np.isfinite(rated), rated, fastest)
+        return np.where(np.isfinite(rated), rated, fastest)
 
     def initial_values(self) -> np.ndarray:
         """Start of the iteration: nominal inertias, zero friction, then ``initial`` by name.

@@ -23,6 +23,9 @@ from pivident.experiment.schema import Entry, IdentifyEntry, MethodEntry
 
 _ITERATION = {"tolerance", "max_iterations"}
 
+#: Options of the noise model that the paper does not have.
+_NOT_PRINTED = {"on_unmasked", "motion_band"}
+
 
 def method_of(name: str, entry: IdentifyEntry) -> Method:
     """One method with the file's options.
@@ -48,10 +51,10 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
             return replace(ready, signals=_bandpass(entry, own), **options)
         return replace(ready, signals=_random_walk(entry, own), **options)
     as_printed = ready.as_printed if own.as_printed is None else own.as_printed
-    if as_printed:
-        return PrefilteredIV(as_printed=True, **options)
     noise = replace(AutoRegressive(), **_given(entry.noise) | _given(own.noise))
-    options |= _given(own, {"prefilter"})
+    if as_printed:
+        return PrefilteredIV(noise=noise, as_printed=True, **options)
+    options |= _given(own, {"prefilter", "covariance"})
     return PrefilteredIV(signals=_random_walk(entry, own), noise=noise, **options)
 
 
@@ -63,7 +66,7 @@ def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
     elif isinstance(ready, InstrumentalVariables):
         known = {"bandpass" if isinstance(ready.signals, Bandpass) else "random_walk", *_ITERATION}
     else:
-        known = {"random_walk", "noise", "prefilter", "as_printed", *_ITERATION}
+        known = {"random_walk", "noise", "prefilter", "covariance", "as_printed", *_ITERATION}
     foreign = sorted(own.model_fields_set - known)
     if foreign:
         raise ExperimentError(
@@ -71,7 +74,8 @@ def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
             f"{', '.join(sorted(known))}"
         )
     as_printed = own.as_printed is not False and (own.as_printed or name == "piv-as-printed")
-    fixed = sorted({"random_walk", "noise", "prefilter"} & own.model_fields_set)
+    fixed = sorted({"random_walk", "prefilter", "covariance"} & own.model_fields_set)
+    fixed += [f"noise.{k}" for k in sorted(_NOT_PRINTED & own.noise.model_fields_set)]
     if as_printed and fixed:
         raise ExperimentError(
             f"{where} as_printed is the paper to the letter and fixes {', '.join(fixed)}; "

@@ -307,6 +307,7 @@ class MethodEntry(SharedOptions):
 
     signals: Literal["bandpass", "random_walk"] | None = None
     prefilter: Literal["controller", "direct"] | None = None
+    covariance: Literal["sandwich", "formula"] | None = None
     as_printed: bool | None = None
 
 
