@@ -83,9 +83,9 @@ def print_table(scenario: str, runs: int, rows: dict[str, dict[str, float]]) -> 
     )
     for name, f in rows.items():
         print(
-            f"{name:30s} {f['coverage']:6.1f} {f['robust_coverage']:6.1f} {f['median_error']:8.4f} "
-            f"{f['worst_bias']:7.2f} {f['reported_std']:8.4f} {f['robust_std']:8.4f} "
-            f"{f['monte_carlo_std']:8.4f} {f['iterations']:4d} {f['seconds']:5.2f}"
+            f"{name:30s} {f['coverage']:6.1f} {f['robust_coverage']:6.1f} {f['median_error']:8.5f} "
+            f"{f['worst_bias']:7.3f} {f['reported_std']:8.5f} {f['robust_std']:8.5f} "
+            f"{f['monte_carlo_std']:8.5f} {f['iterations']:4d} {f['seconds']:5.2f}"
             + ("" if f["converged"] else "  not all converged")
         )
 

@@ -52,6 +52,24 @@ def voting(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.nda
     return votes
 
 
+def records_with_instruments(
+    kinematics: Sequence[Kinematics],
+    motions: Sequence[SimulatedMotion],
+    limits: Sequence[np.ndarray],
+) -> list[FullRateRecord]:
+    """All recordings with simulated instruments, whose speeds decide who votes.
+
+    Args:
+        kinematics: one for each recording.
+        motions: likewise.
+        limits: speeds below which a joint's samples do not vote, likewise.
+    """
+    return [
+        FullRateRecord(kin, motion, voting(kin, motion.dq, lim))
+        for kin, motion, lim in zip(kinematics, motions, limits, strict=True)
+    ]
+
+
 def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:
     """Φθ on a recording, time last, shape (joints, samples)."""
     return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta).T

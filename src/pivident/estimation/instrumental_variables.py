@@ -16,7 +16,7 @@ import numpy as np
 from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
 from pivident.estimation.decimated import decimate_record, decimated_sums
 from pivident.estimation.decimated_answer import decimated_answer
-from pivident.estimation.full_rate import FullRateRecord, accumulate, voting
+from pivident.estimation.full_rate import accumulate, records_with_instruments
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import iterate, loop_warnings, torque_units
@@ -94,10 +94,7 @@ def _full_rate(
     made: dict[str, list] = {}
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        made["records"] = [
-            FullRateRecord(kin, motion, voting(kin, motion.dq, lim))
-            for kin, motion, lim in zip(kinematics, motions, limits, strict=True)
-        ]
+        made["records"] = records_with_instruments(kinematics, motions, limits)
         return accumulate(problem.regressor, made["records"], filters)
 
     sums, solution, variance, history, converged = iterate(

@@ -17,7 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
-from pivident.estimation.full_rate import FullRateRecord, accumulate, voting
+from pivident.estimation.full_rate import FullRateRecord, accumulate, records_with_instruments
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import iterate, loop_warnings, torque_units
@@ -51,14 +51,8 @@ def identify_piv(
     made: dict[str, list[FullRateRecord]] = {}
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        votes = [
-            voting(kin, motion.dq, lim)
-            for kin, motion, lim in zip(kinematics, motions, limits, strict=True)
-        ]
-        whitening.update(k, theta, motions, votes)
-        made["records"] = [
-            FullRateRecord(*parts) for parts in zip(kinematics, motions, votes, strict=True)
-        ]
+        made["records"] = records_with_instruments(kinematics, motions, limits)
+        whitening.update(k, theta, made["records"])
         return accumulate(problem.regressor, made["records"], whitening.filters)
 
     power = 2.0 if method.as_printed else 1.0

@@ -40,9 +40,11 @@ def identification_table(identification: Identification) -> str:
         _column("value", [value for value, _ in spreads], "."),
         _column("±2σ", [spread for _, spread in spreads], "."),
         _column("σ/|θ| %", [significant(row.relative_std, 2) for row in rows], "."),
-        _column("robust σ", [significant(row.robust_std, 2) for row in rows], "."),
         _column("unit", [row.unit for row in rows], "<"),
     ]
+    if identification.covariance is not identification.robust_covariance:
+        robust = _column("robust σ", [significant(row.robust_std, 2) for row in rows], ".")
+        columns.insert(-1, robust)
     taken = sum(len(column[0]) + len(_GAP) for column in columns)
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
     columns.append(_column("group", [shortened(row.expression, room) for row in rows], "<"))

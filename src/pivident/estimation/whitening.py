@@ -13,8 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.auxiliary_model import SimulatedMotion
-from pivident.estimation.full_rate import torque_of
+from pivident.estimation.full_rate import FullRateRecord, torque_of
 from pivident.estimation.iteration import position_units
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import MOTION_BAND, PrefilteredIV
@@ -63,8 +62,7 @@ class Whitening:
         self,
         k: int,
         theta: np.ndarray,
-        motions: Sequence[SimulatedMotion],
-        votes: Sequence[np.ndarray],
+        records: Sequence[FullRateRecord],
     ) -> None:
         """Fit the noise models to the residual at θ, and take votes that spoil the estimate.
 
@@ -73,25 +71,18 @@ class Whitening:
         Args:
             k: iteration, counted from zero.
             theta: parameters, shape (parameters,).
-            motions: instruments, one for each recording.
-            votes: samples that count, one (joints, samples) array for each recording; changed.
+            records: all recordings with their instruments; their votes are changed.
         """
-        self._discard_standstill(motions, votes)
+        self._discard_standstill(records)
         if 0 < k <= MODEL_FROZEN_AFTER:
-            self._fit(k, theta, motions, votes)
-        for own in votes:
+            self._fit(k, theta, records)
+        for votes in (r.votes for r in records):
             for j, prefilter in enumerate(self.filters):
-                own[j, : prefilter.transient()] = False
+                votes[j, : prefilter.transient()] = False
                 if self.drop_standstill[j]:
-                    own[j] = without_recent(own[j], prefilter.transient())
+                    votes[j] = without_recent(votes[j], prefilter.transient())
 
-    def _fit(
-        self,
-        k: int,
-        theta: np.ndarray,
-        motions: Sequence[SimulatedMotion],
-        votes: Sequence[np.ndarray],
-    ) -> None:
+    def _fit(self, k: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
         """Noise models, filters, and the joints whose standstill is noisier than their motion."""
         residuals = [
             kin.tau - torque_of(self.problem.regressor, kin, theta) for kin in self.kinematics
@@ -101,7 +92,7 @@ class Whitening:
 
         def fit(j: int) -> None:
             order = self.models[j].order if k > ORDER_FROZEN_AFTER else None
-            models[j] = self._fit_joint(j, residuals, votes, order)
+            models[j] = self._fit_joint(j, residuals, records, order)
 
         run_in_threads(fit, range(n))
         self.models = [m for m in models if m is not None]
@@ -113,11 +104,11 @@ class Whitening:
         ]
         simulated = all(k.recording.simulated for k in self.kinematics)
         if simulated and self.problem.mask == "auto" and not self.method.as_printed:
-            self.drop_standstill = self._noisy_standstill(residuals, motions)
-            self._discard_standstill(motions, votes)
+            self.drop_standstill = self._noisy_standstill(residuals, records)
+            self._discard_standstill(records)
 
     def _noisy_standstill(
-        self, residuals: Sequence[np.ndarray], motions: Sequence[SimulatedMotion]
+        self, residuals: Sequence[np.ndarray], records: Sequence[FullRateRecord]
     ) -> np.ndarray:
         """Joints whose whitened residual is much larger at standstill than in motion.
 
@@ -127,7 +118,7 @@ class Whitening:
 
         Args:
             residuals: τ - Φθ of each recording, shape (joints, samples).
-            motions: instruments.
+            records: the recordings.
 
         Returns:
             True where the variances differ by more than ``NOISY_STANDSTILL``, shape (joints,).
@@ -135,10 +126,10 @@ class Whitening:
         from scipy.signal import butter, sosfiltfilt
 
         sums = np.zeros((2, 2, len(self.filters)))  # standstill or motion; rows, squares
-        for kin, residual, motion in zip(self.kinematics, residuals, motions, strict=True):
-            rate = kin.recording.rate
+        for record, residual in zip(records, residuals, strict=True):
+            kin, rate = record.kinematics, record.kinematics.recording.rate
             low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
-            slow = np.abs(motion.dq) < self.problem.low_speeds(kin.recording)[:, None]
+            slow = self._slow(record)
 
             def add(j: int, kin=kin, residual=residual, slow=slow, low_pass=low_pass) -> None:
                 usable = slice(kin.start, kin.stop)
@@ -156,19 +147,23 @@ class Whitening:
         still, moving = squares / np.maximum(rows, 1.0)
         return enough & (still > NOISY_STANDSTILL * moving)
 
-    def _discard_standstill(
-        self, motions: Sequence[SimulatedMotion], votes: Sequence[np.ndarray]
-    ) -> None:
+    def _slow(self, record: FullRateRecord) -> np.ndarray:
+        """Samples at which the instruments stand still, shape (joints, samples)."""
+        assert record.motion is not None
+        limits = self.problem.low_speeds(record.kinematics.recording)
+        return np.abs(record.motion.dq) < limits[:, None]
+
+    def _discard_standstill(self, records: Sequence[FullRateRecord]) -> None:
         """Take the vote from slow samples of joints whose standstill is noisy."""
-        for kin, motion, own in zip(self.kinematics, motions, votes, strict=True):
-            slow = np.abs(motion.dq) < self.problem.low_speeds(kin.recording)[:, None]
-            own &= ~(slow & self.drop_standstill[:, None])
+        if self.drop_standstill.any():
+            for record in records:
+                record.votes[self._slow(record) & self.drop_standstill[:, None]] = False
 
     def _fit_joint(
         self,
         j: int,
         residuals: Sequence[np.ndarray],
-        votes: Sequence[np.ndarray],
+        records: Sequence[FullRateRecord],
         order: int | None,
     ) -> ArModel:
         """AR model of one joint's residual behind the inverse controller, all recordings."""
@@ -176,14 +171,11 @@ class Whitening:
 
         pieces, left_out = [], []
         skip = Prefilter(self.numerator[j], self.denominator[j]).transient()
-        for kin, residual, own in zip(self.kinematics, residuals, votes, strict=True):
-            usable = slice(kin.start, kin.stop)
+        for record, residual in zip(records, residuals, strict=True):
+            usable = slice(record.kinematics.start, record.kinematics.stop)
             pieces.append(lfilter(self.numerator[j], self.denominator[j], residual[j, usable]))
-            out = (
-                ~own[j, usable]
-                if self.method.noise.on_unmasked
-                else np.zeros(pieces[-1].size, bool)
-            )
+            voters_only = self.method.noise.on_unmasked
+            out = ~record.votes[j, usable] & voters_only
             out[:skip] = True
             left_out.append(out)
             pieces.append(np.zeros(1))  # recordings do not continue each other
