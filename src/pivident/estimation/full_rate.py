@@ -6,6 +6,7 @@ and added to the normal equations; nothing of the size of the observation matrix
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -20,7 +21,7 @@ from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
 #: Samples per block: the columns of a joint, before and after its filter, stay in the cache.
-BLOCK = 2048
+BLOCK = 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,27 +102,15 @@ def accumulate(
     return sums
 
 
-def filtered_residual(
-    regressor: Regressor,
-    record: FullRateRecord,
-    filters: Sequence[Prefilter],
-    theta: np.ndarray,
-) -> np.ndarray:
-    """L(τ - Φθ), shape (joints, samples).
-
-    Args:
-        regressor: the observation matrix.
-        record: one recording.
-        filters: one prefilter per joint.
-        theta: parameters, shape (parameters,).
-    """
-    residual = record.kinematics.tau - torque_of(regressor, record.kinematics, theta)
+def filtered(signal: np.ndarray, filters: Sequence[Prefilter]) -> np.ndarray:
+    """One signal per joint through the joints' prefilters, shape (joints, samples)."""
+    out = np.empty_like(signal)
 
     def work(j: int) -> None:
-        residual[j : j + 1] = filters[j].stream(1).process(residual[j : j + 1])
+        filters[j].stream(1).process(signal[j : j + 1], out[j : j + 1])
 
-    run_in_threads(work, range(regressor.robot.size))
-    return residual
+    run_in_threads(work, range(len(filters)))
+    return out
 
 
 def _blocks(samples: int) -> list[slice]:
@@ -130,34 +119,42 @@ def _blocks(samples: int) -> list[slice]:
 
 
 def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
-    """Hand the filtered columns of each block and joint to ``add(joint, span, Φ, Z, τ)``."""
+    """Hand the filtered columns of each block and joint to ``add(joint, span, Φ, Z, τ)``.
+
+    Threads take blocks in turn. A joint's filters go on from where the block before left them,
+    so each block follows the one before joint by joint, and sums do not depend on the threads.
+    """
     k, motion = record.kinematics, record.motion
-    samples = k.q.shape[1]
+    sources: list[Kinematics | SimulatedMotion] = [k] if motion is None else [k, motion]
     joints = range(regressor.robot.size)
-    copies = 1 if motion is None else 2
-    rows = [copies * regressor.columns_of(j).size + 1 for j in joints]
+    rows = [len(sources) * regressor.columns_of(j).size + 1 for j in joints]
     streams = [f.stream(r, threads=1) for f, r in zip(filters, rows, strict=True)]
     plain = all(len(f.fir) == 1 and len(f.denominator) == 1 for f in filters)
-    for span in _blocks(samples):
-        sources = [k] if motion is None else [k, motion]
-        packed: list[np.ndarray] = [np.empty(0)] * copies
+    spans = _blocks(k.q.shape[1])
+    done = [[threading.Event() for _ in joints] for _ in spans]
 
-        def make(i: int, span=span, sources=sources, packed=packed) -> None:
-            s = sources[i]
-            packed[i] = regressor.packed(s.q[:, span], s.dq[:, span], s.ddq[:, span])
+    def work(block: int) -> None:
+        span = spans[block]
+        try:
+            packed = [
+                regressor.packed(s.q[:, span], s.dq[:, span], s.ddq[:, span]) for s in sources
+            ]
+            for j in joints:
+                own = slice(regressor.offsets[j], regressor.offsets[j + 1])
+                parts = [p[own] for p in packed] + [k.tau[j : j + 1, span]]
+                if block > 0:
+                    done[block - 1][j].wait()
+                if not plain:
+                    parts = _split(streams[j].process(np.vstack(parts)), own.stop - own.start)
+                add(j, span, parts[0], parts[1] if len(sources) == 2 else None, parts[-1][0])
+                done[block][j].set()
+        finally:  # an error must not leave the next block waiting
+            for event in done[block]:
+                event.set()
 
-        run_in_threads(make, range(copies))
+    run_in_threads(work, range(len(spans)))
 
-        def work(j: int, span=span, packed=packed) -> None:
-            own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-            width = own.stop - own.start
-            if plain:
-                z = packed[1][own] if copies == 2 else None
-                add(j, span, packed[0][own], z, k.tau[j, span])
-                return
-            stack = np.vstack([p[own] for p in packed] + [k.tau[j : j + 1, span]])
-            stack = streams[j].process(stack)
-            z = stack[width : 2 * width] if copies == 2 else None
-            add(j, span, stack[:width], z, stack[-1])
 
-        run_in_threads(work, joints)
+def _split(stack: np.ndarray, width: int) -> list[np.ndarray]:
+    """Φ, Z (if there is one) and τ, stacked on each other, apart again."""
+    return np.split(stack, range(width, stack.shape[0], width))

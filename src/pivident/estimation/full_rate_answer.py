@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.full_rate import FullRateRecord, filtered_residual, torque_of
+from pivident.estimation.full_rate import FullRateRecord, filtered, torque_of
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
 from pivident.estimation.iteration import joint_fits, make_identification
 from pivident.estimation.methods import (
@@ -59,13 +59,13 @@ def full_rate_answer(
         reported: which covariance is the estimate's.
     """
     regressor, theta = problem.regressor, solution.theta
-    scale = np.sqrt(variance)[:, None]
-    whitened = [filtered_residual(regressor, r, filters, theta) / scale for r in records]
     torques = [torque_of(regressor, r.kinematics, theta) for r in records]
     errors = [
         (r.kinematics.tau - m, r.kinematics.tau, r.votes)
         for r, m in zip(records, torques, strict=True)
     ]
+    scale = np.sqrt(variance)[:, None]
+    whitened = [filtered(error, filters) / scale for error, _, _ in errors]
     fits = joint_fits(
         problem,
         errors,

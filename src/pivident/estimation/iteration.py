@@ -18,6 +18,10 @@ from pivident.estimation.identification import (
 from pivident.estimation.methods import CovarianceKind
 from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Problem
+from pivident.estimation.sandwich import sandwich
+
+#: A parameter smaller than so many deviations is near zero: its change is compared with them.
+NEAR_ZERO = 5.0
 
 Stage = Callable[[int, np.ndarray, list[SimulatedMotion]], list[JointSums]]
 
@@ -64,12 +68,14 @@ def iterate(
     weight_power: float = 1.0,
     orders: Callable[[], tuple[int, ...]] = tuple,
     earliest: int = 2,
+    covariance: CovarianceKind = "formula",
 ) -> tuple[list[JointSums], Solution, np.ndarray, list[Iteration], bool]:
     """Simulate, build the equations, solve; until parameters and residual stand still.
 
     Both must change by less than ``tolerance``: the parameters relative to the larger of their
-    size and two standard deviations, and at the same time by less than a fifth of a standard
-    deviation; the residual relative to itself.
+    size and five standard deviations (with a tolerance of 1 %, a twentieth of a deviation for a
+    parameter near zero), and at the same time by less than a fifth of a standard deviation; the
+    residual relative to itself.
 
     Args:
         problem: what is given.
@@ -81,6 +87,7 @@ def iterate(
         weight_power: see ``solve``.
         orders: orders of the noise models after a stage.
         earliest: first iteration that may be the last.
+        covariance: which deviations the change is compared with.
 
     Returns:
         Last normal equations, their solution and variances, the history, whether it converged.
@@ -94,8 +101,11 @@ def iterate(
         sums = stage(k, theta, motions)
         solution, variance = weighted_solution(sums, problem.names, theta, weight_power)
         std = np.sqrt(np.diag(solution.covariance))
+        if covariance == "sandwich":
+            robust = sandwich(sums, solution.theta, variance, weight_power)
+            std = np.sqrt(np.diag(robust))
         step = np.abs(solution.theta - theta)
-        change = float((step / np.maximum(np.abs(solution.theta), 2.0 * std)).max())
+        change = float((step / np.maximum(np.abs(solution.theta), NEAR_ZERO * std)).max())
         settled = float((step / std).max())
         last, residual = residual, relative_residual(sums, solution.theta, variance)
         history.append(Iteration(solution.theta, change, residual, halvings, orders()))

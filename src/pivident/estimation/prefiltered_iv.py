@@ -66,6 +66,7 @@ def identify_piv(
         power,
         lambda: tuple(m.order for m in whitening.models),
         earliest=3,
+        covariance=method.covariance,
     )
     direct = method.prefilter == "direct"
     return full_rate_answer(

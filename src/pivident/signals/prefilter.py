@@ -29,6 +29,9 @@ _TAPS = 8
 #: Samples of a tile: input and output together stay in the first-level cache.
 _TILE = 1024
 
+#: Rows that the recursive part advances in step.
+_ROWS = 4
+
 #: Below this many multiplications a pool of threads costs more than it saves.
 _WORTH_A_THREAD = 2_000_000
 
@@ -168,33 +171,42 @@ def transient_length(
 def _filter_rows(x, numerator, denominator, taps, state, history, out):
     """Recursive part, then taps, on every row, tile by tile; state and history move along."""
     past = taps.size - 1
-    tile = np.empty(past + _TILE)
-    for row in range(x.shape[0]):
-        tile[:past] = history[row]
+    tile = np.empty((_ROWS, past + _TILE))
+    for first in range(0, x.shape[0], _ROWS):
+        rows = min(_ROWS, x.shape[0] - first)
+        group = slice(first, first + rows)
+        tile[:rows, :past] = history[group]
         for start in range(0, x.shape[1], _TILE):
             stop = min(start + _TILE, x.shape[1])
             length = stop - start
-            fresh = tile[past : past + length]
-            _recursive(x[row, start:stop], numerator, denominator, state[row], fresh)
-            _convolve(tile[: past + length], taps, out[row, start:stop])
-            for t in range(past):
-                tile[t] = tile[length + t]
-        history[row] = tile[:past]
+            fresh = tile[:rows, past : past + length]
+            _recursive(x[group, start:stop], numerator, denominator, state[group], fresh)
+            for r in range(rows):
+                _convolve(tile[r, : past + length], taps, out[first + r, start:stop])
+                for t in range(past):
+                    tile[r, t] = tile[r, length + t]
+        history[group] = tile[:rows, :past]
 
 
 @njit(cache=True, nogil=True)
 def _recursive(x, numerator, denominator, state, y):
-    """Direct form II transposed of N/D, D monic."""
-    order = state.size
+    """Direct form II transposed of N/D, D monic, on several rows in step.
+
+    Within a row each sample waits for the one before; rows side by side fill the wait.
+    """
+    order = state.shape[1]
     if order == 0:
         y[:] = numerator[0] * x
         return
-    for t in range(x.size):
-        now = numerator[0] * x[t] + state[0]
-        for i in range(order - 1):
-            state[i] = state[i + 1] + numerator[i + 1] * x[t] - denominator[i + 1] * now
-        state[order - 1] = numerator[order] * x[t] - denominator[order] * now
-        y[t] = now
+    for t in range(x.shape[1]):
+        for r in range(x.shape[0]):
+            now = numerator[0] * x[r, t] + state[r, 0]
+            for i in range(order - 1):
+                state[r, i] = (
+                    state[r, i + 1] + numerator[i + 1] * x[r, t] - denominator[i + 1] * now
+                )
+            state[r, order - 1] = numerator[order] * x[r, t] - denominator[order] * now
+            y[r, t] = now
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
