@@ -151,7 +151,30 @@ class IrregularSampling(RecordingError):
         self.interval, self.expected = interval, expected
         super().__init__(
             f"time stamp {time:.6f} s of sample {sample} follows its predecessor by "
-            f"{interval:.3g} s instead of {expected:.3g} s ({kind}); {self.ADVICE[kind]}"
+            f"{_duration(interval)} instead of {_duration(expected)} ({kind}); {self.ADVICE[kind]}"
+        )
+
+
+class MissingSamples(IrregularSampling):
+    """Time stamps of one regular clock from which samples are missing.
+
+    Attributes:
+        missing: how many samples.
+        gaps: in how many places.
+        sample: index of the last sample before the largest gap.
+        time: its stamp [s].
+        interval: length of the largest gap, from stamp to stamp [s].
+    """
+
+    def __init__(self, missing: int, gaps: int, sample: int, time: float, interval: float) -> None:
+        self.missing, self.gaps, self.kind = missing, gaps, "gap"
+        self.sample, self.time, self.interval = sample, time, interval
+        where = "in one gap" if gaps == 1 else f"in {gaps} gaps, the largest"
+        RecordingError.__init__(
+            self,
+            f"{missing} sample(s) are missing {where} of {_duration(interval)} after sample "
+            f"{sample} (t = {time:.6f} s); cut the recording there (part), or fill short gaps "
+            "with resample = true",
         )
 
 
@@ -281,6 +304,72 @@ class SimulationDiverged(IdentificationError):
             f"(bound {bound:.3g}); check the controller's gains, units and sign, "
             "the drive gain and the initial parameters"
         )
+
+
+class UnusableSignal(IdentificationError, ValueError):
+    """An input or output from which no linear model can be estimated.
+
+    Attributes:
+        signal: name of the signal, such as ``u2``.
+        found: what it is like.
+    """
+
+    def __init__(self, signal: str, found: str, advice: str) -> None:
+        self.signal, self.found = signal, found
+        super().__init__(f"{signal} {found}; {advice}")
+
+
+class DelayTooLong(IdentificationError, ValueError):
+    """A delay that leaves too little of the record.
+
+    Attributes:
+        delay: the delay [samples].
+        samples: samples of the record.
+    """
+
+    def __init__(self, delay: int, samples: int) -> None:
+        self.delay, self.samples = delay, samples
+        super().__init__(
+            f"a delay of {delay} samples leaves nothing to fit in a record of {samples}; "
+            "give delays in samples (not seconds), or take a longer record"
+        )
+
+
+class OrdersNotSupported(IdentificationError):
+    """Orders of a linear model that the record cannot support.
+
+    Attributes:
+        parameters: number of parameters asked for.
+        reason: what is missing.
+    """
+
+    def __init__(self, parameters: int, reason: str) -> None:
+        self.parameters, self.reason = parameters, reason
+        super().__init__(
+            f"the record does not support a model of {parameters} parameters: {reason}; "
+            "lower the orders (select_orders compares several), or excite more frequencies"
+        )
+
+
+class UnstableFit(IdentificationError):
+    """A linear model that fits only with unstable poles.
+
+    Attributes:
+        poles: the unstable ones [rad/s].
+    """
+
+    def __init__(self, poles: Sequence[complex]) -> None:
+        self.poles = tuple(poles)
+        listed = ", ".join(f"{pole:.4g}" for pole in self.poles)
+        super().__init__(
+            f"the estimate has unstable poles at {listed} rad/s; check the sign of u, the orders "
+            "and the delay. Of an unstable plant in a loop, identify the closed loop"
+        )
+
+
+def _duration(seconds: float) -> str:
+    """A time with six digits, in microseconds where it is short."""
+    return f"{seconds:.6g} s" if abs(seconds) >= 0.01 else f"{1e6 * seconds:.6g} µs"
 
 
 def _shortened(names: Sequence[str], most: int = 12) -> str:

@@ -44,12 +44,14 @@ class Noise:
         ma: C, monic, likewise.
         variance: λ [squared units of ξ].
         covariance: of (D without its one, C without its one); empty where not estimated.
+        warnings: whole sentences.
     """
 
     ar: np.ndarray
     ma: np.ndarray
     variance: float
     covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,232 @@
+"""Orders and delay of a linear model: all candidates estimated and ranked.
+
+Young's criterion (C5) adds the relative variance of the parameters to the fit. It is very
+negative for a model that explains the output with parameters that are well determined, and jumps
+up as soon as a pole and a zero cancel. It is blind, though, to a model that is too small, whose
+few parameters are excellently determined; so it only chooses among the models whose R_T² is
+within half a percent of the best one.
+
+A candidate is rejected where it could not be estimated, did not converge, or has poles outside
+the sampled band; the reason stays in its row.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+
+from pivident.errors import DelayTooLong, IdentificationError, UnusableSignal
+from pivident.linear.estimate import LinearEstimate
+
+OrderCriterion = Literal["yic", "aic", "bic", "r2"]
+Method = Literal["srivc", "rivc", "sriv", "riv"]
+Orders = int | tuple[int, ...]
+
+#: Models within this distance of the best R_T² explain the output equally well.
+R2_BAND = 0.005
+
+
+@dataclass(frozen=True, eq=False)
+class OrderCandidate:
+    """One row of the table.
+
+    Attributes:
+        numerator_order: degree of the numerators.
+        denominator_order: degree of the denominators.
+        delay: delay of the inputs [samples].
+        estimate: the model; None: it could not be estimated.
+        rejected: why it cannot be chosen; empty: it can.
+    """
+
+    numerator_order: Orders
+    denominator_order: Orders
+    delay: Orders
+    estimate: LinearEstimate | None
+    rejected: str
+
+    @property
+    def converged(self) -> bool:
+        """Whether the estimation converged."""
+        return self.estimate is not None and self.estimate.converged
+
+    def score(self, criterion: OrderCriterion) -> float:
+        """Value of a criterion, infinite without a model; small is good, but for R_T²."""
+        if self.estimate is None:
+            return -np.inf if criterion == "r2" else np.inf
+        return float(getattr(self.estimate.fit, criterion))
+
+
+@dataclass(frozen=True, eq=False)
+class OrderTable:
+    """All candidates, best first; prints as a table.
+
+    Attributes:
+        rows: the candidates.
+        criterion: what ranked them.
+    """
+
+    rows: tuple[OrderCandidate, ...]
+    criterion: OrderCriterion
+
+    @property
+    def best(self) -> LinearEstimate:
+        """The chosen model.
+
+        Raises:
+            IdentificationError: every candidate was rejected.
+        """
+        first = self.rows[0]
+        if first.rejected or first.estimate is None:
+            raise IdentificationError(
+                f"all {len(self.rows)} candidates were rejected, the first because "
+                f"{first.rejected}; offer lower orders or other delays"
+            )
+        return first.estimate
+
+    def __str__(self) -> str:
+        head = f"{'num':>6s} {'den':>6s} {'delay':>6s} {'R_T²':>9s} {'YIC':>8s} "
+        lines = [head + f"{'AIC':>11s} {'BIC':>11s}  remarks (ranked by {self.criterion.upper()})"]
+        for row in self.rows:
+            scores = (
+                f"{row.score('r2'):9.5f} {row.score('yic'):8.2f} "
+                f"{row.score('aic'):11.1f} {row.score('bic'):11.1f}"
+                if row.estimate is not None
+                else f"{'–':>9s} {'–':>8s} {'–':>11s} {'–':>11s}"
+            )
+            orders = (row.numerator_order, row.denominator_order, row.delay)
+            named = " ".join(f"{_short(order):>6s}" for order in orders)
+            lines.append(f"{named} {scores}  {row.rejected}".rstrip())
+        return "\n".join(lines)
+
+
+def select_orders(
+    u: np.ndarray,
+    y: np.ndarray,
+    dt: float,
+    numerator_orders: Iterable[Orders],
+    denominator_orders: Iterable[Orders],
+    delays: Iterable[Orders] = (0,),
+    *,
+    method: Method = "srivc",
+    criterion: OrderCriterion = "yic",
+    **options: Any,
+) -> OrderTable:
+    """Estimate every combination of orders and delay, and rank them.
+
+    Combinations whose numerator is of higher degree than the denominator are left out.
+
+    Args:
+        u: inputs, shape (samples,) or (samples, inputs).
+        y: output, shape (samples,).
+        dt: sampling period [s].
+        numerator_orders: degrees of the numerator; a tuple gives one degree for each input.
+        denominator_orders: degrees of the denominator, likewise.
+        delays: delays in samples, likewise.
+        method: ``srivc`` or ``rivc`` in continuous time, ``sriv`` or ``riv`` in discrete time.
+        criterion: ``yic`` (among the models within half a percent of the best R_T²), ``aic``,
+            ``bic`` or ``r2``.
+        options: handed to the estimator, such as ``external`` or ``hold``.
+
+    Raises:
+        UnusableSignal: signals from which nothing can be estimated.
+        IdentificationError: no combination, an unknown method or an unknown criterion.
+    """
+    if criterion not in ("yic", "aic", "bic", "r2"):
+        raise IdentificationError(
+            f"criterion {criterion!r} for orders; expected yic, aic, bic or r2"
+        )
+    estimator = _estimator(method)
+    combinations = [
+        (m, n, delay)
+        for m, n, delay in itertools.product(numerator_orders, denominator_orders, delays)
+        if _proper(m, n)
+    ]
+    if not combinations:
+        raise IdentificationError(
+            "no combination of orders is left: every numerator has a higher degree than every "
+            "denominator; raise denominator_orders"
+        )
+    rows = [_candidate(estimator, u, y, dt, m, n, delay, options) for m, n, delay in combinations]
+    return OrderTable(tuple(_ranked(rows, criterion)), criterion)
+
+
+def _estimator(method: str) -> Callable[..., LinearEstimate]:
+    """The function of a method."""
+    if method == "srivc":
+        from pivident.linear.srivc import srivc
+
+        return srivc
+    if method == "rivc":
+        from pivident.linear.rivc import rivc
+
+        return rivc
+    if method == "sriv":
+        from pivident.linear.sriv import sriv
+
+        return sriv
+    if method == "riv":
+        from pivident.linear.riv import riv
+
+        return riv
+    raise IdentificationError(f"method {method!r}; expected srivc, rivc, sriv or riv")
+
+
+def _candidate(
+    estimator: Callable[..., LinearEstimate],
+    u: np.ndarray,
+    y: np.ndarray,
+    dt: float,
+    m: Orders,
+    n: Orders,
+    delay: Orders,
+    options: dict[str, Any],
+) -> OrderCandidate:
+    """One row; what is wrong with the signals themselves is raised, not tabled."""
+    try:
+        estimate = estimator(u, y, dt, m, n, delay=delay, **options)
+    except (UnusableSignal, DelayTooLong):
+        raise
+    except IdentificationError as error:
+        return OrderCandidate(m, n, delay, None, str(error).partition(";")[0])
+    return OrderCandidate(m, n, delay, estimate, _objection(estimate))
+
+
+def _objection(estimate: LinearEstimate) -> str:
+    """Why an estimate cannot be chosen."""
+    if not estimate.converged:
+        return "did not converge"
+    if not np.isfinite(estimate.fit.yic):
+        return "covariance without full rank"
+    fastest = max(float(np.abs(poles).max(initial=0.0)) for poles in estimate.poles)
+    nyquist = np.pi / estimate.dt
+    if estimate.continuous and fastest > nyquist:
+        return f"pole at {fastest:.4g} rad/s, beyond the Nyquist frequency of {nyquist:.4g}"
+    return ""
+
+
+def _ranked(rows: Sequence[OrderCandidate], criterion: OrderCriterion) -> list[OrderCandidate]:
+    """Best first: eligible models, then those that explain less, then the rejected."""
+    best = max((row.score("r2") for row in rows if not row.rejected), default=-np.inf)
+
+    def key(row: OrderCandidate) -> tuple[int, float]:
+        score = row.score(criterion)
+        explains_less = criterion == "yic" and row.score("r2") < best - R2_BAND
+        return (2 if row.rejected else int(explains_less), -score if criterion == "r2" else score)
+
+    return sorted(rows, key=key)
+
+
+def _proper(m: Orders, n: Orders) -> bool:
+    """Whether no numerator has a higher degree than its denominator."""
+    numerators, denominators = np.atleast_1d(m), np.atleast_1d(n)
+    if denominators.size not in (1, numerators.size) and numerators.size != 1:
+        return True  # refused by the estimator, with its own message
+    return bool(np.all(numerators <= denominators))
+
+
+def _short(order: Orders) -> str:
+    return ",".join(str(value) for value in np.atleast_1d(order))

@@ -1,0 +1,252 @@
+"""The refined instrumental variable iteration in continuous time.
+
+With x_i = B_i/A_i u_i at the current θ, the residual ε = y - Σ x_i is, exactly at the samples,
+
+    ε - φᵀ(θ̂ - θ) = 0,   φ = (-p^k/A_i (y - Σ_{j≠i} x_j) …, p^k/A_i u_i …)      (C3)
+
+a linear regression in the change of θ whose noise enters through y. The instruments ζ are φ
+without noise: x_i in the place of the outputs, û_i in that of the inputs. Filtered by the
+inverse noise model D/C, they solve
+
+    θ̂ = θ + (Σ ζ φᵀ)⁻¹ Σ ζ ε
+
+until θ stands still. There Σ ζ ε = 0: the estimate makes the *simulation* error orthogonal to
+its own gradient, whatever was interpolated on the way. With one denominator for all inputs this
+is the algorithm of Young and Jakeman (1980); with separate ones it has the fixed point of the
+back-fitting of Garnier, Gilson, Young and Huselstein (2007), all inputs in one solve.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from scipy.signal import lfilter
+
+from pivident.errors import OrdersNotSupported
+from pivident.linear.estimate import Noise
+from pivident.linear.sampled_data import SampledData
+from pivident.linear.simulation import continuous_response
+from pivident.linear.state_variable_filter import combined, filtered_derivatives
+from pivident.linear.structure import Structure
+
+NoiseFit = Callable[[np.ndarray], Noise]
+
+#: Reciprocal condition number of the normalised sums below which columns count as dependent.
+_RANK_TOLERANCE = 1e-13
+
+#: Variance of the residual, relative to the output's, that is rounding.
+EXACT = 1e-18
+
+#: Samples summed at a time.
+_STRETCH = 512
+
+
+@dataclass(frozen=True, eq=False)
+class Linearised:
+    """The regression in the change of θ.
+
+    Attributes:
+        residual: ε = y - x, shape (samples,).
+        regressors: φ, shape (parameters, samples).
+        instruments: ζ, likewise.
+    """
+
+    residual: np.ndarray
+    regressors: np.ndarray
+    instruments: np.ndarray
+
+    def whitened(self, noise: Noise | None) -> Linearised:
+        """All of it filtered by D/C.
+
+        Samples for which D reaches before the record are left out: the noise was not zero
+        there, and with a nearly integrating noise one of them outweighs the whole record.
+        """
+        if noise is None or max(noise.ar.size, noise.ma.size) == 1:
+            return self
+        start = noise.ar.size - 1
+
+        def filtered(rows: np.ndarray) -> np.ndarray:
+            return lfilter([1.0], noise.ma, lfilter(noise.ar, [1.0], rows)[..., start:])
+
+        return Linearised(
+            filtered(self.residual), filtered(self.regressors), filtered(self.instruments)
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Refined:
+    """Where the iteration ended.
+
+    Attributes:
+        theta: the parameters.
+        covariance: P = s² (Σ ζ ζᵀ)⁻¹, (C4).
+        residual: y - x, not whitened.
+        variance: s², of the whitened residual.
+        noise: noise model.
+        iterations: iterations made.
+        converged: whether θ stood still.
+        reflected: unstable poles of the last solution before their reflection [rad/s].
+    """
+
+    theta: np.ndarray
+    covariance: np.ndarray
+    residual: np.ndarray
+    variance: float
+    noise: Noise | None
+    iterations: int
+    converged: bool
+    reflected: np.ndarray
+
+
+def linearised(
+    data: SampledData,
+    structure: Structure,
+    theta: np.ndarray,
+    auxiliary: np.ndarray | None = None,
+) -> Linearised:
+    """Residual, regressors and instruments at θ.
+
+    Args:
+        data: signals.
+        structure: orders.
+        theta: parameters, whose denominators are the filters.
+        auxiliary: parameters of the model that makes the instruments; None: θ itself.
+    """
+    groups, numerators = structure.split(theta)
+    denominators = structure.per_input(groups)
+
+    def chains(inputs: np.ndarray) -> list[np.ndarray]:
+        return [
+            filtered_derivatives(u, a, data.dt, structure.hold)[-b.size :]
+            for u, a, b in zip(inputs, denominators, numerators, strict=True)
+        ]
+
+    of_u = chains(data.u)
+    of_clean = of_u if data.clean is data.u else chains(data.clean)
+    parts = [combined(b, rows) for b, rows in zip(numerators, of_u, strict=True)]
+    x = np.sum(parts, axis=0)
+    if auxiliary is None:
+        clean = [combined(b, rows) for b, rows in zip(numerators, of_clean, strict=True)]
+    else:
+        clean = simulated_parts(data, structure, auxiliary)
+    if structure.common:
+        outputs, clean = [data.y], [np.sum(clean, axis=0)]
+    else:
+        outputs = [data.y - x + part for part in parts]
+
+    def rows_of(signals: list[np.ndarray], inputs: list[np.ndarray]) -> np.ndarray:
+        derivatives = (
+            -filtered_derivatives(v, a, data.dt, "foh")[1:]
+            for v, a in zip(signals, groups, strict=True)
+        )
+        return np.concatenate([*derivatives, *inputs])
+
+    return Linearised(data.y - x, rows_of(outputs, of_u), rows_of(clean, of_clean))
+
+
+def simulated_parts(data: SampledData, structure: Structure, theta: np.ndarray) -> list[np.ndarray]:
+    """x_i of every input, from the noise-free inputs."""
+    groups, numerators = structure.split(theta)
+    terms = zip(numerators, structure.per_input(groups), data.clean, strict=True)
+    return [continuous_response(b, a, u, data.dt, structure.hold) for b, a, u in terms]
+
+
+def iv_step(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
+    """(Σ ζ φᵀ)⁻¹ Σ ζ ε and (Σ ζ ζᵀ)⁻¹.
+
+    The sums are formed, which squares the condition number. That is harmless here: it is the
+    change of θ that they give, and where the iteration ends is decided by Σ ζ ε alone.
+
+    Raises:
+        OrdersNotSupported: dependent instruments or regressors.
+    """
+    size = len(at.regressors)
+    of_zeta, cross, right, of_phi = _sums(at.instruments, at.regressors, at.residual)
+    if not (np.isfinite(of_zeta).all() and np.isfinite(of_phi).all()):
+        raise OrdersNotSupported(size, "the auxiliary model diverges over the record")
+    if of_phi.min() <= 0 or np.diag(of_zeta).min() <= 0:
+        raise OrdersNotSupported(size, "a filtered derivative is zero over the whole record")
+    scale, scale_phi = np.sqrt(np.diag(of_zeta)), np.sqrt(of_phi)
+    of_zeta = of_zeta / np.outer(scale, scale)
+    cross = cross / np.outer(scale, scale_phi)
+    for name, matrix in (("instruments", of_zeta), ("regressors", cross)):
+        singular = np.linalg.svd(matrix, compute_uv=False)
+        rank = int(np.sum(singular > _RANK_TOLERANCE * singular[0]))
+        if rank < size:
+            raise OrdersNotSupported(size, f"its {name} have numerical rank {rank}")
+    step = np.linalg.solve(cross, right / scale) / scale_phi
+    return step, np.linalg.inv(of_zeta) / np.outer(scale, scale)
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _sums(zeta, phi, residual):
+    """Σ ζ ζᵀ, Σ ζ φᵀ, Σ ζ ε and the diagonal of Σ φ φᵀ, in stretches that stay in the cache."""
+    size, samples = zeta.shape
+    of_zeta, cross = np.zeros((size, size)), np.zeros((size, size))
+    right, of_phi = np.zeros(size), np.zeros(size)
+    for start in range(0, samples, _STRETCH):
+        stop = min(start + _STRETCH, samples)
+        for i in range(size):
+            for k in range(start, stop):
+                right[i] += zeta[i, k] * residual[k]
+                of_phi[i] += phi[i, k] * phi[i, k]
+            for j in range(size):
+                with_zeta, with_phi = 0.0, 0.0
+                for k in range(start, stop):
+                    with_zeta += zeta[i, k] * zeta[j, k]
+                    with_phi += zeta[i, k] * phi[j, k]
+                of_zeta[i, j] += with_zeta
+                cross[i, j] += with_phi
+    return of_zeta, cross, right, of_phi
+
+
+def refine(
+    data: SampledData,
+    structure: Structure,
+    theta: np.ndarray,
+    *,
+    tolerance: float,
+    max_iterations: int,
+    fit_noise: NoiseFit | None = None,
+) -> Refined:
+    """Iterate until no parameter changes by more than ``tolerance``.
+
+    A change counts relative to the parameter or to its deviation, whichever is larger: a
+    parameter whose true value is zero would never stand still otherwise. Without convergence
+    the iterate of smallest whitened residual is returned.
+
+    Args:
+        data: signals.
+        structure: orders.
+        theta: initial parameters, stable.
+        tolerance: largest relative change.
+        max_iterations: most iterations.
+        fit_noise: noise model of a residual; None: white.
+    """
+    best: Refined | None = None
+    reflected = np.zeros(0, dtype=complex)
+    converged = False
+    for iteration in range(max_iterations + 1):
+        at = linearised(data, structure, theta)
+        noise = fit_noise(at.residual) if fit_noise is not None else None
+        white = at.whitened(noise)
+        change, inverse = iv_step(white)
+        variance = float(np.sum(white.residual**2)) / (white.residual.size - theta.size)
+        now = Refined(
+            theta, variance * inverse, at.residual, variance, noise, iteration, converged, reflected
+        )
+        if best is None or converged or variance < best.variance:
+            best = now
+        if converged:
+            break
+        following, reflected = structure.stabilised(theta + change)
+        scale = np.maximum(np.abs(theta), np.sqrt(np.diag(now.covariance)))
+        still = bool(np.all(np.abs(following - theta) <= tolerance * scale))
+        # without noise the deviations are rounding, and so is what a zero still changes by
+        converged = still or variance < EXACT * float(np.var(data.y))
+        theta = following
+    assert best is not None
+    return best

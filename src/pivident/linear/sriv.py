@@ -1,0 +1,251 @@
+"""SRIV and the iteration it shares with RIV: refined instrumental variables in discrete time.
+
+With x = Σ_i B_i/A u_i at the current θ, the residual ε = y - x is linear in the change of θ,
+
+    ε - φᵀ(θ̂ - θ) = 0,    φ = (-y_{k-1}/A …, u_{k}/A …)
+
+whose noise enters through y. The instruments ζ are φ with x in the place of y, and in a closed
+loop û in that of u. Both are filtered by the inverse noise model D/C (Young and Jakeman, 1980):
+
+    θ̂ = θ + (Σ ζ φᵀ)⁻¹ Σ ζ ε
+
+until θ stands still. SRIV takes D/C = 1, which is efficient for white ξ and consistent for any;
+the prefilter 1/A is part of φ. Poles that leave the unit circle are reflected into it.
+
+Left-out samples of y give no equation; where 1/A needs them, x stands in for them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.signal import lfilter
+
+from pivident.errors import OrdersNotSupported
+from pivident.linear.arma import inside
+from pivident.linear.arx import least_squares
+from pivident.linear.discrete import DiscreteRecord, discrete_estimate, discrete_record, lagged
+from pivident.linear.estimate import LinearEstimate, Noise
+from pivident.linear.refined_iv import Linearised, iv_step
+
+#: Fits a noise model to ε over stretches, rows of (start, stop).
+DiscreteNoiseFit = Callable[[np.ndarray, np.ndarray], Noise]
+
+#: Poles are kept within this radius.
+_LARGEST_POLE = 1.0 - 1e-6
+
+#: Order of the ARX model whose simulation makes the second start.
+_HIGH_ORDER = 20
+
+
+def sriv(
+    u: np.ndarray,
+    y: np.ndarray,
+    dt: float,
+    numerator_order: int | Sequence[int],
+    denominator_order: int,
+    *,
+    delay: int | Sequence[int] = 0,
+    mask: np.ndarray | None = None,
+    fixed_poles: Sequence[complex] = (),
+    external: np.ndarray | None = None,
+    tolerance: float = 1e-4,
+    max_iterations: int = 50,
+) -> LinearEstimate:
+    """Discrete-time model of a record from rest, with white output noise assumed.
+
+    Args:
+        u: inputs, shape (samples,) or (samples, inputs).
+        y: output, shape (samples,).
+        dt: sampling period [s].
+        numerator_order: degree of B in z⁻¹, one for all inputs or one each.
+        denominator_order: degree of A, which all inputs share; fixed poles count.
+        delay: delay of the inputs in samples, one for all or one each.
+        mask: True where samples of y are left out, shape (samples,).
+        fixed_poles: poles known beforehand, such as (1.0,) for an integrator.
+        external: in closed loop, the signals that enter the loop from outside, shape (samples,)
+            or (samples, signals); None: open loop.
+        tolerance: largest change of a parameter at convergence, relative to it or to its
+            deviation.
+        max_iterations: most iterations.
+
+    Raises:
+        UnusableSignal: NaN outside the mask, constant signals, shapes that do not fit.
+        DelayTooLong: a delay beyond the record.
+        OrdersNotSupported: too few samples, or columns that depend on each other.
+    """
+    record = discrete_record(
+        u, y, dt, numerator_order, denominator_order, delay, mask, fixed_poles, external
+    )
+    return refined_estimate("SRIV", record, tolerance, max_iterations)
+
+
+def refined_estimate(
+    method: str,
+    record: DiscreteRecord,
+    tolerance: float,
+    max_iterations: int,
+    fit_noise: DiscreteNoiseFit | None = None,
+) -> LinearEstimate:
+    """The iteration from the first start from which it settles.
+
+    Args:
+        method: name of the estimator.
+        record: signals and orders.
+        tolerance: largest relative change at convergence.
+        max_iterations: most iterations.
+        fit_noise: noise model of ε; None: white.
+    """
+    best: _Iterate | None = None
+    failure: OrdersNotSupported | None = None
+    for start in (_by_least_squares, _by_high_order):
+        try:
+            found = _iterate(record, start(record), tolerance, max_iterations, fit_noise)
+        except OrdersNotSupported as error:
+            failure = failure or error
+            continue
+        if best is None or found.rank < best.rank:
+            best = found
+        if best.converged and not best.reflected:
+            break
+    if best is None:
+        assert failure is not None
+        raise failure
+    doubts = []
+    if not best.converged:
+        doubts.append("The iteration did not converge; lower the orders or check the delay.")
+    if best.reflected:
+        doubts.append(
+            "An unstable pole was reflected into the unit circle; lower denominator_order, or "
+            "give an integrator as fixed_poles=(1.0,)."
+        )
+    return discrete_estimate(
+        method,
+        record,
+        best.theta,
+        best.covariance,
+        best.variance,
+        noise=best.noise,
+        iterations=best.iterations,
+        converged=best.converged,
+        warnings=(*doubts, *(best.noise.warnings if best.noise else ())),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class _Iterate:
+    """θ with what was computed there."""
+
+    theta: np.ndarray
+    covariance: np.ndarray
+    variance: float
+    noise: Noise | None
+    iterations: int
+    converged: bool
+    reflected: bool
+
+    @property
+    def rank(self) -> tuple[bool, bool, float]:
+        """Smaller is better."""
+        return not self.converged, self.reflected, self.variance
+
+
+def _iterate(
+    record: DiscreteRecord,
+    theta: np.ndarray,
+    tolerance: float,
+    max_iterations: int,
+    fit_noise: DiscreteNoiseFit | None,
+) -> _Iterate:
+    """Iterate until θ stands still; without convergence, the iterate of smallest variance."""
+    theta, reflected = _stabilised(record, theta)
+    best: _Iterate | None = None
+    converged = False
+    for iteration in range(max_iterations + 1):
+        at = _linearised(record, theta)
+        noise = fit_noise(at.residual, record.stretches) if fit_noise else None
+        white = _whitened(at, record.stretches, noise)
+        change, inverse = iv_step(white)
+        freedom = white.residual.size - theta.size
+        variance = float(np.sum(white.residual**2)) / max(freedom, 1)
+        now = _Iterate(theta, variance * inverse, variance, noise, iteration, converged, reflected)
+        if best is None or converged or variance < best.variance:
+            best = now
+        if converged:
+            break
+        following, reflected = _stabilised(record, theta + change)
+        scale = np.maximum(np.abs(theta), np.sqrt(np.diag(now.covariance)))
+        converged = bool(np.all(np.abs(following - theta) <= tolerance * scale))
+        theta = following
+    assert best is not None
+    return best
+
+
+def _linearised(record: DiscreteRecord, theta: np.ndarray) -> Linearised:
+    """ε, φ and ζ at θ, over all samples."""
+    a, numerators = record.split(theta)
+    denominator = np.convolve(record.fixed, a)
+    data, orders = record.data, record.structure.numerator_orders
+
+    def of_inputs(inputs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        filtered = lfilter([1.0], denominator, inputs)
+        rows = [lagged(u, range(m + 1)) for u, m in zip(filtered, orders, strict=True)]
+        return np.concatenate(rows), np.concatenate(numerators) @ np.concatenate(rows)
+
+    rows, x = of_inputs(data.u)
+    clean_rows, clean_x = (rows, x) if data.clean is data.u else of_inputs(data.clean)
+    lags = range(1, record.free_order + 1)
+    y = np.where(record.mask, x, data.y)
+    phi = np.concatenate([-lagged(lfilter([1.0], a, y), lags), rows])
+    zeta = np.concatenate([-lagged(lfilter([1.0], a, clean_x), lags), clean_rows])
+    return Linearised(y - x, phi, zeta)
+
+
+def _whitened(at: Linearised, stretches: np.ndarray, noise: Noise | None) -> Linearised:
+    """The samples between gaps, filtered by D/C, each stretch by itself.
+
+    A stretch that is no longer than D has no equation.
+    """
+    shortest = 1 if noise is None else noise.ar.size
+    parts = [
+        Linearised(
+            at.residual[start:stop], at.regressors[:, start:stop], at.instruments[:, start:stop]
+        ).whitened(noise)
+        for start, stop in stretches
+        if stop - start >= shortest
+    ]
+    return Linearised(
+        np.concatenate([part.residual for part in parts]),
+        np.ascontiguousarray(np.concatenate([part.regressors for part in parts], axis=1)),
+        np.ascontiguousarray(np.concatenate([part.instruments for part in parts], axis=1)),
+    )
+
+
+def _stabilised(record: DiscreteRecord, theta: np.ndarray) -> tuple[np.ndarray, bool]:
+    """θ with the roots of A_f inside the unit circle (B5), and whether any were not."""
+    a, numerators = record.split(theta)
+    stable = inside(a, _LARGEST_POLE)
+    return np.concatenate([stable[1:], *numerators]), bool(np.any(stable != a))
+
+
+def _by_least_squares(record: DiscreteRecord) -> np.ndarray:
+    """ARX at the orders asked for; under noise its poles are too fast."""
+    return least_squares(record, record.data.y)[0]
+
+
+def _by_high_order(record: DiscreteRecord) -> np.ndarray:
+    """ARX on the simulation of a high-order ARX model, which has little bias left."""
+    order = min(_HIGH_ORDER, record.data.y.size // (10 * (record.structure.inputs + 1)))
+    structure = record.structure
+    high = replace(
+        record,
+        structure=replace(
+            structure,
+            denominator_orders=(max(order, record.free_order),),
+            numerator_orders=tuple(max(order, m) for m in structure.numerator_orders),
+        ),
+    )
+    theta, _ = _stabilised(high, least_squares(high, high.data.y)[0])
+    return least_squares(record, high.simulated(theta, high.data.clean))[0]

@@ -1,0 +1,188 @@
+"""SRIVC: the simplified refined instrumental variable method for continuous-time models.
+
+y(t_k) = Σ_i B_i(p)/A_i(p) u_i(t_k - delay_i) + ξ_k is estimated directly from samples, without
+a discrete-time model between, by iterating (C3) from a state-variable-filter start. With white ξ
+the estimate is statistically efficient: its covariance (C4) is the Cramér-Rao bound. With
+coloured ξ it stays consistent, but (C4) is then wrong; use :func:`pivident.linear.rivc.rivc`.
+
+In a closed loop give the external signal. This is CLSRIVC (Gilson, Garnier, Young and Van den
+Hof, 2008), whose instruments are the noise-free signals of the loop, with one change: the
+controller need not be known, the noise-free input is estimated from the external signal as in
+the first stage of the two-stage method (Van den Hof and Schrama, 1993).
+
+Estimates are consistent when ``hold`` is what the input really does between samples (Pan,
+González, Welsh and Rojas, 2020), which a digital controller behind a D/A converter fulfils.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.errors import OrdersNotSupported, UnstableFit
+from pivident.linear.estimate import Hold, LinearEstimate, fit_of
+from pivident.linear.initial_model import initial_models
+from pivident.linear.refined_iv import Refined, refine
+from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
+from pivident.linear.structure import Structure, structure_of
+
+#: Starts refined, best first, until one converges.
+_STARTS = 3
+
+#: Mean of the residual, in its deviations, above which an offset is suspected.
+_OFFSET = 0.5
+
+
+def srivc(
+    u: np.ndarray,
+    y: np.ndarray,
+    dt: float,
+    numerator_order: int | Sequence[int],
+    denominator_order: int | Sequence[int],
+    *,
+    delay: int | Sequence[int] = 0,
+    hold: Hold = "zoh",
+    external: np.ndarray | None = None,
+    tolerance: float = 1e-4,
+    max_iterations: int = 50,
+    svf_pole: float | None = None,
+    common: bool = True,
+) -> LinearEstimate:
+    """Continuous-time model of sampled data, taken from rest and without offsets.
+
+    Args:
+        u: inputs, shape (samples,) or (samples, inputs).
+        y: output, shape (samples,).
+        dt: sampling period [s].
+        numerator_order: degree of B in p, one for all inputs or one each.
+        denominator_order: degree of A; with ``common=False`` one for all inputs or one each.
+        delay: delay of the inputs in samples, one for all or one each.
+        hold: behaviour of the inputs between samples: ``zoh`` or ``foh``.
+        external: in closed loop, the signals that enter the loop from outside, shape (samples,)
+            or (samples, signals); None: open loop.
+        tolerance: largest change of a parameter at convergence, relative to it or to its
+            deviation.
+        max_iterations: most iterations.
+        svf_pole: pole of the first state-variable filter [rad/s], about the bandwidth; None:
+            several are tried.
+        common: whether one denominator serves all inputs.
+
+    Raises:
+        UnusableSignal: NaN, constant signals, shapes that do not belong together.
+        DelayTooLong: a delay beyond the record.
+        OrdersNotSupported: too few samples, or columns that depend on each other.
+        UnstableFit: only an unstable model fits.
+    """
+    inputs = columns_of("u", u).shape[1]
+    structure = structure_of(inputs, numerator_order, denominator_order, delay, hold, common)
+    data = sampled_data(u, y, dt, structure, external)
+    refined = refined_from_data(data, structure, tolerance, max_iterations, svf_pole)
+    method = "SRIVC" if external is None else "CLSRIVC"
+    return continuous_estimate(method, data, structure, refined)
+
+
+def refined_from_data(
+    data: SampledData,
+    structure: Structure,
+    tolerance: float,
+    max_iterations: int,
+    svf_pole: float | None,
+) -> Refined:
+    """The iteration with white noise from the best start from which it converges.
+
+    Raises:
+        OrdersNotSupported: every start ends in a regression without full rank.
+    """
+    best: Refined | None = None
+    failure: OrdersNotSupported | None = None
+    for _, theta in initial_models(data, structure, svf_pole)[:_STARTS]:
+        try:
+            refined = refine(
+                data, structure, theta, tolerance=tolerance, max_iterations=max_iterations
+            )
+        except OrdersNotSupported as error:
+            failure = error
+            continue
+        if refined.converged and not unstable_poles(data, refined).size:
+            return refined
+        if best is None or refined.variance < best.variance:
+            best = refined
+    if best is None:
+        assert failure is not None
+        raise failure
+    return best
+
+
+def continuous_estimate(
+    method: str, data: SampledData, structure: Structure, refined: Refined
+) -> LinearEstimate:
+    """The answer, or an error where the end of the iteration is no answer.
+
+    Raises:
+        UnstableFit: poles had to be reflected that are faster than the record is long.
+    """
+    unstable = unstable_poles(data, refined)
+    if unstable.size:
+        raise UnstableFit(tuple(unstable))
+    groups, numerators = structure.split(refined.theta)
+    return LinearEstimate(
+        method=method,
+        numerators=numerators,
+        denominators=structure.per_input(groups),
+        dt=data.dt,
+        continuous=True,
+        delays=structure.delays,
+        hold=structure.hold,
+        common=structure.common,
+        names=structure.names,
+        theta=refined.theta,
+        covariance=refined.covariance,
+        noise=refined.noise,
+        residual_variance=refined.variance,
+        fit=fit_of(
+            data.y,
+            data.y - refined.residual,
+            refined.variance,
+            refined.theta,
+            refined.covariance,
+        ),
+        iterations=refined.iterations,
+        converged=refined.converged,
+        warnings=(
+            *_doubts(data, groups, refined),
+            *(refined.noise.warnings if refined.noise else ()),
+        ),
+    )
+
+
+def unstable_poles(data: SampledData, refined: Refined) -> np.ndarray:
+    """Reflected poles that the record is long enough to call unstable [rad/s]."""
+    return refined.reflected[refined.reflected.real > 1.0 / data.duration]
+
+
+def _doubts(data: SampledData, denominators: Sequence[np.ndarray], refined: Refined) -> list[str]:
+    """Sentences on what may be wrong with the estimate."""
+    found = []
+    if not refined.converged:
+        found.append(
+            "The iteration did not converge; lower the orders or give svf_pole near the bandwidth."
+        )
+    if refined.reflected.size:
+        found.append(
+            "A pole slower than the record was reflected to the stable side; if the system "
+            "integrates, identify from the integral of the input."
+        )
+    fastest = max(float(np.abs(np.roots(a)).max()) for a in denominators)
+    if fastest > np.pi / data.dt:
+        found.append(
+            f"A pole at {fastest:.4g} rad/s lies beyond the Nyquist frequency of "
+            f"{np.pi / data.dt:.4g} rad/s; lower denominator_order."
+        )
+    mean, spread = float(refined.residual.mean()), float(refined.residual.std())
+    if abs(mean) > _OFFSET * spread and spread > 1e-9 * float(np.std(data.y)):
+        found.append(
+            f"The residual has a mean of {mean:.3g} beside a deviation of {spread:.3g}; "
+            "subtract the operating point from u and y."
+        )
+    return found
