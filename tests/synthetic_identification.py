@@ -8,13 +8,19 @@ from scipy.signal import lfilter
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.controller_identification import ControllerIdentification, JointLaw
 from pivident.estimation.identification import (
     FittedRecording,
     Identification,
     Iteration,
     JointFit,
 )
+from pivident.estimation.problem import Loop
+from pivident.estimation.unknown_loop import Feedback
 from pivident.robot import load_robot
+from pivident.simulation.linear_law import LinearLaw
+from pivident.simulation.point_to_point_fit import Move, PointToPoint
+from pivident.simulation.reference_reconstruction import ReconstructedReference
 
 
 def true_parameters(robot_name: str = "planar_2r") -> dict[str, float]:
@@ -117,5 +123,57 @@ def synthetic_recording(robot, base, theta, samples, rate, rng):
         mask=mask,
         whitened=white,
         whitened_rate=rate,
+        q_ref=q + 1e-4 * dq,
     )
     return recording, mask.mean(axis=0)
+
+
+def synthetic_loop(found: str, names: tuple[str, str] = ("shoulder", "elbow")) -> Loop:
+    """A loop of two joints of which something was found.
+
+    Args:
+        found: ``law``: its law; ``moves``: reference and feedback; ``spline``: the reference.
+        names: of the joints.
+    """
+    two, zero = np.ones(2), np.zeros(2)
+    law = LinearLaw(5000.0 * two, 120.0 * two, 30.0 * two, zero, zero, zero, 2e-3 * two)
+    if found == "law":
+        output = np.sin(np.arange(2000)[:, None] / 200.0 + np.arange(2))
+        first = JointLaw(
+            name=names[0],
+            terms=("kp", "kd", "ki"),
+            gains=np.array([5000.0, 120.0, 30.0]),
+            std=np.array([2.0, 0.1, 0.5]),
+            derivative_time=2e-3,
+            derivative_time_std=1e-5,
+            averaged=False,
+            rms=0.0028,
+            relative_error=0.004,
+            f_tests={"ki": 900.0, "offset": 1.5},
+            samples=1985,
+            saturated=12,
+        )
+        second = replace(first, name=names[1], derivative_time=0.0, averaged=True, f_tests={})
+        identified = ControllerIdentification(
+            law, (first, second), ("run1",), output, 0.996 * output, 1000.0, ()
+        )
+        return Loop(law, identified=identified)
+    moves = None
+    if found == "moves":
+        steps = tuple(Move(start, 0.2, 0.3, 0.05) for start in (0.1, 1.1))
+        moves = PointToPoint(steps, np.zeros((3, 2)))
+    reference = ReconstructedReference(
+        kind="spline" if moves is None else "point_to_point",
+        q=np.zeros((2000, 2)),
+        dq=np.zeros((2000, 2)),
+        ddq=np.zeros((2000, 2)),
+        moves=moves,
+        rms=np.array([1e-4, 2e-4]),
+        relative=np.array([5e-5, 1e-4]),
+        freedom=0.006,
+    )
+    feedback = tuple(
+        Feedback(name, 5000.0, 2.0, 120.0, 0.1, averaged, 45.0, 0.97)
+        for name, averaged in zip(names, (True, False), strict=True)
+    )
+    return Loop(law, reconstructed=(reference,), feedback=feedback if moves else ())

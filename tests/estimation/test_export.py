@@ -10,11 +10,12 @@ import pytest
 from pivident.errors import PividentError
 from pivident.estimation import export
 from pivident.estimation.export import save_identification, to_csv, to_dict, to_json
-from tests.synthetic_identification import synthetic_identification
+from tests.synthetic_identification import synthetic_identification, synthetic_loop
 
 KEYS = (
     "schema method robot converged iterations parameters covariance robust_covariance "
-    "formula_covariance relative_error joints history condition options warnings sources version"
+    "formula_covariance relative_error joints history condition controller reference options "
+    "warnings sources version"
 ).split()
 
 
@@ -53,6 +54,46 @@ def test_json_is_strict_and_exact():
     assert content["options"] == {"path": "log.csv", "gain": None, "size": 3}
     np.testing.assert_array_equal([p["value"] for p in content["parameters"]], loose.theta)
     np.testing.assert_array_equal(content["covariance"], loose.covariance)
+
+
+def test_loop_that_was_not_found_is_null():
+    content = to_dict(synthetic_identification())
+    assert content["controller"] is None
+    assert content["reference"] is None
+
+
+def test_identified_law_is_there_as_plain_values():
+    content = strict(to_json(synthetic_identification(loop=synthetic_loop("law"))))
+    first, second = content["controller"]
+    assert first["joint"] == "shoulder"
+    assert first["terms"] == ["kp", "kd", "ki"]
+    assert first["gains"] == [5000.0, 120.0, 30.0]
+    assert first["std"] == [2.0, 0.1, 0.5]
+    assert first["differentiator"] == {"kind": "lag", "time": 2e-3, "std": 1e-5}
+    assert first["relative_error"] == 0.004
+    assert first["saturated"] == 12
+    assert first["f_tests"] == {"ki": 900.0, "offset": 1.5}
+    assert second["differentiator"]["kind"] == "two_sample_means"
+    assert content["reference"] is None
+
+
+def test_reference_and_feedback_are_there_as_plain_values():
+    content = strict(to_json(synthetic_identification(loop=synthetic_loop("moves"))))
+    assert content["reference"] == [
+        {
+            "kind": "point_to_point",
+            "moves": 2,
+            "rms": [1e-4, 2e-4],
+            "relative": [5e-5, 1e-4],
+            "freedom": 0.006,
+        }
+    ]
+    law = content["controller"][0]
+    assert (law["gains"], law["std"]) == ([5000.0, 120.0], [2.0, 0.1])
+    assert law["relative_error"] is None
+    spline = to_dict(synthetic_identification(loop=synthetic_loop("spline")))
+    assert spline["reference"][0]["moves"] is None
+    assert spline["controller"] is None
 
 
 def test_csv_has_one_row_per_parameter():

@@ -1,5 +1,7 @@
 """What a problem refuses, and what it says."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,15 +10,19 @@ from pivident.errors import (
     IdentificationError,
     MassMatrixNotPositiveDefinite,
     RankDeficientRegressor,
+    RecordingError,
+    RecordingTooShort,
     SimulationDiverged,
 )
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import AutoRegressive, InstrumentalVariables, PrefilteredIV
 from pivident.estimation.problem import Loop, Problem
+from pivident.experiment import load_experiment
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot import Link, load_robot
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
+from tests.planar_log import write_experiment
 
 RATE = 1000.0
 
@@ -142,3 +148,55 @@ def test_the_motions_band_is_off_on_simulated_records(arm, record):
     assert AutoRegressive().band(measured) == 20.0
     assert AutoRegressive(motion_band=None).band(measured) == 0.0
     assert AutoRegressive(motion_band=5.0).band(record) == 5.0
+
+
+def test_degrees_taken_for_radians_are_refused(arm):
+    record = record_of(arm)
+    fields = {"q_ref": record.q_ref, "simulated": True}
+    degrees = Recording("run", arm.joint_names, np.rad2deg(record.q), record.tau, RATE, **fields)
+    with pytest.raises(RecordingError, match=r"shoulder.*are they degrees\? set units"):
+        Problem(arm, (degrees,))
+
+
+def test_objects_of_another_kind_are_refused(arm, record):
+    law = PD(400.0, 40.0)
+    with pytest.raises(ExperimentError, match=r"load_robot\('x.urdf'\)"):
+        Problem("x.urdf", (record,))
+    with pytest.raises(ExperimentError, match=r"'log\.csv' is not a recording"):
+        Problem(arm, "log.csv")
+    with pytest.raises(ExperimentError, match=r"loop is of type PID; .*Loop\(PID"):
+        Problem(arm, (record,), law)
+    with pytest.raises(ExperimentError, match="give a control law"):
+        Loop("pd")
+    assert Problem(arm, record, Loop(law)).recordings == (record,)
+
+
+def test_identify_takes_a_problem(arm, record, tmp_path):
+    with pytest.raises(IdentificationError, match=r"type Experiment; use experiment\.problem\(\)"):
+        identify(load_experiment(write_experiment(tmp_path)), "ls")
+    with pytest.raises(IdentificationError, match="takes a Problem"):
+        identify(arm, "ls")
+
+
+def test_a_simulation_without_inertia_says_which_link_has_none(arm, record):
+    bare = replace(
+        arm,
+        links=(arm.links[0], Link("forearm")),
+        rotor_inertia=np.array([0.1, 0.0]),
+    )
+    with pytest.raises(IdentificationError) as caught:
+        identify(Problem(bare, (record,), loop_of(bare)), "iv-full-rate")
+    (note,) = caught.value.__notes__
+    assert "nominal inertia of link 'forearm' (joint 'elbow') is zero" in note
+
+
+@pytest.mark.parametrize("samples", [20, 60, 150, 500])
+@pytest.mark.parametrize("method", ["ls", "iv", "iv-full-rate", "piv"])
+def test_records_that_are_too_short_are_refused_in_one_sentence(arm, samples, method):
+    record = record_of(arm, samples, allow_constant=True)
+    try:
+        identify(Problem(arm, (record,), loop_of(arm, 6000.0, 180.0), mask=None), method)
+    except IdentificationError:
+        assert samples > 100
+    except RecordingTooShort as error:
+        assert error.samples == samples < error.minimum

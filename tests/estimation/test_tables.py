@@ -7,6 +7,7 @@ from tests.synthetic_identification import synthetic_identification, true_parame
 def test_table_says_how_the_result_came_about():
     text = synthetic_identification(warnings=("The wrist hardly moved.",)).summary()
     assert text.startswith("IDIM-PIV of planar 2R: converged in 5 iterations, relative error 3.4 %")
+    assert "3.4 % (all samples)" in text and "over all samples, 1000 Hz" in text
     assert "Warning: The wrist hardly moved." in text
     assert "\x1b" not in text
 
@@ -75,10 +76,31 @@ def test_comparison_of_different_parameter_sets():
         covariance=full.covariance[:3, :3],
         robust_covariance=full.robust_covariance[:3, :3],
     )
-    assert len(comparison_table([part, full]).splitlines()) == 2 + len(full.names) + 1
+    assert len(comparison_table([part, full]).splitlines()) == 2 + len(full.names) + 2
 
 
 def test_texts_are_cut_at_blanks():
     assert shortened("zz1 + ia1 + yy2", 11) == "zz1 + ia1 …"
     assert shortened("short", 11) == "short"
     assert shortened("unbreakable", 5) == "unbr…"
+
+
+def filtered(identification):
+    return replace(identification, options={"signals": {"cutoff": 50.0, "decimation": None}})
+
+
+def test_tables_say_which_rows_an_error_is_taken_over():
+    decimated = filtered(synthetic_identification("IDIM-WLS"))
+    assert "relative error 3.4 % (filtered rows)" in str(decimated)
+    assert "low-passed and thinned" in str(decimated)
+    text = comparison_table([decimated, synthetic_identification()])
+    assert "IDIM-WLS 3.4 % (filtered rows, 1000 Hz)" in text
+    assert "IDIM-PIV 3.4 % (all samples, 1000 Hz)" in text
+    assert "compare these errors among the same rows" in text
+    assert "same rows" not in comparison_table([decimated, decimated])
+
+
+def test_tables_show_the_friction_law_with_its_slopes():
+    line = "Friction: fv dq + fc (2/π) atan(γ dq) + off, γ = 238.7, 179 s/rad"
+    assert line in str(synthetic_identification()).splitlines()
+    assert line in comparison_table([synthetic_identification()]).splitlines()

@@ -9,7 +9,11 @@ import subprocess
 import pytest
 
 from pivident.report.builder import render_report
-from tests.synthetic_identification import synthetic_identification, true_parameters
+from tests.synthetic_identification import (
+    synthetic_identification,
+    synthetic_loop,
+    true_parameters,
+)
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 
@@ -43,7 +47,8 @@ FRAME = """<body style="margin:0"><iframe src="report.html" width="{width}" heig
 def test_page_on_a_phone(tmp_path):
     results = [
         synthetic_identification("IDIM-LS", seed=3),
-        synthetic_identification("IDIM-PIV", seed=4),
+        synthetic_identification("IDIM-IV", seed=4, loop=synthetic_loop("law")),
+        synthetic_identification("IDIM-PIV", seed=5, loop=synthetic_loop("moves")),
     ]
     text = render_report(results, true_parameters())
     (tmp_path / "report.html").write_text(text.replace("</head>", PROBE, 1), encoding="utf-8")

@@ -57,7 +57,11 @@ def test_remarks_on_noise():
     walk = np.cumsum(identification.recordings[0].whitened, axis=0)
     text = " ".join(findings(with_residual(replace(identification, joints=joints), walk)))
     assert "largest order allowed: shoulder" in text
-    assert "not white: shoulder, elbow" in text
+    assert "not white: shoulder, elbow. The method's own standard deviations assume" in text
+    robust = replace(identification, covariance=identification.robust_covariance)
+    text = " ".join(findings(with_residual(robust, walk)))
+    assert "not white: shoulder, elbow. The standard deviations allow for that" in text
+    assert "assume" not in text
 
 
 def test_verdicts_on_residuals():

@@ -11,7 +11,11 @@ from pivident.errors import PividentError
 from pivident.estimation.identification import JointFit
 from pivident.report.builder import render_report, write_report
 from pivident.report.material import FEWEST_POINTS, TOTAL_POINTS, Material
-from tests.synthetic_identification import synthetic_identification, true_parameters
+from tests.synthetic_identification import (
+    synthetic_identification,
+    synthetic_loop,
+    true_parameters,
+)
 
 MEGABYTE = 1e6
 
@@ -136,6 +140,73 @@ def test_points_are_shared_among_the_traces():
     many = Material((replace(identification, recordings=identification.recordings * 500),), {}, "")
     assert many.points >= FEWEST_POINTS
     assert many.points * many.shown_recordings * 2 * 7 <= TOTAL_POINTS
+    runs = (replace(synthetic_identification(), recordings=identification.recordings * 5),)
+    found = tuple(replace(i, loop=synthetic_loop("law")) for i in runs)
+    assert Material(found, {}, "").points < Material(runs, {}, "").points
+
+
+@pytest.mark.parametrize(
+    ("found", "figures", "words"),
+    [
+        (
+            "law",
+            2,
+            "5000.0 4.0|u per rad/s|lag 2.000 ± 0.020 ms|two-sample means|accepted|rejected|0.40 %"
+            "|900|12|1 N m per u",
+        ),
+        ("moves", 2, "5000.0 ± 4.0 u per rad|45.0 Hz|3.0 %|moves from point to point 2 0.60 %"),
+        ("spline", 2, "smoothing spline – 0.60 %|The law was not identified"),
+    ],
+)
+def test_what_was_found_of_the_loop_is_shown(found, figures, words):
+    loop = synthetic_loop(found)
+    results = [
+        synthetic_identification("IDIM-LS"),
+        synthetic_identification("IDIM-IV", loop=loop),
+        synthetic_identification("IDIM-PIV", loop=loop),
+    ]
+    text = render_report(results)
+    start = text.index('<section id="control-loop"')
+    part = text[start : text.index("</section>", start)]
+    section = Page(part)
+    assert section.count("figure") == figures
+    assert section.count("details") == 0
+    shown = " ".join(" ".join(section.text).split())
+    for word in words.split("|"):
+        assert word in shown, shown
+    assert "Simulated by IDIM-IV IDIM-PIV" in shown
+    plots = [a for tag, a in section.tags if a.get("class") == "plot"]
+    assert all(len(a["aria-label"]) > 10 for a in plots)
+
+
+def test_every_loop_has_its_own_part_of_the_section():
+    results = [synthetic_identification(loop=synthetic_loop(found)) for found in ("law", "moves")]
+    text = " ".join(Page(render_report(results)).text)
+    assert "Law identified from run1" in text
+    assert "Law told from the noise in the loop" in text
+
+
+def test_a_declared_loop_has_no_section():
+    declared = replace(synthetic_loop("law"), identified=None)
+    page = Page(render_report([synthetic_identification(loop=declared)]))
+    assert "control-loop" not in page.anchors
+
+
+@pytest.mark.parametrize("found", ["law", "moves"])
+@pytest.mark.parametrize("name", HOSTILE)
+def test_names_in_a_loop_do_not_break_html(name, found):
+    names = (f"{name}1", f"{name}2")
+    loop = synthetic_loop(found, names)
+    if loop.identified:
+        loop = replace(loop, identified=replace(loop.identified, recordings=(name, name)))
+    identification = synthetic_identification(loop=synthetic_loop(found))
+    recording = replace(identification.recordings[0], name=name)
+    innocent = Page(render_report([identification]))
+    page = Page(render_report([replace(identification, loop=loop, recordings=(recording,))]))
+    for tag in ("script", "img", "b", "style"):
+        assert page.count(tag) == innocent.count(tag)
+    assert all("onerror" not in attributes for _, attributes in page.tags)
+    assert name in "".join(page.text)
 
 
 @pytest.mark.parametrize("name", HOSTILE)

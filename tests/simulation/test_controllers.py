@@ -174,10 +174,36 @@ def test_no_gain_no_inverse():
         (PD([1.0, 1.0], [np.nan, 1.0]), "kd of joint 1 is nan"),
         (PID([1.0, 1.0], [1.0, 1.0], [np.inf, 0.0]), "ki of joint 1 is inf"),
         (PD([1.0, 1.0], [1.0, 1.0], derivative_time=-1.0), "derivative_time"),
-        (Cascade([1.0, 1.0], [1.0]), "kv has shape"),
+        (PD(1.0, -2.0), "kd of joint 1 is -2.0"),
         (PythonController(print, linear=PD([1.0], [1.0])), "kp has shape"),
     ],
 )
 def test_gains_of_the_wrong_number_or_sign_are_refused(law, message):
     with pytest.raises(ExperimentError, match=message):
         law.check(2)
+
+
+def test_a_single_gain_is_that_of_all_joints():
+    reference = np.random.default_rng(0).standard_normal((20, 2))
+    for one, each in (
+        (PID(900.0, 20, 40.0), PID([900.0] * 2, [20.0] * 2, [40.0] * 2)),
+        (Cascade(30.0, [8.0, 8.0], 5), Cascade([30.0] * 2, [8.0] * 2, [5.0] * 2)),
+    ):
+        one.check(2)
+        for left, right in zip(
+            one.law(RATE, reference, None), each.law(RATE, reference, None), strict=True
+        ):
+            np.testing.assert_array_equal(left, right)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: PD([1.0, 2.0], [1.0]), "kp has 2, kd has 1 gain"),
+        (lambda: Cascade([1.0, 1.0], 1.0, [1.0]), "kp has 2, ki has 1 gain"),
+        (lambda: PD("big", 1.0), "kp = 'big' is no gain"),
+    ],
+)
+def test_gains_that_do_not_belong_together_are_refused_at_once(make, message):
+    with pytest.raises(ExperimentError, match=message):
+        make()

@@ -67,6 +67,7 @@ def decimated_answer(
                 ~votes.T,
                 np.where(votes, error / scale[:, None], np.nan).T,
                 float(rate),
+                None if recording.q_ref is None else recording.q_ref[index],
             )
         )
     return make_identification(

@@ -18,6 +18,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.problem import Loop
 from pivident.files import atomic_folder
 
 #: Version of the layout of ``identification.json``.
@@ -69,12 +70,78 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "joints": identification.joints,
         "history": identification.history,
         "condition": identification.condition,
+        "controller": controller_values(identification.loop),
+        "reference": reference_values(identification.loop),
         "options": identification.options,
         "warnings": identification.warnings,
         "sources": identification.sources,
         "version": identification.version,
     }
     return {key: _plain(value) for key, value in content.items()}
+
+
+def controller_values(loop: Loop | None) -> list[dict[str, Any]] | None:
+    """The law that was found, one entry for each joint; None where none was.
+
+    Args:
+        loop: the loop; a law told from the noise in it has no error and no saturated samples.
+    """
+    if loop is None or (loop.identified is None and not loop.feedback):
+        return None
+    if loop.identified is None:
+        return [
+            {
+                "joint": own.name,
+                "terms": ("kp", "kd"),
+                "gains": (own.kp, own.kd),
+                "std": (own.kp_std, own.kd_std),
+                "differentiator": _differentiator(own.averaged),
+                "relative_error": None,
+                "saturated": None,
+                "f_tests": {},
+            }
+            for own in loop.feedback
+        ]
+    return [
+        {
+            "joint": law.name,
+            "terms": law.terms,
+            "gains": law.gains,
+            "std": law.std,
+            "differentiator": _differentiator(
+                law.averaged, law.derivative_time, law.derivative_time_std
+            ),
+            "relative_error": law.relative_error,
+            "saturated": law.saturated,
+            "f_tests": law.f_tests,
+        }
+        for law in loop.identified.joints
+    ]
+
+
+def reference_values(loop: Loop | None) -> list[dict[str, Any]] | None:
+    """The references that were reconstructed, one for each recording; None where none was.
+
+    Args:
+        loop: the loop.
+    """
+    if loop is None or not loop.reconstructed:
+        return None
+    return [
+        {
+            "kind": own.kind,
+            "moves": None if own.moves is None else len(own.moves.moves),
+            "rms": own.rms,
+            "relative": own.relative,
+            "freedom": own.freedom,
+        }
+        for own in loop.reconstructed
+    ]
+
+
+def _differentiator(averaged: bool, time: float = 0.0, std: float = 0.0) -> dict[str, Any]:
+    kind = "two_sample_means" if averaged else "lag" if time else "backward_difference"
+    return {"kind": kind, "time": time, "std": std}
 
 
 def to_json(identification: Identification) -> str:

@@ -18,7 +18,7 @@ from pivident.estimation.methods import (
 from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
 from pivident.estimation.sandwich import sandwich
-from pivident.signals.noise_models import ArModel
+from pivident.estimation.whitening import NoiseModel
 from pivident.signals.prefilter import Prefilter
 
 
@@ -34,7 +34,7 @@ def full_rate_answer(
     converged: bool,
     noise_units: Sequence[str],
     weight_power: float = 1.0,
-    models: Sequence[ArModel] = (),
+    models: Sequence[NoiseModel] = (),
     at_bound: Sequence[bool] = (),
     warnings: Sequence[str] = (),
     reported: CovarianceKind = "formula",
@@ -98,6 +98,7 @@ def full_rate_answer(
                 ~r.votes[:, part].T,
                 np.where(r.votes, residual, np.nan)[:, part].T,
                 k.recording.rate,
+                None if k.recording.q_ref is None else k.recording.q_ref[part],
             )
         )
     return make_identification(

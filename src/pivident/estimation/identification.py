@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
+
+if TYPE_CHECKING:
+    from pivident.estimation.problem import Loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +85,7 @@ class FittedRecording:
         whitened: residual of the equation that was solved, scaled to unit variance, on the
             rows of the estimator, shape (rows, joints); NaN on rows that did not vote.
         whitened_rate: rate of ``whitened`` [Hz].
+        q_ref: recorded or reconstructed reference on the same rows [rad or m], or None.
     """
 
     name: str
@@ -95,6 +99,7 @@ class FittedRecording:
     mask: np.ndarray
     whitened: np.ndarray
     whitened_rate: float
+    q_ref: np.ndarray | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,6 +128,7 @@ class Identification:
         warnings: what the estimator noticed, whole sentences.
         sources: SHA-256 of every input file by its name.
         version: version of pivident.
+        loop: control loop that was simulated for the instruments; None: no loop was.
     """
 
     method: str
@@ -144,6 +150,7 @@ class Identification:
     warnings: tuple[str, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
     version: str = ""
+    loop: Loop | None = None
 
     @property
     def iterations(self) -> int:

@@ -77,7 +77,7 @@ def _decimated(
     )
     return decimated_answer(
         problem, method, made["records"], sums, solution, variance, history, converged,
-        loop_warnings(problem),
+        loop_warnings(problem, sums, variance),
     )  # fmt: skip
 
 
@@ -102,5 +102,5 @@ def _full_rate(
     )
     return full_rate_answer(
         problem, method, made["records"], filters, sums, solution, variance, history, converged,
-        torque_units(problem), warnings=loop_warnings(problem),
+        torque_units(problem), warnings=loop_warnings(problem, sums, variance),
     )  # fmt: skip

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
+from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import (
     FittedRecording,
     Identification,
@@ -17,8 +18,11 @@ from pivident.estimation.identification import (
 )
 from pivident.estimation.methods import CovarianceKind
 from pivident.estimation.normal_equations import JointSums, Solution, solve
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.sandwich import sandwich
+
+#: Methods whose instruments come from the simulated loop.
+_WITH_LOOP = ("IDIM-IV", "IDIM-PIV")
 
 #: A parameter smaller than so many deviations is near zero: its change is compared with them.
 NEAR_ZERO = 5.0
@@ -132,15 +136,29 @@ def option_values(method: Any) -> dict[str, Any]:
     return dataclasses.asdict(method)
 
 
-def loop_warnings(problem: Problem) -> list[str]:
-    """What has to be said about instruments from this loop."""
-    if problem.loop is not None and problem.loop.reference == "smoothed":
+def loop_warnings(problem: Problem, sums: Sequence[JointSums], variance: np.ndarray) -> list[str]:
+    """What has to be said about instruments from this loop.
+
+    Args:
+        problem: what is given.
+        sums: normal equations of the last iteration.
+        variance: λ of each joint, shape (joints,).
+    """
+    if problem.loop is None:
+        return []
+    known = [*problem.loop.notes]
+    if problem.loop.reconstructed or problem.loop.reference == "smoothed":
+        known.append(str(durbin_wu_hausman(sums, variance, len(problem.names))))
+    if problem.loop.identified is not None:
+        known += problem.loop.identified.warnings
+    if problem.loop.reference == "smoothed":
         return [
+            *known,
             "The reference was not recorded: the smoothed measurement stands for it, with the "
             "declared control law as a virtual one. Instruments then share the noise that the "
-            "smoother let through."
+            "smoother let through.",
         ]
-    return []
+    return known
 
 
 def friction_warnings(problem: Problem, theta: np.ndarray, std: np.ndarray) -> list[str]:
@@ -154,6 +172,18 @@ def friction_warnings(problem: Problem, theta: np.ndarray, std: np.ndarray) -> l
         )
         if p.is_dissipative and value < 0
     ]
+
+
+def simulated_loop(problem: Problem, method: Any) -> Loop | None:
+    """The loop that a method simulates, None where it does without."""
+    return problem.loop if method.label.startswith(_WITH_LOOP) else None
+
+
+def method_label(problem: Problem, method: Any) -> str:
+    """Name of a method, with Ĉ where its instruments come from an identified law."""
+    loop = simulated_loop(problem, method)
+    identified = loop is not None and (loop.identified is not None or loop.feedback)
+    return f"{method.label} (Ĉ)" if identified else method.label
 
 
 def make_identification(
@@ -183,7 +213,7 @@ def make_identification(
         )
     sources = {s.name: s.sha256 for r in problem.recordings for s in r.sources}
     return Identification(
-        method=method.label,
+        method=method_label(problem, method),
         robot=problem.robot,
         parameters=problem.regressor.parameters,
         names=problem.names,
@@ -202,6 +232,7 @@ def make_identification(
         warnings=tuple(noticed),
         sources=sources,
         version=__version__,
+        loop=simulated_loop(problem, method),
     )
 
 

@@ -10,7 +10,7 @@ from pivident.errors import RecordingTooShort
 from pivident.estimation.methods import Bandpass, RandomWalk
 from pivident.recording.recording import Recording
 from pivident.signals.alignment import align_torque
-from pivident.signals.bandpass import bandpass
+from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.random_walk import smooth_channels
 
 #: Samples that must remain between the ends that the filters spoil.
@@ -50,7 +50,13 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     Args:
         recording: the run.
         signals: the recipe.
+
+    Raises:
+        RecordingTooShort: fewer than `SHORTEST_RUN` samples would remain between the ends.
     """
+    known = signals.ends(recording.rate) if isinstance(signals, Bandpass) else (EDGE, EDGE)
+    if recording.samples < sum(known) + SHORTEST_RUN:
+        raise RecordingTooShort(recording.samples, sum(known) + SHORTEST_RUN)
     timing = recording.torque_timing if signals.align else "sampled"
     torque = align_torque(
         recording.tau,

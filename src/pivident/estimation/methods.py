@@ -114,6 +114,36 @@ class AutoRegressive:
 
 
 @dataclass(frozen=True)
+class Arma:
+    """ARMA noise model by maximum likelihood (section 4.4 of the paper), of given orders.
+
+    A moving average saves autoregressive terms where the noise's spectrum has a dip. Its whitener
+    is recursive: zeros close to the unit circle make it remember for long.
+
+    Attributes:
+        ar_order: degree of the autoregressive part.
+        ma_order: degree of the moving average.
+        on_unmasked: whether it is fitted on the rows that vote only.
+        largest_root: zeros of the moving average are kept inside this radius, so that the
+            whitener forgets within a few thousand samples.
+    """
+
+    ar_order: int = 8
+    ma_order: int = 4
+    on_unmasked: bool = True
+    largest_root: float = 0.99
+
+    def __post_init__(self) -> None:
+        if self.ar_order < 1 or self.ma_order < 1:
+            raise ExperimentError(
+                f"ARMA noise needs orders of at least one, not ({self.ar_order}, {self.ma_order}); "
+                "without a moving average use the AR model"
+            )
+        if not 0.0 < self.largest_root < 1.0:
+            raise ExperimentError(f"largest_root must lie between 0 and 1, not {self.largest_root}")
+
+
+@dataclass(frozen=True)
 class LeastSquares:
     """IDIM-LS: ordinary (weighted = False) or weighted by each joint's own residual.
 
@@ -174,7 +204,7 @@ class PrefilteredIV:
     """
 
     signals: RandomWalk = field(default_factory=RandomWalk)
-    noise: AutoRegressive = field(default_factory=AutoRegressive)
+    noise: AutoRegressive | Arma = field(default_factory=AutoRegressive)
     prefilter: Literal["controller", "direct"] = "controller"
     covariance: CovarianceKind = "sandwich"
     as_printed: bool = False
@@ -193,7 +223,10 @@ class PrefilteredIV:
             )
         if self.as_printed:
             object.__setattr__(self, "signals", RandomWalk(order=2, passes=2, align=False))
-            noise = replace(self.noise, on_unmasked=False, motion_band=None)
+            if isinstance(self.noise, Arma):
+                noise: AutoRegressive | Arma = replace(self.noise, on_unmasked=False)
+            else:
+                noise = replace(self.noise, on_unmasked=False, motion_band=None)
             object.__setattr__(self, "noise", noise)
             object.__setattr__(self, "covariance", "formula")
 

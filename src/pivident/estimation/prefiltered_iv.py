@@ -83,6 +83,6 @@ def identify_piv(
         power,
         whitening.models,
         whitening.at_bound,
-        [*loop_warnings(problem), *whitening.warnings()],
+        [*loop_warnings(problem, sums, variance), *whitening.warnings()],
         method.covariance,
     )

@@ -6,10 +6,10 @@ A ``Problem`` is method-free: the same one goes to ``identify`` with LS, IV and 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -17,9 +17,15 @@ from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.controllers import Controller
+
+if TYPE_CHECKING:
+    from pivident.estimation.controller_identification import ControllerIdentification
+    from pivident.estimation.unknown_loop import Feedback
+    from pivident.simulation.reference_reconstruction import ReconstructedReference
 
 #: Share of the rated speed below which rows do not vote on measured records.
 LOW_SPEED = 0.01
@@ -39,6 +45,10 @@ class Loop:
             the smoother let through.
         feed_forward: ``gravity`` or ``computed_torque``: the controller adds the inverse
             dynamics of the reference with the robot's nominal parameters, at rest or in motion.
+        identified: where the law comes from, if it was identified.
+        feedback: where it comes from, joint by joint, if it was told from the noise in the loop.
+        reconstructed: where the references come from, one for each recording.
+        notes: sentences about law and reference that belong to every result.
     """
 
     controller: Controller
@@ -46,8 +56,17 @@ class Loop:
     limit: np.ndarray | float = np.inf
     reference: Literal["recorded", "smoothed"] = "recorded"
     feed_forward: Literal["none", "gravity", "computed_torque"] = "none"
+    identified: ControllerIdentification | None = None
+    feedback: tuple[Feedback, ...] = ()
+    reconstructed: tuple[ReconstructedReference, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if not hasattr(self.controller, "law"):
+            raise ExperimentError(
+                f"controller of the loop is {self.controller!r}; give a control law, such as "
+                "PD(kp=…, kd=…)"
+            )
         for name, choices in (
             ("reference", ("recorded", "smoothed")),
             ("feed_forward", ("none", "gravity", "computed_torque")),
@@ -57,6 +76,11 @@ class Loop:
                     f"{name} of the loop is {getattr(self, name)!r}; choose one of "
                     f"{', '.join(choices)}"
                 )
+
+    @property
+    def found(self) -> bool:
+        """Whether law or reference were found from the record."""
+        return self.identified is not None or bool(self.feedback or self.reconstructed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,9 +108,10 @@ class Problem:
     initial: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        if isinstance(self.recordings, Recording):
+        if not isinstance(self.recordings, Iterable) or isinstance(self.recordings, str):
             object.__setattr__(self, "recordings", (self.recordings,))
         object.__setattr__(self, "recordings", tuple(self.recordings))
+        self._check_kinds()
         if not self.recordings:
             raise IdentificationError("no recording given; at least one is needed")
         for recording in self.recordings:
@@ -95,6 +120,9 @@ class Problem:
                     f"recording {recording.name!r} has {recording.joints} joints, robot "
                     f"{self.robot.name!r} has {self.robot.size}; map one column per joint"
                 )
+            check_within_reach("q", recording.q, self.robot)
+            if recording.q_ref is not None:
+                check_within_reach("q_ref", recording.q_ref, self.robot)
         if self.loop is not None:
             self.loop.controller.check(self.robot.size)
         if isinstance(self.mask, (int, float)) and not 0 <= self.mask < 1:
@@ -108,6 +136,21 @@ class Problem:
             Regressor.build(self.robot, [base.parameters[k] for k in self.selection]),
         )
         self.initial_values()  # unknown names are refused now, not after minutes of work
+
+    def _check_kinds(self) -> None:
+        """Refuse names and laws where robots, recordings and loops are needed."""
+        if not isinstance(self.robot, Robot):
+            raise ExperimentError(
+                f"robot is {self.robot!r}; give a Robot, such as load_robot({str(self.robot)!r})"
+            )
+        if self.loop is not None and not isinstance(self.loop, Loop):
+            law = type(self.loop).__name__
+            raise ExperimentError(f"loop is of type {law}; wrap a control law, Loop({law}(…))")
+        for recording in self.recordings:
+            if not isinstance(recording, Recording):
+                raise ExperimentError(
+                    f"{recording!r} is not a recording; load_recording reads one from a log"
+                )
 
     base: BaseParameters = field(init=False, repr=False)
     selection: tuple[int, ...] = field(init=False, repr=False)

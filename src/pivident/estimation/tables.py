@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Mapping, Sequence
 
+from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
@@ -49,8 +51,54 @@ def identification_table(identification: Identification) -> str:
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
     columns.append(_column("group", [shortened(row.expression, room) for row in rows], "<"))
     parts = [headline(identification), _lines(columns), _joint_table(identification)]
+    parts.append(f"{rows_line(identification)}\n{friction_line(identification)}")
     parts += [f"Warning: {text}" for text in identification.warnings]
     return "\n\n".join(parts)
+
+
+def controller_table(found: ControllerIdentification) -> str:
+    """An identified control law: gains with intervals, differentiator, fit, for each joint.
+
+    Args:
+        found: the law.
+    """
+    names = list(dict.fromkeys(term for law in found.joints for term in law.terms))
+    columns = [_column("joint", [law.name for law in found.joints], "<")]
+    for term in names:
+        spreads = [
+            with_spread(law.gain(term), 2.0 * law.std[law.terms.index(term)])
+            if term in law.terms
+            else ("", "")
+            for law in found.joints
+        ]
+        columns.append(_column(term, [value for value, _ in spreads], "."))
+        columns.append(_column("±2σ", [spread for _, spread in spreads], "."))
+    speeds = [
+        differentiator_text(law.averaged, law.derivative_time, law.derivative_time_std)
+        for law in found.joints
+    ]
+    columns.append(_column("speed", speeds, "<"))
+    errors = [significant(100.0 * law.relative_error, 2) for law in found.joints]
+    columns.append(_column("error %", errors, "."))
+    columns.append(_column("saturated", [str(law.saturated) for law in found.joints], ">"))
+    head = f"Control law of {', '.join(found.recordings)}, output per rad or m, rad/s or m/s, …"
+    return "\n\n".join([head, _lines(columns), *(f"Warning: {t}" for t in found.warnings)])
+
+
+def differentiator_text(averaged: bool, time: float = 0.0, std: float = 0.0) -> str:
+    """How a law differentiates the position.
+
+    Args:
+        averaged: whether two-sample means are differenced.
+        time: lag T [s].
+        std: its standard deviation [s].
+    """
+    if averaged:
+        return "two-sample means"
+    if time == 0.0:
+        return "backward difference"
+    value, spread = with_spread(1e3 * time, 2e3 * std)
+    return f"lag {value} ± {spread} ms"
 
 
 def comparison_table(
@@ -80,10 +128,16 @@ def comparison_table(
         marks = [f"{significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
         columns.append(_column("apart [σ]", marks, ".", top="largest"))
     errors = ", ".join(
-        f"{label} {percent(100.0 * i.relative_error)}"
+        f"{label} {percent(100.0 * i.relative_error)} ({error_rows(i)})"
         for label, i in zip(labels, identifications, strict=True)
     )
     parts = [_lines(columns), f"relative error of the torque: {errors}"]
+    if len({is_decimated(i) for i in identifications}) > 1:
+        parts.append(
+            "  filtered rows have lost most of the noise that all samples still have; compare these "
+            "errors among the same rows"
+        )
+    parts.append(friction_line(identifications[0]))
     if len(identifications) > 1 and max(differences) > CONTRADICTION:
         parts.append(f"* two methods differ by more than {CONTRADICTION:g} combined σ")
     return "\n".join(parts)
@@ -93,9 +147,41 @@ def headline(identification: Identification) -> str:
     """Method, robot, how the iteration ended, relative error and condition, on one line."""
     return (
         f"{identification.method} of {identification.robot.name}: {ending(identification)}, "
-        f"relative error {percent(100.0 * identification.relative_error)}, "
+        f"relative error {percent(100.0 * identification.relative_error)} "
+        f"({rows_kind(identification)}), "
         f"condition {significant(identification.condition)}"
     )
+
+
+def is_decimated(identification: Identification) -> bool:
+    """Whether the method worked on low-passed and thinned rows rather than on all samples."""
+    return "decimation" in identification.options.get("signals", {})
+
+
+def rows_kind(identification: Identification) -> str:
+    """Which rows a relative error of the torque is taken over, in two words."""
+    return "filtered rows" if is_decimated(identification) else "all samples"
+
+
+def error_rows(identification: Identification) -> str:
+    """The same with the rate of these rows."""
+    rates = dict.fromkeys(f"{r.whitened_rate:.4g}" for r in identification.recordings)
+    kind = rows_kind(identification)
+    return f"{kind}, {' and '.join(rates)} Hz" if rates else kind
+
+
+def rows_line(identification: Identification) -> str:
+    """What the rows are that the errors are taken over."""
+    rows = f"Errors: over {error_rows(identification)}"
+    if is_decimated(identification):
+        return f"{rows}: low-passed and thinned, which takes most of the noise out of the torque"
+    return f"{rows}, with all the noise of the logged torque"
+
+
+def friction_line(identification: Identification) -> str:
+    """Friction law of the robot with its slopes, in as many lines as it takes."""
+    text = f"Friction: {identification.robot.friction_text()}"
+    return textwrap.fill(text, WIDTH, subsequent_indent="  ", break_on_hyphens=False)
 
 
 def ending(identification: Identification) -> str:

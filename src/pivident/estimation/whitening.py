@@ -10,15 +10,16 @@ their noise (held-out error of the TX40 record 5.92 % with, 6.82 % without them)
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.estimation.full_rate import FullRateRecord, torque_of
 from pivident.estimation.iteration import position_units
 from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.methods import MOTION_BAND, PrefilteredIV
+from pivident.estimation.methods import MOTION_BAND, Arma, PrefilteredIV
 from pivident.estimation.problem import Problem
-from pivident.signals.noise_models import ArModel, continued_into_band, fit_ar
+from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
 from pivident.threads import run_in_threads
@@ -53,7 +54,7 @@ class Whitening:
             self.numerator, self.denominator = inverse_controller(problem.loop.controller, rate, n)
             gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
             self.numerator = self.numerator / gain[:, None]
-        self.models: list[ArModel] = []
+        self.models: list[NoiseModel] = []
         self.drop_standstill = np.zeros(n, bool)
         self.at_bound: tuple[bool, ...] = (False,) * n
         self.filters = [Prefilter(self.numerator[j], self.denominator[j]) for j in range(n)]
@@ -88,10 +89,10 @@ class Whitening:
             kin.tau - torque_of(self.problem.regressor, kin, theta) for kin in self.kinematics
         ]
         n = self.problem.robot.size
-        models: list[ArModel | None] = [None] * n
+        models: list[NoiseModel | None] = [None] * n
 
         def fit(j: int) -> None:
-            order = self.models[j].order if k > ORDER_FROZEN_AFTER else None
+            order = len(self.models[j].ar) - 1 if k > ORDER_FROZEN_AFTER else None
             models[j] = self._fit_joint(j, residuals, records, order)
 
         run_in_threads(fit, range(n))
@@ -99,8 +100,8 @@ class Whitening:
         if k == ORDER_FROZEN_AFTER:  # later fits are given their order and cannot tell
             self.at_bound = tuple(m.at_bound for m in self.models)
         self.filters = [
-            Prefilter(self.numerator[j], self.denominator[j], self.models[j].coefficients)
-            for j in range(n)
+            Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
+            for j, m in enumerate(self.models)
         ]
         simulated = all(k.recording.simulated for k in self.kinematics)
         if simulated and self.problem.mask == "auto" and not self.method.as_printed:
@@ -165,8 +166,8 @@ class Whitening:
         residuals: Sequence[np.ndarray],
         records: Sequence[FullRateRecord],
         order: int | None,
-    ) -> ArModel:
-        """AR model of one joint's residual behind the inverse controller, all recordings."""
+    ) -> NoiseModel:
+        """Model of one joint's residual behind the inverse controller, all recordings."""
         from scipy.signal import lfilter
 
         pieces, left_out = [], []
@@ -180,16 +181,13 @@ class Whitening:
             left_out.append(out)
             pieces.append(np.zeros(1))  # recordings do not continue each other
             left_out.append(np.ones(1, bool))
-        noise = self.method.noise
-        model = fit_ar(
-            np.concatenate(pieces),
-            noise.p_max,
-            noise.criterion,
-            order=order,
-            mask=np.concatenate(left_out),
-        )
+        noise, residual, mask = self.method.noise, np.concatenate(pieces), np.concatenate(left_out)
+        if isinstance(noise, Arma):
+            return _arma_model(residual, mask, noise)
+        model = fit_ar(residual, noise.p_max, noise.criterion, order=order, mask=mask)
         recording = self.kinematics[0].recording
-        return continued_into_band(model, recording.rate, noise.band(recording))
+        changed = continued_into_band(model, recording.rate, noise.band(recording))
+        return NoiseModel(changed.coefficients, np.ones(1), model.at_bound)
 
     def units(self) -> list[str]:
         """Unit of the residual behind the inverse controller: the encoder's."""
@@ -217,3 +215,37 @@ def without_recent(votes: np.ndarray, length: int) -> np.ndarray:
     index = np.arange(votes.size)
     latest = np.maximum.accumulate(np.where(votes, -1, index))
     return index - latest > length
+
+
+@dataclass(frozen=True, eq=False)
+class NoiseModel:
+    """D(z⁻¹) v = C(z⁻¹) e.
+
+    Attributes:
+        ar: D, monic.
+        ma: C, monic.
+        at_bound: whether the order is the largest allowed.
+    """
+
+    ar: np.ndarray
+    ma: np.ndarray
+    at_bound: bool = False
+
+    @property
+    def order(self) -> int:
+        """Number of coefficients."""
+        return len(self.ar) + len(self.ma) - 2
+
+
+def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseModel:
+    """ARMA model of the stretches between the masked samples."""
+    from pivident.linear.arma import arma
+
+    segments = unmasked_stretches(mask)
+    shortest = 4 * (noise.ar_order + noise.ma_order)
+    segments = segments[segments[:, 1] - segments[:, 0] >= shortest]
+    found = arma(residual, noise.ar_order, noise.ma_order, segments=segments)
+    zeros = np.roots(found.ma)
+    size = np.abs(zeros)
+    inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(size, 1e-300))
+    return NoiseModel(found.ar, np.atleast_1d(np.real(np.poly(inside))))

@@ -8,7 +8,7 @@
     units = {q = "deg", q_ref = "deg", tau = {unit = "A", gain = 12.5}}
 
     [controller]                           # only IV and PIV need it
-    type = "pd"                            # pd, pid, cascade, virtual_pd
+    type = "pd"                            # pd, pid, cascade, virtual_pd, identify
     kp = [5000, 3000]
     kd = [120, 80]
 
@@ -112,8 +112,10 @@ class Experiment:
         controller, given = self.content.controller, self.content.identify
         loop = None
         if controller is not None:
+            if controller.type == "identify" or controller.source == "reconstruct":
+                say("finding out about the control loop")
             with errors_name(self.path, "[controller]"):
-                loop = loop_of(controller, robot, recordings)
+                recordings, loop = loop_of(controller, robot, recordings)
         say("finding the base parameters")
         with errors_name(self.path, ""):
             return Problem(
@@ -161,7 +163,7 @@ class Experiment:
         if controller.source == "recorded" and without:
             raise ExperimentError(
                 '[controller] the reference is "recorded", but no column is named for q_ref; '
-                'name it under columns, or set reference = "smoothed"'
+                'name it under columns, or set reference = "reconstruct" or "smoothed"'
             )
 
 

@@ -9,8 +9,24 @@ from pydantic import ValidationError
 
 from pivident.errors import ExperimentError
 from pivident.experiment.schema import ExperimentFile
-from pivident.robot.mdh_schema import keys_at
+from pivident.robot.mdh_schema import addition, keys_at
 from pivident.robot.naming import nearest
+
+#: What is called otherwise here, where such a key exists.
+MEANT = {
+    "urdf": ("model",),
+    "robot": ("model",),
+    "file": ("files", "model"),
+    "path": ("files", "model", "folder"),
+    "csv": ("files",),
+    "log": ("files",),
+    "torque": ("tau",),
+    "time": ("t",),
+    "position": ("q",),
+    "freeze": ("frozen",),
+    "method": ("methods",),
+    "sample_rate": ("rate",),
+}
 
 #: Texts longer than this are not repeated in a message.
 LONGEST_VALUE = 60
@@ -27,9 +43,20 @@ def validated(content: dict[str, Any]) -> ExperimentFile:
     try:
         return ExperimentFile.model_validate(plain)
     except ValidationError as error:
-        problems = error.errors()
+        problems = _causes(error.errors())
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise ExperimentError(f"{explained(problems[0], plain)}{more}") from None
+
+
+def _causes(problems: Sequence[Any]) -> list[Any]:
+    """Unknown keys first, and without the keys that are missing because they were misspelt."""
+    unknown = [p for p in problems if p["type"] == "extra_forbidden"]
+    tables = {p["loc"][:-1] for p in unknown}
+    return unknown + [
+        p
+        for p in problems
+        if p not in unknown and not (p["type"] == "missing" and p["loc"][:-1] in tables)
+    ]
 
 
 def explained(details: Any, content: dict[str, Any]) -> str:
@@ -42,14 +69,16 @@ def explained(details: Any, content: dict[str, Any]) -> str:
     table, key = _place(details["loc"], content)
     if details["type"] == "extra_forbidden":
         *above, last = details["loc"]
-        hint = nearest(str(last), keys_at(ExperimentFile, above))
+        known = keys_at(ExperimentFile, above)
+        meant = [key for key in MEANT.get(str(last).lower(), ()) if key in known]
+        hint = f"did you mean {meant[0]!r}?" if meant else nearest(str(last), known)
         if not above:
             return f"unknown table {last!r}; {hint}"
         return f"{table}unknown key {key!r}; {hint}"
     if details["type"] == "missing":
         if not table:
             return f"there is no {key}; add the table [{key}]"
-        return f"{table}key {key!r} is missing; add it"
+        return f"{table}key {key!r} is missing; {addition(ExperimentFile, details['loc'])}"
     if details["type"] == "model_type":
         return f"{table}{key or 'this entry'} must be a table of keys, not {details['input']!r}"
     message = details["msg"].removeprefix("Value error, ")
@@ -69,6 +98,10 @@ def _plain(content: dict[str, Any]) -> dict[str, Any]:
         plain["robot"] = {"model": plain["robot"]}
     if isinstance(plain.get("recording"), dict):
         plain["recording"] = [plain["recording"]]
+    if isinstance(plain.get("controller"), str):
+        plain["controller"] = {"type": plain["controller"]}
+    if "reference" in plain and isinstance(plain.get("controller"), dict):
+        plain["controller"] = {"reference": plain.pop("reference")} | plain["controller"]
     return plain
 
 

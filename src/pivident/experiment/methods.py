@@ -11,6 +11,7 @@ from typing import Any
 from pivident.errors import ExperimentError
 from pivident.estimation.methods import (
     METHODS,
+    Arma,
     AutoRegressive,
     Bandpass,
     InstrumentalVariables,
@@ -22,6 +23,9 @@ from pivident.estimation.methods import (
 from pivident.experiment.schema import Entry, IdentifyEntry, MethodEntry
 
 _ITERATION = {"tolerance", "max_iterations"}
+
+#: Options that make the noise model an ARMA one.
+_ARMA = {"ar_order", "ma_order", "largest_root"}
 
 #: Options of the noise model that the paper does not have.
 _NOT_PRINTED = {"on_unmasked", "motion_band"}
@@ -51,7 +55,7 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
             return replace(ready, signals=_bandpass(entry, own), **options)
         return replace(ready, signals=_random_walk(entry, own), **options)
     as_printed = ready.as_printed if own.as_printed is None else own.as_printed
-    noise = replace(AutoRegressive(), **_given(entry.noise) | _given(own.noise))
+    noise = _noise(entry, own)
     if as_printed:
         return PrefilteredIV(noise=noise, as_printed=True, **options)
     options |= _given(own, {"prefilter", "covariance"})
@@ -102,6 +106,12 @@ def _bandpass(entry: IdentifyEntry, own: MethodEntry) -> Bandpass:
 
 def _random_walk(entry: IdentifyEntry, own: MethodEntry) -> RandomWalk:
     return replace(RandomWalk(), **_given(entry.random_walk) | _given(own.random_walk))
+
+
+def _noise(entry: IdentifyEntry, own: MethodEntry) -> AutoRegressive | Arma:
+    given = _given(own.noise) if own.noise.model_fields_set & _ARMA else {}
+    given = given or _given(entry.noise) | _given(own.noise)
+    return Arma(**given) if given.keys() & _ARMA else replace(AutoRegressive(), **given)
 
 
 def _given(table: Entry, keys: set[str] | None = None) -> dict[str, Any]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError
 from pivident.estimation.problem import Loop
+from pivident.estimation.unknown_loop import complete_loop
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.recording import public_records
 from pivident.recording.load import load_recording
@@ -60,30 +61,39 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
     return recording if entry.part is None else recording.slice(*entry.part)
 
 
-def loop_of(entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording]) -> Loop:
+def loop_of(
+    entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording]
+) -> tuple[tuple[Recording, ...], Loop]:
     """The control loop that the recordings were taken in, or a virtual one.
+
+    Recordings come back with the reference that they have, or with a reconstructed one.
 
     Args:
         entry: the table ``[controller]``.
         robot: the robot.
-        recordings: what a virtual law is to follow.
+        recordings: what a virtual law is to follow, or a law is to be identified from.
 
     Raises:
         ExperimentError: gains of the wrong number.
+        IdentificationError: no law can be identified.
     """
     n = robot.size
+    law: Controller | None = None
     if entry.type == "virtual_pd":
         posture = np.mean([recording.q.mean(axis=0) for recording in recordings], axis=0)
         given = {k: v for k in ("bandwidth", "damping") if (v := getattr(entry, k)) is not None}
-        law: Controller = virtual_pd(robot, posture, **given)
-    else:
+        law = virtual_pd(robot, posture, **given)
+    elif entry.type != "identify":
         law = _control_law(entry, n)
-    return Loop(
-        law,
-        drive_gain=_gains("drive_gain", entry.drive_gain, n),
-        limit=np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n),
-        reference=entry.source,
-        feed_forward=entry.feed_forward,
+    gain = _gains("drive_gain", entry.drive_gain, n)
+    limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
+    if law is None or entry.source == "reconstruct":
+        made, loop = complete_loop(
+            robot, recordings, law, entry.source == "reconstruct", gain, limit
+        )
+        return made, replace(loop, feed_forward=entry.feed_forward)
+    return tuple(recordings), Loop(
+        law, gain, limit, reference=entry.source, feed_forward=entry.feed_forward
     )
 
 

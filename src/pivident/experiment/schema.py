@@ -14,7 +14,7 @@ from pydantic.functional_validators import PlainValidator
 
 from pivident.estimation.methods import METHODS
 from pivident.recording.recording import Saturation, TorqueTiming
-from pivident.robot.mdh_schema import Entry, FrictionEntry, Gravity, JointReference
+from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
 from pivident.robot.naming import nearest
 
 #: Keys that every real loop may have.
@@ -29,6 +29,7 @@ LAW_KEYS = {
         LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"},
     ),
     "virtual_pd": (set(), {"bandwidth", "damping"}),
+    "identify": (set(), {"drive_gain", "limit"}),
 }
 
 #: Keys of a recording that a public record brings along.
@@ -127,8 +128,8 @@ class RobotEntry(Entry):
     joints: Names | None = None
     frozen: dict[str, float] = Field(default_factory=dict)
     gravity: Gravity | None = None
-    friction: list[FrictionEntry] | None = None
-    extra_friction: dict[str, list[FrictionEntry]] = Field(default_factory=dict)
+    friction: FrictionTerms | None = None
+    extra_friction: dict[str, FrictionTerms] = Field(default_factory=dict)
     rotor_inertia: PerJoint | None = None
     reduction: PerJoint | None = None
     reduction_matrix: list[list[float]] | None = None
@@ -216,7 +217,7 @@ class RecordingEntry(Entry):
 class ControllerEntry(Entry):
     """The control law of the loop that the record was taken in."""
 
-    type: Literal["pd", "pid", "cascade", "virtual_pd"]
+    type: Literal["pd", "pid", "cascade", "virtual_pd", "identify"]
     kp: Numbers | None = None
     kd: Numbers | None = None
     ki: Numbers | None = None
@@ -229,7 +230,7 @@ class ControllerEntry(Entry):
     feed_forward: Literal["none", "gravity", "computed_torque"] = "none"
     bandwidth: PositiveFloat | None = None
     damping: PositiveFloat | None = None
-    reference: Literal["recorded", "smoothed"] | None = None
+    reference: Literal["recorded", "smoothed", "reconstruct"] | None = None
 
     @model_validator(mode="after")
     def _keys_belong_to_law(self) -> ControllerEntry:
@@ -244,10 +245,15 @@ class ControllerEntry(Entry):
                 f"a {self.type} controller has no {', '.join(foreign)}; its keys are "
                 f"{', '.join(sorted(known - {'type'}))}"
             )
+        if self.type == "identify" and self.reference == "smoothed":
+            raise ValueError(
+                'a law cannot be identified from reference = "smoothed", which knows nothing of '
+                'the control error; use "recorded" or "reconstruct"'
+            )
         return self
 
     @property
-    def source(self) -> Literal["recorded", "smoothed"]:
+    def source(self) -> Literal["recorded", "smoothed", "reconstruct"]:
         """Where the reference comes from; a virtual law was not there to record one."""
         return self.reference or ("smoothed" if self.type == "virtual_pd" else "recorded")
 
@@ -284,12 +290,26 @@ class RandomWalkEntry(Entry):
 
 
 class NoiseEntry(Entry):
-    """Options of `pivident.estimation.methods.AutoRegressive`."""
+    """Options of `AutoRegressive` noise, or with orders of `Arma`, in `estimation.methods`."""
 
     p_max: Annotated[int, Field(ge=1, le=5000)] | None = None
     criterion: Literal["aic", "aicc", "bic"] | None = None
     on_unmasked: bool | None = None
     motion_band: MotionBand | None = None
+    ar_order: Annotated[int, Field(ge=1, le=200)] | None = None
+    ma_order: Annotated[int, Field(ge=1, le=50)] | None = None
+    largest_root: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> NoiseEntry:
+        arma = {"ar_order", "ma_order", "largest_root"} & self.model_fields_set
+        others = {"p_max", "criterion", "motion_band"} & self.model_fields_set
+        if arma and others:
+            raise ValueError(
+                f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} belong "
+                "to an AR model; keep one of the two"
+            )
+        return self
 
 
 class SharedOptions(Entry):

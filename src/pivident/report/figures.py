@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import html
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import plotly.graph_objects as go
 
+from pivident.estimation.controller_identification import START, ControllerIdentification
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.parameter_rows import percent, significant
 from pivident.report.downsampling import kept_samples, stretches
@@ -65,13 +67,7 @@ def torque_figure(
     t = _time(recording)
     plot = _empty(f"torque [{fit.torque_unit}]" if fit.torque_unit != "N" else "force [N]")
     plot.update_xaxes(title_text="time [s]")
-    plot.add_traces(
-        [
-            _line(t, measured, points, "measured", MEASURED, width=2.4),
-            _line(t, model, points, "reconstructed", colour(method), width=1.2),
-            _line(t, measured - model, points, "error", ERROR, width=1.0),
-        ]
-    )
+    plot.add_traces(_compared(t, measured, model, points, "reconstructed", colour(method)))
     _shade(plot, _mask(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
     rms = f"rms error {significant(fit.rms_error)} {fit.torque_unit}"
@@ -83,6 +79,57 @@ def torque_figure(
         f"{error}, {rms}",
         note=f"{error}, {rms}",
     )
+
+
+def law_figure(found: ControllerIdentification, joint: int, method: int, points: int) -> Figure:
+    """Recorded controller output of one joint, what its law makes of it, and the difference.
+
+    Args:
+        found: the law.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
+    measured, model = found.output[used, joint], found.model[used, joint]
+    t = np.arange(len(found.output))[used] / found.rate
+    plot = _empty("output [u]")
+    plot.update_xaxes(title_text="time [s]")
+    plot.add_traces(_compared(t, measured, model, points, "law", colour(method)))
+    note = f"not explained {percent(100.0 * law.relative_error)}, rms {significant(law.rms)} u"
+    label = f"Measured output of {law.name} and its law over {significant(t[-1])} s: {note}"
+    return Figure(plot, height=250, title=law.name, label=label, note=note)
+
+
+def reference_figure(
+    identification: Identification,
+    recording: FittedRecording,
+    joint: int,
+    method: int,
+    points: int,
+) -> Figure:
+    """Measured position of one joint with its reference, and their difference below.
+
+    Args:
+        identification: the result.
+        recording: one of its recordings, which has a reference.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    assert recording.q_ref is not None
+    name, unit = identification.joints[joint].name, position_unit(identification, joint)
+    t = _time(recording)
+    measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
+    plot = _empty("")
+    lines = _compared(t, measured, reference, points, "reference", colour(method))
+    plot.add_traces([lines[0], lines[1], lines[2].update(yaxis="y2")])
+    _stack(plot, [f"q [{unit}]", f"difference [{unit}]"])
+    plot.update_layout(yaxis2={"automargin": True})
+    rms = significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
+    label = f"Measured position of {name} and its reference over {significant(t[-1])} s"
+    note = f"measured less reference: rms {rms} {unit}"
+    return Figure(plot, height=320, title=name, label=f"{label}; {note}", note=note)
 
 
 def residual_figure(name: str, result: Whiteness, method: int) -> Figure:
@@ -142,20 +189,11 @@ def signal_figure(
     plot.add_trace(
         _line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
     )
-    for k, (name, row_unit, signal) in enumerate(rows, start=1):
+    for k, (name, _, signal) in enumerate(rows, start=1):
         axis = "y" if k == 1 else f"y{k}"
         line = _line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
         plot.add_trace(line.update(yaxis=axis))
-        top = 1.0 - 0.355 * (k - 1)
-        plot.update_layout(
-            {
-                f"yaxis{axis[1:]}": {
-                    "domain": [top - 0.29, top],
-                    "title": {"text": f"{name} [{row_unit}]", "standoff": 4},
-                }
-            }
-        )
-    plot.update_xaxes(title_text="time [s]", anchor="y3")
+    _stack(plot, [f"{name} [{row_unit}]" for name, row_unit, _ in rows])
     _shade(plot, _mask(recording, joint), t)
     note = f"smoother: half power at {significant(fit.f50)} Hz" if math.isfinite(fit.f50) else ""
     label = f"Position, speed and acceleration of {fit.name} over {significant(t[-1])} s"
@@ -247,6 +285,31 @@ def _line(
         name=name,
         line={"color": line_colour, "width": width},
     )
+
+
+def _compared(
+    t: np.ndarray, measured: np.ndarray, model: np.ndarray, points: int, name: str, own: str
+) -> list[go.Scatter]:
+    """What was measured, what a model makes of it, and the error, as three lines."""
+    return [
+        _line(t, measured, points, "measured", MEASURED, width=2.4),
+        _line(t, model, points, name, own, width=1.2),
+        _line(t, measured - model, points, "error", ERROR, width=1.0),
+    ]
+
+
+def _stack(plot: go.Figure, titles: Sequence[str]) -> None:
+    """Axes y, y2, … below each other, over one axis of time."""
+    gap = 0.065
+    height = (1.0 - gap * (len(titles) - 1)) / len(titles)
+    for k, title in enumerate(titles):
+        top = 1.0 - (height + gap) * k
+        axis = {
+            "domain": [max(top - height, 0.0), top],
+            "title": {"text": title, "standoff": 4},
+        }
+        plot.update_layout({f"yaxis{k + 1 if k else ''}": axis})
+    plot.update_xaxes(title_text="time [s]", anchor=f"y{len(titles)}")
 
 
 def _shade(plot: go.Figure, mask: np.ndarray, t: np.ndarray) -> None:

@@ -113,9 +113,19 @@ def _about_noise(identification: Identification) -> Iterator[str]:
     )
     if correlated:
         yield (
-            f"Residuals that are not white: {_listed(list(correlated))}. The method's own "
-            "standard deviations assume that they are."
+            f"Residuals that are not white: {_listed(list(correlated))}. "
+            f"{_about_deviations(identification)}"
         )
+
+
+def _about_deviations(identification: Identification) -> str:
+    """What correlated residuals mean for the reported standard deviations."""
+    if identification.covariance is identification.robust_covariance:
+        return (
+            "The standard deviations allow for that (they come from windows of time), but a truer "
+            "model of friction, elasticity or noise would make them smaller."
+        )
+    return "The method's own standard deviations assume that they are; trust the robust ones."
 
 
 def _listed(names: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ from functools import cached_property
 
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.parameter_rows import method_labels
+from pivident.estimation.problem import Loop
 
 #: Points of all signals together; a point takes 11 bytes, plotly itself 5 MB.
 TOTAL_POINTS = 160_000
@@ -20,6 +21,9 @@ FEWEST_POINTS = 300
 
 #: Traces of one joint in one recording: two torques, their difference, q twice, dq and ddq.
 _TRACES = 7
+
+#: Traces of one joint's control law, and of its reconstructed reference in one recording.
+_LOOP_TRACES = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +51,15 @@ class Material:
         return len(self.identifications) > 1
 
     @cached_property
+    def loops(self) -> tuple[tuple[Loop, tuple[int, ...]], ...]:
+        """Control loops found from the record, each with the methods that simulated it."""
+        loops = {id(i.loop): i.loop for i in self.identifications if i.loop and i.loop.found}
+        return tuple(
+            (loop, tuple(k for k, i in enumerate(self.identifications) if i.loop is loop))
+            for loop in loops.values()
+        )
+
+    @cached_property
     def shown_recordings(self) -> int:
         """How many recordings of each identification have their signals drawn."""
         joints = sum(i.robot.size for i in self.identifications)
@@ -59,6 +72,10 @@ class Material:
         traces = _TRACES * sum(
             i.robot.size * len(self.drawn(i.recordings)) for i in self.identifications
         )
+        for loop, methods in self.loops:
+            user = self.identifications[methods[-1]]
+            drawn = len(self.drawn(user.recordings)) if loop.reconstructed else 0
+            traces += _LOOP_TRACES * user.robot.size * (drawn + (loop.identified is not None))
         return max(FEWEST_POINTS, min(MOST_POINTS, TOTAL_POINTS // max(traces, 1)))
 
     def drawn(self, recordings: tuple[FittedRecording, ...]) -> tuple[FittedRecording, ...]:

@@ -11,13 +11,16 @@ them all, and B/A is what the prefilter of IDIM-PIV inverts: the law without its
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from pivident.errors import ExperimentError
+
+#: One gain for each joint, or one for all.
+Gains = np.ndarray | Sequence[float] | float
 
 TAPS = 3  # B, A and W have at most second order
 
@@ -70,16 +73,19 @@ class PID:
     1/(T s + 1)). Where dq_ref is not recorded, the reference is differentiated in the same way.
 
     Attributes:
-        kp: proportional gains, shape (joints,) [u per rad or m].
+        kp: proportional gains, shape (joints,) or one for all [u per rad or m]; likewise:
         kd: derivative gains, shape (joints,) [u per rad/s or m/s].
         ki: integral gains, shape (joints,) [u per rad s or m s]; None: no integrator.
         derivative_time: filter time T of the derivative [s].
     """
 
-    kp: np.ndarray
-    kd: np.ndarray
-    ki: np.ndarray | None = None
+    kp: Gains
+    kd: Gains
+    ki: Gains | None = None
     derivative_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_lengths(kp=self.kp, kd=self.kd, ki=self.ki)
 
     def check(self, joints: int) -> None:
         """Refuse gains of the wrong number or sign."""
@@ -91,16 +97,16 @@ class PID:
         """Discretise at ``rate`` [Hz]: see :class:`SampledLaw`."""
         n, h = q_ref.shape[1], 1.0 / rate
         fade = self.derivative_time / (self.derivative_time + h)  # pole of the derivative's filter
-        gain = np.asarray(self.kd, float) / (self.derivative_time + h)
-        kp = np.asarray(self.kp, float)
+        kp, kd = _for_each(self.kp, n), _for_each(self.kd, n)
+        gain = kd / (self.derivative_time + h)
         zero = np.zeros(n)
         feedback = np.stack([kp + gain, -kp * fade - gain, zero], axis=1)
         pole = np.stack([np.ones(n), np.full(n, -fade), zero], axis=1)
         integrand = np.stack([np.ones(n), np.full(n, -fade), zero], axis=1)
         if dq_ref is None:
             dq_ref = _faded(backward_difference(q_ref, rate), fade)
-        ki = zero if self.ki is None else np.asarray(self.ki, float)
-        reference = kp * q_ref + np.asarray(self.kd, float) * dq_ref
+        ki = zero if self.ki is None else _for_each(self.ki, n)
+        reference = kp * q_ref + kd * dq_ref
         return SampledLaw(feedback, pole, integrand, ki, reference, q_ref.copy())
 
 
@@ -113,7 +119,7 @@ def _faded(x: np.ndarray, fade: float) -> np.ndarray:
     return lfilter([1.0 - fade], [1.0, -fade], x, axis=0)
 
 
-def PD(kp: np.ndarray, kd: np.ndarray, derivative_time: float = 0.0) -> PID:
+def PD(kp: Gains, kd: Gains, derivative_time: float = 0.0) -> PID:
     """U = kp (q_ref - q) + kd (dq_ref - dq̂): a :class:`PID` without integrator."""
     return PID(kp, kd, None, derivative_time)
 
@@ -126,18 +132,21 @@ class Cascade:
     FIR filter [1/2 1/2], then difference). ``speed_feed_forward`` adds kv·k·dq_ref.
 
     Attributes:
-        kp: position gains, shape (joints,) [1/s].
+        kp: position gains, shape (joints,) or one for all [1/s]; likewise:
         kv: speed gains, shape (joints,) [u per rad/s or m/s].
         ki: integral gains of the speed loop, shape (joints,) [1/s]; None: no integrator.
         averaged: whether the speed is taken from the two-sample mean.
         speed_feed_forward: share of the reference speed that is fed forward.
     """
 
-    kp: np.ndarray
-    kv: np.ndarray
-    ki: np.ndarray | None = None
+    kp: Gains
+    kv: Gains
+    ki: Gains | None = None
     averaged: bool = False
     speed_feed_forward: float = 0.0
+
+    def __post_init__(self) -> None:
+        _check_lengths(kp=self.kp, kv=self.kv, ki=self.ki)
 
     def check(self, joints: int) -> None:
         """Refuse gains of the wrong number or sign."""
@@ -146,14 +155,14 @@ class Cascade:
     def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
         """Discretise at ``rate`` [Hz]: see :class:`SampledLaw`."""
         n = q_ref.shape[1]
-        kp, kv = np.asarray(self.kp, float), np.asarray(self.kv, float)
+        kp, kv = _for_each(self.kp, n), _for_each(self.kv, n)
         difference = np.array([0.5, 0.0, -0.5] if self.averaged else [1.0, -1.0, 0.0]) * rate
         inner = kp[:, None] * np.array([1.0, 0.0, 0.0]) + difference
         pole = np.tile([1.0, 0.0, 0.0], (n, 1))
         if dq_ref is None:
             dq_ref = backward_difference(q_ref, rate)
         wanted = kp * q_ref + self.speed_feed_forward * dq_ref
-        ki = np.zeros(n) if self.ki is None else kv * np.asarray(self.ki, float)
+        ki = np.zeros(n) if self.ki is None else kv * _for_each(self.ki, n)
         return SampledLaw(kv[:, None] * inner, pole, inner, ki, kv * wanted, wanted)
 
 
@@ -248,18 +257,47 @@ def _reflected(polynomial: np.ndarray) -> np.ndarray:
     return out
 
 
-def _check_gains(joints: int, **gains: np.ndarray | None) -> None:
+def _for_each(gain: Gains, joints: int) -> np.ndarray:
+    """The gains as an array (joints,)."""
+    return np.broadcast_to(np.asarray(gain, float), (joints,))
+
+
+def _check_lengths(**gains: Gains | None) -> None:
+    """Refuse gains that are not numbers or do not belong to the same joints."""
+    shapes = {}
     for name, gain in gains.items():
         if gain is None:
             continue
+        try:
+            shape = np.asarray(gain, dtype=float).shape
+        except (TypeError, ValueError):
+            shape = (0, 0)
+        if len(shape) > 1:
+            raise ExperimentError(
+                f"controller: {name} = {gain!r} is no gain; give a number, or one for each joint"
+            )
+        if shape:
+            shapes[name] = shape[0]
+    if len(set(shapes.values())) > 1:
+        listed = ", ".join(f"{name} has {count}" for name, count in shapes.items())
+        raise ExperimentError(
+            f"controller: {listed} gain(s); give each one number for all joints or one for each"
+        )
+
+
+def _check_gains(joints: int, **gains: Gains | None) -> None:
+    for name, given in gains.items():
+        if given is None:
+            continue
+        gain = np.full(joints, given, dtype=float) if np.ndim(given) == 0 else np.asarray(given)
         if np.shape(gain) != (joints,):
             raise ExperimentError(
                 f"controller: {name} has shape {np.shape(gain)}, but the robot has {joints} "
                 "joints; give one gain per joint"
             )
-        bad = np.flatnonzero(~(np.isfinite(gain) & (np.asarray(gain) >= 0)))
+        bad = np.flatnonzero(~(np.isfinite(gain) & (gain >= 0)))
         if bad.size:
             raise ExperimentError(
-                f"controller: {name} of joint {bad[0] + 1} is {np.asarray(gain)[bad[0]]}; gains "
+                f"controller: {name} of joint {bad[0] + 1} is {gain[bad[0]]}; gains "
                 "must be finite and not negative (a reversed axis belongs into the drive gain)"
             )

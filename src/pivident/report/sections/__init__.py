@@ -2,6 +2,7 @@
 
 from pivident.report.sections.base import Section
 from pivident.report.sections.comparison import ComparisonSection
+from pivident.report.sections.control_loop import ControlLoopSection
 from pivident.report.sections.convergence import ConvergenceSection
 from pivident.report.sections.joints import JointsSection
 from pivident.report.sections.parameters import ParametersSection
@@ -18,6 +19,7 @@ SECTIONS: tuple[type[Section], ...] = (
     TorqueSection,
     JointsSection,
     ResidualsSection,
+    ControlLoopSection,
     ConvergenceSection,
     SignalsSection,
     ProvenanceSection,

@@ -1,0 +1,159 @@
+"""A control law of free structure: a transfer function from the error to the output, by joint.
+
+Error and output are exact signals of the controller, so that a discrete ARX model by least squares
+is exact where the output is logged without noise; with noise or quantisation on it the refined
+instrumental variable method (RIV) is unbiased; the continuous-time search over orders (SRIVC) is
+what Brunot et al. (2018, section 5.3) do. An integrator's pole is fixed at one: estimated, it
+comes out a little inside and leaks.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from pivident.errors import ExperimentError, IdentificationError
+from pivident.recording.recording import Recording
+from pivident.recording.saturation import clipped_samples
+from pivident.simulation.controllers import TAPS
+from pivident.simulation.transfer_law import TransferLaw, split_integrator
+
+if TYPE_CHECKING:
+    from pivident.linear.estimate import LinearEstimate
+
+FreeMethod = Literal["arx", "riv", "srivc"]
+
+#: Orders (numerator, denominator) that the continuous-time search tries.
+SEARCHED = ((0, 1, 2), (1, 2))
+
+
+#: Distance from one at which a pole is an integrator.
+INTEGRATOR = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FreeLaw:
+    """Transfer functions of all joints.
+
+    Attributes:
+        law: the controller, ready for a ``Loop``.
+        estimates: the linear models, one for each joint.
+        relative_error: rms of what the law does not explain over the rms of the output.
+    """
+
+    law: TransferLaw
+    estimates: tuple[LinearEstimate, ...]
+    relative_error: tuple[float, ...]
+
+    def __str__(self) -> str:
+        return "\n\n".join(
+            f"joint {j + 1}, {100 * error:.2g} % of the output unexplained\n{estimate}"
+            for j, (estimate, error) in enumerate(
+                zip(self.estimates, self.relative_error, strict=True)
+            )
+        )
+
+
+def identify_free_law(
+    recording: Recording,
+    drive_gain: np.ndarray | float = 1.0,
+    limit: np.ndarray | float = np.inf,
+    method: FreeMethod = "arx",
+    orders: tuple[int, int] = (2, 1),
+    integrator: bool = False,
+) -> FreeLaw:
+    """Identify a transfer function from the position error to the controller's output.
+
+    Args:
+        recording: one run with a recorded reference.
+        drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+        limit: largest output; saturated samples are left out (ARX) or refused (RIV, SRIVC),
+            which simulate through them.
+        method: ``arx``, ``riv``, or ``srivc``, which searches its orders itself.
+        orders: degrees of numerator and denominator in z⁻¹, without the integrator.
+        integrator: whether the law has a pole at one besides.
+
+    Raises:
+        ExperimentError: no reference, or orders above two.
+        IdentificationError: samples are saturated and the method cannot leave them out.
+    """
+    if recording.q_ref is None:
+        raise ExperimentError(
+            f"recording {recording.name!r} has no reference q_ref, from which the control error "
+            "is formed; map its column"
+        )
+    if not (0 <= orders[0] < TAPS and 0 <= orders[1] < TAPS):
+        raise ExperimentError(f"orders of a control law go up to {TAPS - 1}, not {orders}")
+    joints = recording.joints
+    gain = np.broadcast_to(np.asarray(drive_gain, float), (joints,))
+    bound = np.broadcast_to(np.asarray(limit, float), (joints,))
+    inputs = sum(recording.inputs.values(), np.zeros(recording.tau.shape))
+    numerator, denominator = np.zeros((2, joints, TAPS))
+    ki, estimates, errors = np.zeros(joints), [], []
+    for j in range(joints):
+        total = recording.tau[:, j] / gain[j]
+        u, e = total - inputs[:, j], recording.q_ref[:, j] - recording.q[:, j]
+        left_out = (np.abs(total) >= bound[j] * (1.0 - 1e-9)) | clipped_samples(
+            recording.tau[:, j], recording.q[:, j]
+        )
+        estimate = _estimate(
+            e, u, 1.0 / recording.rate, left_out, method, orders, integrator,
+            recording.joint_names[j],
+        )  # fmt: skip
+        b, a = _discrete(estimate)
+        if np.abs(np.roots(a) - 1.0).min(initial=1.0) < INTEGRATOR:
+            free = np.polydiv(a, [1.0, -1.0])[0]
+            b, residue = split_integrator(b, free)
+            a, ki[j] = free, residue * recording.rate
+        numerator[j, : len(b)], denominator[j, : len(a)] = b, a
+        estimates.append(estimate)
+        model = estimate.simulate(e)
+        usable = ~left_out
+        errors.append(float(np.sqrt(np.sum((u - model)[usable] ** 2) / np.sum(u[usable] ** 2))))
+    law = TransferLaw(numerator, denominator, ki, recording.rate)
+    return FreeLaw(law, tuple(estimates), tuple(errors))
+
+
+def _estimate(
+    e: np.ndarray,
+    u: np.ndarray,
+    dt: float,
+    left_out: np.ndarray,
+    method: FreeMethod,
+    orders: tuple[int, int],
+    integrator: bool,
+    name: str,
+) -> LinearEstimate:
+    """One joint's linear model from error to output."""
+    from pivident.linear import arx, riv, select_orders
+
+    poles = (1.0,) if integrator else ()
+    degree = orders[1] + len(poles)
+    if method == "arx":
+        mask = left_out if left_out.any() else None
+        return arx(e, u, dt, orders[0], degree, mask=mask, fixed_poles=poles)
+    if left_out.any():
+        raise IdentificationError(
+            f"joint {name!r} is saturated at {np.count_nonzero(left_out)} sample(s); {method} "
+            'simulates through them; use method = "arx", which leaves them out'
+        )
+    if method == "riv":
+        return riv(e, u, dt, orders[0], degree, fixed_poles=poles)
+    if integrator:
+        raise ExperimentError(
+            "srivc searches continuous-time orders and does not fix an integrator; use arx or riv"
+        )
+    return select_orders(e, u, dt, *SEARCHED, criterion="bic").best
+
+
+def _discrete(estimate: LinearEstimate) -> tuple[np.ndarray, np.ndarray]:
+    """B and A in z⁻¹; a continuous model is sampled with the hold it was identified with."""
+    b, a = estimate.numerator, estimate.denominator
+    if not estimate.continuous:
+        return np.asarray(b), np.asarray(a)
+    from scipy.signal import cont2discrete
+
+    discrete_b, discrete_a, _ = cont2discrete((b, a), estimate.dt, estimate.hold)
+    return np.ravel(discrete_b), np.ravel(discrete_a)
