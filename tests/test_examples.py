@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pivident.experiment import load_experiment
+from pivident.robot import load_robot
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 
@@ -25,7 +26,7 @@ def public_data(data_dir, monkeypatch):
     monkeypatch.setenv("PIVIDENT_DATA", str(data_dir))
 
 
-@pytest.mark.parametrize("name", ["emps", "simulated_tx40", "staubli_tx40"])
+@pytest.mark.parametrize("name", ["emps", "kuka_kr300", "simulated_tx40", "staubli_tx40"])
 def test_example_is_indexed_and_its_experiment_loads(name):
     assert f"({name})" in (EXAMPLES / "README.md").read_text(encoding="utf-8")
     assert "piv" in load_experiment(EXAMPLES / name / "experiment.toml").methods()
@@ -65,3 +66,52 @@ def test_staubli_tx40(public_data, capsys):
         assert result.converged and result.iterations <= 8, name
         assert unseen < 7.5, name
     assert "laboratory" in capsys.readouterr().out
+
+
+def placed(z_first, angle, z_shift, x_shift, x_angle):
+    """Tx Rx Tz Rz with z_first false (modified DH), Rz Tz Tx Rx with z_first true (standard)."""
+    c, s, ca, sa = np.cos(angle), np.sin(angle), np.cos(x_angle), np.sin(x_angle)
+    z = np.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, z_shift], [0, 0, 0, 1]])
+    x = np.array([[1, 0, 0, x_shift], [0, ca, -sa, 0], [0, sa, ca, 0], [0, 0, 0, 1]])
+    return z @ x if z_first else x @ z
+
+
+@pytest.mark.parametrize("file", ["kuka_kr300", "kuka_kr300_axes_1_3"])
+def test_the_kuka_stands_where_its_standard_dh_table_says(file):
+    robot = load_robot(EXAMPLES / "kuka_kr300" / f"{file}.toml")
+    d, a = (-0.675, -0.189, 0.189, -1.0, 0.0, -0.24), (0.35, 1.15, 0.041, 0.0, 0.0, 0.0)
+    alpha, theta = np.deg2rad([90, 0, -90, 90, -90, 180]), np.deg2rad([0, 0, 90, 0, 0, 0])
+    half_turn = np.diag([1.0, -1.0, -1.0, 1.0])
+    differences = []
+    for q in np.random.default_rng(1).uniform(-3, 3, (20, robot.size)):
+        standard, modified = half_turn, np.eye(4)
+        for j, joint in enumerate(robot.joints):
+            standard = standard @ placed(True, q[j] + theta[j], d[j], a[j], alpha[j])
+            at_zero = np.eye(4)
+            at_zero[:3, :3], at_zero[:3, 3] = joint.rotation, joint.translation
+            modified = modified @ at_zero @ placed(False, q[j], 0.0, 0.0, 0.0)
+        differences.append(np.linalg.inv(modified) @ standard)
+    assert np.ptp(differences, axis=0).max() < 1e-9
+
+
+@pytest.mark.record
+def test_kuka_kr300(public_data, capsys):
+    made = script("kuka_kr300").main()
+    assert np.all(made["controller"]["share"] > 0.85)
+    np.testing.assert_allclose(made["controller"]["speed_gains"], (1046, 1138, 1073), rtol=0.15)
+    results = made["results"]
+    assert set(results) == {"ls", "iv", "iv-full-rate", "piv"}
+    for name, result in results.items():
+        assert result.converged and result.iterations <= 8 and result.condition < 200, name
+        assert abs(result.value("zz2r") - 1404) < 30 and abs(result.value("ia3") - 745) < 60, name
+    assert made["alone"].condition > 400 and made["errors"].max() > 25
+    assert "hardly separates" in capsys.readouterr().out
+
+
+@pytest.mark.record
+def test_staubli_tx40_with_an_unknown_loop(public_data):
+    experiment = load_experiment(EXAMPLES / "staubli_tx40" / "unknown_loop.toml")
+    problem = experiment.problem()
+    assert len(problem.loop.reconstructed[0].moves.moves) == 13
+    assert any("cannot be told" in note for note in problem.loop.notes)
+    assert set(experiment.methods()) == {"iv-full-rate", "piv"}

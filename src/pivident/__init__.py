@@ -16,9 +16,12 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from pivident.dynamics.base_parameters import base_parameters
     from pivident.errors import PividentError
+    from pivident.estimation.controller_identification import identify_controller
+    from pivident.estimation.free_law import identify_free_law
     from pivident.estimation.identification import Identification
     from pivident.estimation.identify import build_regression, identify
     from pivident.estimation.methods import (
+        Arma,
         AutoRegressive,
         Bandpass,
         InstrumentalVariables,
@@ -27,6 +30,7 @@ if TYPE_CHECKING:
         RandomWalk,
     )
     from pivident.estimation.problem import Loop, Problem
+    from pivident.estimation.unknown_loop import complete_loop
     from pivident.experiment import load_experiment
     from pivident.recording.load import load_recording
     from pivident.recording.recording import Recording
@@ -37,6 +41,7 @@ if TYPE_CHECKING:
 
 #: Where each name of the front door lives.
 _HOME = {
+    "Arma": "pivident.estimation.methods",
     "AutoRegressive": "pivident.estimation.methods",
     "Bandpass": "pivident.estimation.methods",
     "Cascade": "pivident.simulation.controllers",
@@ -55,7 +60,10 @@ _HOME = {
     "Robot": "pivident.robot",
     "base_parameters": "pivident.dynamics.base_parameters",
     "build_regression": "pivident.estimation.identify",
+    "complete_loop": "pivident.estimation.unknown_loop",
     "identify": "pivident.estimation.identify",
+    "identify_controller": "pivident.estimation.controller_identification",
+    "identify_free_law": "pivident.estimation.free_law",
     "load_experiment": "pivident.experiment",
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
@@ -66,6 +74,7 @@ _HOME = {
 __all__ = [
     "PD",
     "PID",
+    "Arma",
     "AutoRegressive",
     "Bandpass",
     "Cascade",
@@ -83,7 +92,10 @@ __all__ = [
     "__version__",
     "base_parameters",
     "build_regression",
+    "complete_loop",
     "identify",
+    "identify_controller",
+    "identify_free_law",
     "load_experiment",
     "load_recording",
     "load_robot",

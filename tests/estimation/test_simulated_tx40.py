@@ -6,8 +6,16 @@ import json
 import numpy as np
 import pytest
 
+from pivident.errors import IdentificationError
 from pivident.estimation.identify import build_regression, identify
-from pivident.estimation.methods import METHODS, Bandpass, InstrumentalVariables, LeastSquares
+from pivident.estimation.methods import (
+    METHODS,
+    Arma,
+    Bandpass,
+    InstrumentalVariables,
+    LeastSquares,
+    PrefilteredIV,
+)
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
@@ -155,3 +163,28 @@ def test_the_independent_reference_record(reference_dir):
     assert found.converged and found.iterations <= 5
     assert np.abs((found.theta - expected) / found.std).max() < 3.5
     assert np.median(np.abs(found.theta / expected - 1)) <= 3e-4
+
+
+def test_gains_too_soft_for_their_inverse_are_named(fine):
+    problem, _ = fine
+    gains = np.full(6, 1e4), np.full(6, 3e4)  # kd/kp = 3 s
+    soft = dataclasses.replace(problem, loop=Loop(PD(*gains)))
+    with pytest.raises(IdentificationError, match=r"joint_1.*takes \d+ s to forget.*direct"):
+        identify(soft, "piv")
+
+
+def test_arma_noise_does_as_well_as_ar(fine, results):
+    problem, truth = fine
+    found = identify(problem, PrefilteredIV(noise=Arma(8, 4)))
+    assert found.converged and {j.ar_order for j in found.joints} == {12}
+    assert np.abs((found.theta - truth) / found.std).max() < 4
+    difference = np.abs(found.theta - results["piv"].theta) / results["piv"].std
+    assert np.median(difference) < 0.5
+
+
+def test_a_motion_that_hardly_separates_parameters_is_named(fine):
+    problem, _ = fine
+    short = dataclasses.replace(problem, recordings=(problem.recordings[0].part(0, 6000),))
+    found = identify(short, "ls")
+    text = next(w for w in found.warnings if "hardly separates" in w)
+    assert "second, different motion" in text and found.condition > 200

@@ -49,9 +49,11 @@ ROUNDING = 1e-20
 #: Lags T searched, in sampling periods.
 LAGS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 
-#: Samples at the start that a differentiator needs, and lags until it has forgotten its own.
+#: Samples at the start that a differentiator needs, samples until one with the longest lag has
+#: forgotten its start, and the largest share of a record that may be given for it.
 START = 3
-FORGOTTEN = 40.0
+FORGOTTEN = 1200
+LARGEST_START = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,6 +144,7 @@ class _Channel:
     dq_ref: np.ndarray | None
     rate: float
     use: np.ndarray
+    saturated: int
 
 
 def identify_controller(
@@ -205,11 +208,18 @@ def _channel(recording: Recording, j: int, gain: float, limit: float) -> _Channe
     use = (np.abs(total) < limit * (1.0 - 1e-9)) & ~clipped_samples(
         recording.tau[:, j], recording.q[:, j]
     )
-    use[:START] = False
+    saturated = int((~use).sum())
+    use[: max(START, min(FORGOTTEN, int(LARGEST_START * use.size)))] = False
     assert recording.q_ref is not None
     dq_ref = None if recording.dq_ref is None else recording.dq_ref[:, j]
     return _Channel(
-        total - inputs, recording.q[:, j], recording.q_ref[:, j], dq_ref, recording.rate, use
+        total - inputs,
+        recording.q[:, j],
+        recording.q_ref[:, j],
+        dq_ref,
+        recording.rate,
+        use,
+        saturated,
     )
 
 
@@ -342,13 +352,10 @@ def _system(
     channels: Sequence[_Channel], terms: Sequence[Term], time: float, averaged: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns and output on the samples that count."""
-    phi, u = [], []
-    for c in channels:
-        use = c.use.copy()
-        use[: int(np.ceil(FORGOTTEN * time * c.rate))] = False
-        phi.append(np.stack([_column(c, t, time, averaged)[use] for t in terms], axis=1))
-        u.append(c.u[use])
-    return np.concatenate(phi), np.concatenate(u)
+    phi = [
+        np.stack([_column(c, t, time, averaged)[c.use] for t in terms], axis=1) for c in channels
+    ]
+    return np.concatenate(phi), np.concatenate([c.u[c.use] for c in channels])
 
 
 def _finished(
@@ -372,7 +379,7 @@ def _finished(
         columns = np.column_stack([phi, (ahead - behind) / (2.0 * step)])
     covariance = _robust_covariance(columns, residual)
     std = np.sqrt(np.diag(covariance))
-    saturated = sum(int((~c.use[START:]).sum()) for c in channels)
+    saturated = sum(c.saturated for c in channels)
     return JointLaw(
         name=name,
         terms=terms,
@@ -411,9 +418,9 @@ def _law_of(laws: Sequence[JointLaw]) -> LinearLaw:
             if law.gain(term) < 0.0:
                 raise IdentificationError(
                     f"the law found for joint {law.name!r} has {term} = {law.gain(term):.4g} and "
-                    f"would push away from the reference (it explains the torque up to "
-                    f"{100 * law.relative_error:.3g} %). Check the torque's sign and that q_ref "
-                    'belongs to q; if the law cannot be known, declare type = "virtual_pd"'
+                    f"would push away from the reference; {100 * law.relative_error:.3g} % of "
+                    "the output stay unexplained. Check the torque's sign and that q_ref belongs "
+                    'to q; if the law cannot be known, declare type = "virtual_pd"'
                 )
 
     def gains(term: Term) -> np.ndarray:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import (
@@ -20,6 +21,9 @@ from pivident.estimation.methods import CovarianceKind
 from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.sandwich import sandwich
+
+#: Condition number from which on a motion hardly separates some parameters.
+LARGE_CONDITION = 200.0
 
 #: Methods whose instruments come from the simulated loop.
 _WITH_LOOP = ("IDIM-IV", "IDIM-PIV")
@@ -100,10 +104,17 @@ def iterate(
     previous: np.ndarray | None = None
     residual = np.inf
     history: list[Iteration] = []
+    doubt = ""
     for k in range(max_iterations):
-        motions, theta, halvings = auxiliary.simulate_or_halve(previous, theta)
+        try:
+            motions, theta, halvings = auxiliary.simulate_or_halve(previous, theta)
+        except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+            if doubt:
+                error.add_note(doubt)
+            raise
         sums = stage(k, theta, motions)
         solution, variance = weighted_solution(sums, problem.names, theta, weight_power)
+        doubt = _poor_motion(solution)
         std = np.sqrt(np.diag(solution.covariance))
         if covariance == "sandwich":
             robust = sandwich(sums, solution.theta, variance, weight_power)
@@ -186,6 +197,16 @@ def method_label(problem: Problem, method: Any) -> str:
     return f"{method.label} (Ĉ)" if identified else method.label
 
 
+def _poor_motion(solution: Solution) -> str:
+    """What to do about parameters that the motion does not tell apart; empty if it does."""
+    if solution.condition <= LARGE_CONDITION:
+        return ""
+    return (
+        f"The motion hardly separates {', '.join(solution.weakest)} (condition number "
+        f"{solution.condition:.0f}): add a second, different motion, or estimate fewer parameters."
+    )
+
+
 def make_identification(
     problem: Problem,
     method: Any,
@@ -205,6 +226,8 @@ def make_identification(
     covariance = robust_covariance if reported == "sandwich" else solution.covariance
     std = np.sqrt(np.diag(covariance))
     noticed = [*warnings, *friction_warnings(problem, solution.theta, std)]
+    if doubt := _poor_motion(solution):
+        noticed.append(doubt)
     if not converged:
         noticed.insert(
             0,

@@ -22,6 +22,9 @@ import numpy as np
 from pivident.errors import IdentificationError, RankDeficientRegressor
 from pivident.estimation.sandwich import Share
 
+#: Share of a parameter in the weakest direction from which on it is named.
+WEAKEST_SHARE = 0.3
+
 #: Smallest singular value of the scaled observation matrix, relative to the largest.
 RANK_TOLERANCE = 1e-6
 
@@ -139,11 +142,13 @@ class Solution:
         theta: parameters, shape (parameters,).
         covariance: (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters).
         condition: condition number of the column-scaled observation matrix.
+        weakest: parameters in the direction that the motion tells worst.
     """
 
     theta: np.ndarray
     covariance: np.ndarray
     condition: float
+    weakest: tuple[str, ...] = ()
 
 
 def solve(
@@ -179,9 +184,9 @@ def solve(
         ff[grid] += joint.ff / lam
     scale = _scales(ff)
     outer = np.outer(scale, scale)
-    condition = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
+    condition, weakest = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
     theta = np.linalg.solve(zf / outer, zt / scale) / scale
-    return Solution(theta, np.linalg.inv(zz / outer) / outer, condition)
+    return Solution(theta, np.linalg.inv(zz / outer) / outer, condition, weakest)
 
 
 def _scales(gram: np.ndarray) -> np.ndarray:
@@ -190,8 +195,10 @@ def _scales(gram: np.ndarray) -> np.ndarray:
     return np.where(length > 0, length, 1.0)
 
 
-def _check_rank(gram: np.ndarray, empty: np.ndarray, names: Sequence[str]) -> float:
-    """Condition number of the observation matrix with columns of unit length.
+def _check_rank(
+    gram: np.ndarray, empty: np.ndarray, names: Sequence[str]
+) -> tuple[float, tuple[str, ...]]:
+    """Condition number of the observation matrix with columns of unit length, and its weakest.
 
     Args:
         gram: its Gram matrix, shape (parameters, parameters).
@@ -201,10 +208,11 @@ def _check_rank(gram: np.ndarray, empty: np.ndarray, names: Sequence[str]) -> fl
     Raises:
         RankDeficientRegressor: if some cannot be told apart.
     """
-    values = np.linalg.eigvalsh(gram)
-    if values[0] > RANK_TOLERANCE**2 * values[-1]:
-        return float(np.sqrt(values[-1] / values[0]))
     values, vectors = np.linalg.eigh(gram)
+    if values[0] > RANK_TOLERANCE**2 * values[-1]:
+        share = np.abs(vectors[:, 0])
+        weakest = tuple(names[int(i)] for i in np.argsort(-share) if share[i] > WEAKEST_SHARE)
+        return float(np.sqrt(values[-1] / values[0])), weakest
     weak = np.flatnonzero(values <= RANK_TOLERANCE**2 * values[-1])
     groups: list[tuple[str, ...]] = [(names[int(i)],) for i in empty]
     for k in weak:

@@ -134,8 +134,8 @@ def comparison_table(
     parts = [_lines(columns), f"relative error of the torque: {errors}"]
     if len({is_decimated(i) for i in identifications}) > 1:
         parts.append(
-            "  filtered rows have lost most of the noise that all samples still have; compare these "
-            "errors among the same rows"
+            "  filtered rows have lost most of the noise that all samples still have; compare "
+            "these errors among the same rows"
         )
     parts.append(friction_line(identifications[0]))
     if len(identifications) > 1 and max(differences) > CONTRADICTION:

@@ -149,16 +149,18 @@ def complete_loop(
     told: tuple[Feedback, ...] = ()
     signals = [r.q for r in recordings]
     if controller is None:
-        feedback = feedback_from_noise(recordings[0], gain)
-        if all(f.known for f in feedback):
-            controller, told = _law(feedback), feedback
-            signals = [_implied_reference(r, controller, gain) for r in recordings]
-            notes.append(_told(feedback))
+        by_recording = [feedback_from_noise(r, gain) for r in recordings]
+        best = [max(own, key=lambda f: f.explained) for own in zip(*by_recording, strict=True)]
+        if all(f.known for f in best):
+            law, told = _law(best), tuple(best)
+            controller, signals = law, [_implied_reference(r, law, gain) for r in recordings]
+            notes.append(_told(best))
         else:
             posture = np.mean([r.q.mean(axis=0) for r in recordings], axis=0)
-            controller, gain = virtual_pd(robot, posture), np.ones(robot.size)
-            drive_gain, limit = 1.0, np.inf
-            notes.append(_not_told(feedback))
+            # the declared law makes joint torques by itself: no drive, no limit, no inputs
+            controller, drive_gain, limit = virtual_pd(robot, posture), 1.0, np.inf
+            recordings = tuple(replace(r, inputs={}) for r in recordings)
+            notes.append(_not_told(best))
     made = [reconstruct_reference(x, r.rate) for x, r in zip(signals, recordings, strict=True)]
     notes += [
         f"The reference of recording {r.name!r} is reconstructed: {own}."

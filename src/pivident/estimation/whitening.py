@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.errors import IdentificationError
 from pivident.estimation.full_rate import FullRateRecord, torque_of
 from pivident.estimation.iteration import position_units
 from pivident.estimation.kinematics import Kinematics
@@ -58,6 +59,7 @@ class Whitening:
         self.drop_standstill = np.zeros(n, bool)
         self.at_bound: tuple[bool, ...] = (False,) * n
         self.filters = [Prefilter(self.numerator[j], self.denominator[j]) for j in range(n)]
+        self._refuse_slow_filters()
 
     def update(
         self,
@@ -82,6 +84,23 @@ class Whitening:
                 votes[j, : prefilter.transient()] = False
                 if self.drop_standstill[j]:
                     votes[j] = without_recent(votes[j], prefilter.transient())
+
+    def _refuse_slow_filters(self) -> None:
+        """Refuse filters that forget their start no faster than half a record.
+
+        Raises:
+            IdentificationError: names the joint and how long it takes.
+        """
+        longest = max(k.stop - k.start for k in self.kinematics)
+        for j, prefilter in enumerate(self.filters):
+            if prefilter.transient() > 0.5 * longest:
+                rate = self.kinematics[0].recording.rate
+                raise IdentificationError(
+                    f"the prefilter of joint {self.problem.robot.joint_names[j]!r}, the inverse of "
+                    f"its control law, takes {prefilter.transient() / rate:.2g} s to forget its "
+                    f"start, but the longest record has {longest / rate:.2g} s; the gains are that "
+                    'soft (kd/kp). Use prefilter = "direct", or check the gains'
+                )
 
     def _fit(self, k: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
         """Noise models, filters, and the joints whose standstill is noisier than their motion."""

@@ -140,7 +140,8 @@ def load_kuka_kr300(
     Args:
         motion: which of the two motions.
         file: its .npz file; that of `fetch` where it is not given.
-        robot: gives joint names and transmission; the record's own ones otherwise.
+        robot: gives joint names and transmission; the record's own ones otherwise. A robot of
+            fewer joints gets the first axes of the record.
 
     Raises:
         RecordingError: there is no such motion.
@@ -150,4 +151,16 @@ def load_kuka_kr300(
         raise RecordingError(f"the KR300 record has motions A and B, not {motion!r}")
     file = file or fetch("kuka_kr300", motion)[motion]
     machine: dict[str, Any] = {"robot": robot} if robot else {"transmission": KR300_TRANSMISSION}
-    return load_recording(file, name=f"kuka_kr300_{motion}", **KUKA_KR300, **machine)
+    axes = 6 if robot is None else robot.size
+    facts = KUKA_KR300 if axes >= 6 else _first_axes(axes)
+    return load_recording(file, name=f"kuka_kr300_{motion}", **facts, **machine)
+
+
+def _first_axes(axes: int) -> dict[str, Any]:
+    """`KUKA_KR300` without the axes behind the first few."""
+    columns = KUKA_KR300["columns"]
+    named = {key: f"{columns[key]}[:{axes}, :]" for key in ("q", "tau", "q_ref", "dq_ref")} | {
+        "inputs": {key: f"{name}[:{axes}, :]" for key, name in columns["inputs"].items()}
+    }
+    offset = KUKA_KR300["position_offset"][:axes]
+    return KUKA_KR300 | {"columns": columns | named, "position_offset": offset}

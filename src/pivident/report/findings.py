@@ -11,15 +11,11 @@ from pivident.estimation.parameter_rows import (
     largest_difference,
     parameter_rows,
     percent,
-    significant,
 )
 from pivident.report.whiteness import whiteness
 
 #: Robust deviations larger than the method's own by this factor contradict them.
 _TOO_NARROW = 2.0
-
-#: Condition number from which the motion hardly separates some parameters.
-_LARGE_CONDITION = 200.0
 
 #: Names listed in one sentence.
 _LISTED = 8
@@ -67,11 +63,6 @@ def _about_convergence(identification: Identification) -> Iterator[str]:
         yield (
             f"The iteration did not converge within {identification.iterations} passes{last}; "
             "these values are not an estimate yet."
-        )
-    if identification.condition > _LARGE_CONDITION:
-        yield (
-            f"The observation matrix has condition number {significant(identification.condition)}; "
-            "the motion hardly separates some parameters."
         )
 
 
