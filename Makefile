@@ -1,7 +1,7 @@
 # make demo   set up and run the demonstration: simulate a TX40, identify it, write a report
 # make test   set up and run all checks
 # make bench  set up and print the table of speeds, with the peers run beside us
-# make truth  coverage and errors on simulated records, errors on held-out motion (20 minutes)
+# make truth  coverage and errors on simulated records, errors on held-out motion (40 minutes)
 # make lint   style and types only
 #
 # Everything lives in .venv; PYTHON names the interpreter (3.11 or newer).
@@ -30,6 +30,9 @@ bench: .venv/.pivident-test
 truth: .venv/.pivident
 	$(BIN)/python benchmarks/statistical_truth.py
 	$(BIN)/python benchmarks/held_out_folds.py
+	$(BIN)/python benchmarks/unknown_loop.py
+	$(BIN)/python benchmarks/linear_truth.py
+	$(BIN)/python benchmarks/kuka_kr300_blocks.py
 
 .venv/.pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -140,6 +140,32 @@ def smoother_row(repeats: int) -> list[tuple[str, float, float, str, float]]:
     ]
 
 
+def loop_rows(repeats: int) -> list[tuple[str, float, float, str, float]]:
+    """Linear models and control laws."""
+    from pivident.estimation.controller_identification import identify_controller
+    from pivident.linear import srivc
+    from pivident.linear.benchmarks import RAO_GARNIER
+
+    record = RAO_GARNIER.record(0)
+    problem, _ = scenarios.tx40_fine(samples=45000)
+    return [
+        (
+            "SRIVC of the Rao-Garnier system, 7161 samples",
+            median_ms(lambda: srivc(record.u, record.y, 0.01, 1, 4), repeats),
+            70.0,
+            "",
+            np.nan,
+        ),
+        (
+            "control laws of six joints, 45,000 samples, all terms tested",
+            median_ms(lambda: identify_controller(problem.recordings), repeats),
+            1000.0,
+            "",
+            np.nan,
+        ),
+    ]
+
+
 def whole_job_row(repeats: int) -> list[tuple[str, float, float, str, float]]:
     """Full IDIM-PIV, smoother included, without file reading and report."""
     try:
@@ -168,6 +194,7 @@ def main() -> None:
         *whole_job_row(options.repeats),
         *dynamics_rows(options.repeats),
         *smoother_row(options.repeats),
+        *loop_rows(options.repeats),
     ]
     print(f"{SAMPLES} samples of the TX40; {os.cpu_count()} cores, {platform.processor()}")
     print(f"{'work':75s} {'ours':>8s} {'goal':>7s}   peer")

@@ -215,6 +215,7 @@ def test_robots(capsys):
     assert "61 base parameters" in text and "iam6" in text
     assert "zz1 + ia1 + yy2 + yy3 + 0.07 mz3" in text
     assert "the motor of joint_6 also turns with joint_5" in text
+    assert "150 s/rad" in text and "fv dq + fc (2/π) atan(γ dq) + off" in text
 
 
 def test_robot_from_a_urdf(tmp_path, capsys):
@@ -222,7 +223,9 @@ def test_robot_from_a_urdf(tmp_path, capsys):
 
     (tmp_path / "pair.urdf").write_text(URDF)
     assert run("robots", tmp_path / "pair.urdf") == 0
-    assert "revolute" in capsys.readouterr().out
+    text = capsys.readouterr().out
+    assert "revolute" in text and "375 s/rad" in text and "not given" in text
+    assert "nominal inertia is zero (IV and PIV start from it): l1, l2" in text
 
 
 def test_datasets_are_listed_without_network(tmp_path, monkeypatch, capsys):

@@ -219,6 +219,20 @@ BAD = {
     ),
     "missing table": (EXPERIMENT.split("[recording]")[0], ("no recording", "[recording]")),
     "missing key": (changed('type = "pd"\n', ""), ("[controller] key 'type' is missing",)),
+    "missing kind of law": (changed('type = "pd"\n', ""), ("add it, one of 'pd', 'pid'",)),
+    "key in capitals": (changed("kp =", "kP ="), ("unknown key 'kP'", "did you mean 'kp'")),
+    "model called urdf": (
+        changed('robot = "planar_2r"', '[robot]\nurdf = "x.urdf"'),
+        ("[robot] unknown key 'urdf'; did you mean 'model'?",),
+    ),
+    "friction by name": (
+        changed('robot = "planar_2r"', '[robot]\nmodel = "planar_2r"\nfriction = "tanh"'),
+        ("'friction' = 'tanh'", "list of terms", '{term = "coulomb", smoothing = "tanh"}'),
+    ),
+    "friction without a term": (
+        changed('robot = "planar_2r"', '[robot]\nmodel = "planar_2r"\nfriction = [{gamma = 3}]'),
+        ("'friction.0.term' is missing", "one of 'viscous', 'coulomb'"),
+    ),
     "missing gain": (changed("kd = [180, 60]", ""), ("[controller]", "pd controller needs kd")),
     "gain of another law": (changed("kd =", "kv = 3\nkd ="), ("pd controller has no kv", "kp")),
     "unknown law": (changed('"pd"', '"pdd"'), ("key 'type' = 'pdd'", "'cascade'")),
@@ -262,7 +276,7 @@ BAD = {
         changed(', q_ref = ["r1", "r2"]', "")
         .replace('"ls"', '"iv"')
         .replace('q_ref = "deg", ', ""),
-        ("[controller]", "q_ref", 'reference = "smoothed"'),
+        ("[controller]", "q_ref", 'reference = "reconstruct"', '"smoothed"'),
     ),
     "files and dataset": (changed("files =", 'dataset = "emps"\nfiles ='), ("both are given",)),
     "no source": (changed('files = "log.csv"', ""), ("neither is given",)),
@@ -292,6 +306,11 @@ def test_what_is_wrong_is_said_in_one_line(tmp_path, case):
     line = message(tmp_path, text)
     for part in parts:
         assert part in line, line
+
+
+def test_a_misspelt_key_is_not_reported_as_missing_too(tmp_path):
+    text = changed('robot = "planar_2r"', '[robot]\nurdf = "x.urdf"')
+    assert "more)" not in message(tmp_path, text)
 
 
 def test_several_problems_are_counted(tmp_path):

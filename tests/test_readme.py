@@ -3,6 +3,7 @@
 import re
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pivident.cli.app import app
@@ -17,7 +18,7 @@ def blocks(language: str) -> list[str]:
 
 
 def test_python_block_identifies_a_log(tmp_path, monkeypatch, capsys):
-    (code,) = blocks("python")
+    code, _ = blocks("python")
     assert 10 <= len([line for line in code.splitlines() if line]) <= 12
     write_log(tmp_path / "log.csv")
     monkeypatch.chdir(tmp_path)
@@ -30,13 +31,40 @@ def test_python_block_identifies_a_log(tmp_path, monkeypatch, capsys):
 
 
 def test_experiment_block_loads_and_describes_the_same_problem(tmp_path):
-    (text,) = blocks("toml")
+    text = blocks("toml")[0]
     write_log(tmp_path / "log.csv")
     path = tmp_path / "my_robot.toml"
     path.write_text(text, encoding="utf-8")
     experiment = load_experiment(path)
     assert tuple(experiment.methods()) == ("ls", "iv-full-rate", "piv")
     assert experiment.problem().recordings[0].samples == 8000
+
+
+def test_friction_block_chooses_another_law(tmp_path):
+    text, _, friction = blocks("toml")
+    write_log(tmp_path / "log.csv")
+    path = tmp_path / "my_robot.toml"
+    head, table = re.split(r"^robot = .*\n", text, flags=re.MULTILINE)
+    path.write_text(head + friction + table, encoding="utf-8")
+    shoulder, elbow = load_experiment(path).robot.joints
+    assert str(shoulder.friction) == "fv dq + fc sign(dq) + off"
+    assert str(elbow.friction).endswith("+ fs tanh(γ dq) exp(-|dq/0.05|^2)")
+    assert elbow.friction.slopes == (400.0,)
+
+
+def test_block_for_an_unknown_loop_loads(tmp_path):
+    path = tmp_path / "unknown.toml"
+    path.write_text(blocks("toml")[1], encoding="utf-8")
+    controller = load_experiment(path).content.controller
+    assert controller.type == "identify" and controller.reference == "reconstruct"
+
+
+def test_block_on_linear_models_prints_one(capsys):
+    names: dict = {}
+    exec(compile(blocks("python")[1], "README.md", "exec"), names)
+    assert "SRIVC" in capsys.readouterr().out
+    np.testing.assert_allclose(names["model"].denominator, [1.0, 2.0], rtol=0.03)
+    np.testing.assert_allclose(names["model"].numerator, [4.0], rtol=0.03)
 
 
 def test_commands_of_the_readme_exist():

@@ -23,7 +23,8 @@ def pid_record(noise=0.0, samples=34500, seed=0):
     """A filtered PID on the error of a motion measured with 3600 counts behind a gear of 32."""
     t = np.arange(samples) / RATE
     r = np.sin(2 * np.pi * 0.7 * t) + 0.3 * np.sin(2 * np.pi * 2.1 * t)
-    q = r - 1e-3 * np.sin(2 * np.pi * 1.3 * t) - 2e-3 * np.cos(2 * np.pi * 3 * t)
+    lags = ((0.2, 4e-3), (1.3, 1e-3), (5.0, 2e-3), (30.0, 2e-3))  # slow for ki, fast for kd
+    q = r - sum(size * np.sin(2 * np.pi * f * t + f) for f, size in lags)
     step = 2 * np.pi / 3600 / 32
     e = r - np.round(q / step) * step
     derivative = lfilter(
@@ -58,8 +59,8 @@ def test_gains_of_a_pid_with_noise_on_its_output(seed):
     (law,) = identify_controller([pid_record(0.027, seed=seed)]).joints
     assert set(law.terms) == {"kp", "kd", "ki", "speed_reference"}
     assert law.gain("kp") == pytest.approx(KP, rel=1e-3)
-    assert law.gain("ki") == pytest.approx(KI, rel=5e-3)
-    assert law.gain("kd") == pytest.approx(KD, rel=5e-3)
+    assert law.gain("ki") == pytest.approx(KI, rel=1e-3)
+    assert law.gain("kd") == pytest.approx(KD, rel=1e-3)
     assert law.gain("speed_reference") == pytest.approx(law.gain("kd"), rel=1e-4)
     assert law.derivative_time == pytest.approx(LAG, rel=1e-2)
     truth = {"kp": KP, "ki": KI, "kd": KD, "speed_reference": KD}
@@ -72,7 +73,7 @@ def test_without_noise_structure_and_gains_are_exact():
     assert law.relative_error < 1e-8
     assert law.gain("kp") == pytest.approx(KP, rel=1e-7)
     assert law.gain("ki") == pytest.approx(KI, rel=1e-6)
-    assert law.f_tests["ki"] > 1e6
+    assert law.f_tests["ki"] > 1e4
 
 
 def test_the_law_of_a_simulated_arm_and_its_simulation():

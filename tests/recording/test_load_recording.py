@@ -16,6 +16,7 @@ from pivident.errors import (
 )
 from pivident.recording import load_recording
 from pivident.recording.files import SourceFile
+from pivident.robot.drives import with_drives
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 
@@ -279,3 +280,68 @@ def test_unknown_columns_and_files_are_named(tmp_path, log):
         load_recording(log, {"q": "q", "tau": "tua"}, rate=RATE)
     with pytest.raises(FileFormatError, match="cannot be opened"):
         load_recording(tmp_path / "missing.npz", ARRAYS, rate=RATE)
+
+
+@pytest.mark.parametrize(("channel", "unit"), [("q", None), ("q_ref", "rad")])
+def test_degrees_taken_for_radians_are_refused(tmp_path, channel, unit):
+    angles = {"q": Q, "q_ref": Q} | {channel: np.rad2deg(Q)}
+    np.savez(tmp_path / "log.npz", tau=TAU, **angles)
+    columns = ARRAYS | {"q_ref": "q_ref"}
+    arguments = {"robot": load_robot("planar_2r"), "rate": RATE}
+    with pytest.raises(RecordingError) as caught:
+        load_recording(tmp_path / "log.npz", columns, units=unit and {channel: unit}, **arguments)
+    message = str(caught.value)
+    assert f"{channel} of joint 'shoulder' reaches 57.3 rad" in message
+    assert "-2.967 to 2.967 rad" in message and f'units = {{{channel} = "deg"}}' in message
+    load_recording(tmp_path / "log.npz", columns, units={channel: "deg"}, **arguments)
+    with pytest.raises(RecordingError, match="check the unit 'rev', position_offset"):
+        load_recording(tmp_path / "log.npz", columns, units={channel: "rev"}, **arguments)
+    with pytest.raises(RecordingError, match="check the unit 'rev'"):
+        load_recording(tmp_path / "log.npz", columns, units={channel: ["deg", "rev"]}, **arguments)
+
+
+def test_amperes_need_a_gain_that_somebody_gave(log):
+    robot = load_robot("planar_2r")
+    options = {"robot": robot, "rate": RATE}
+    with pytest.raises(RecordingError, match=r"joint 'shoulder' is a drive command in 'A'.*gain ="):
+        load_recording(log, ARRAYS, units={"tau": "A"}, **options)
+    half = with_drives(robot, drive_gain={"shoulder": 2.0})
+    with pytest.raises(RecordingError, match=r"joint 'elbow'.*drive_gain under \[robot\]"):
+        load_recording(log, ARRAYS, units={"tau": "A"}, robot=half, rate=RATE)
+    made = load_recording(log, ARRAYS, units={"tau": ["A", "N m"]}, robot=half, rate=RATE)
+    np.testing.assert_allclose(made.tau, TAU * [2.0, 1.0])
+    load_recording(log, ARRAYS, units={"tau": {"unit": "A", "gain": 1.0}}, **options)
+
+
+def test_milliseconds_taken_for_seconds_are_refused(tmp_path):
+    np.savez(tmp_path / "log.npz", q=Q, tau=TAU, t=1e3 * T)
+    with pytest.raises(RecordingError, match=r'a rate of 0\.2 Hz; are they in ms.*t = "ms"'):
+        load_recording(tmp_path / "log.npz", ARRAYS | {"t": "t"})
+    for unit, rate in (("ms", 200.0), ("s", 0.2)):
+        made = load_recording(tmp_path / "log.npz", ARRAYS | {"t": "t"}, units={"t": unit})
+        assert made.rate == pytest.approx(rate)
+
+
+def test_missing_columns_name_the_joints_and_how_to_freeze_one(log):
+    columns = {"q": ["q[:, 0]"], "tau": "tau"}
+    with pytest.raises(RecordingError) as caught:
+        load_recording(log, columns, rate=RATE, robot=load_robot("planar_2r"))
+    assert "q lists 1 column(s) for 2 joint(s) (shoulder, elbow)" in str(caught.value)
+    assert "frozen = {elbow = 0.0} under [robot]" in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"units": "deg"}, r"units is 'deg'; give a table by channel"),
+        ({"robot": "x.urdf"}, r"give a Robot, such as load_robot\('x.urdf'\)"),
+        ({"dely": 0.1}, "no option 'dely'; did you mean 'delay'"),
+        ({"transmision": None}, "did you mean 'transmission'"),
+        ({"tau": TAU}, "no option 'tau'"),
+    ],
+)
+def test_arguments_of_another_kind_are_refused(log, options, message):
+    with pytest.raises(RecordingError, match=message):
+        load_recording(log, ARRAYS, rate=RATE, **options)
+    with pytest.raises(RecordingError, match="columns is 'q'"):
+        load_recording(log, "q", rate=RATE)

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.errors import IrregularSampling, RecordingError, RecordingTooShort
+from pivident.errors import IrregularSampling, MissingSamples, RecordingError, RecordingTooShort
 from pivident.recording import timestamps
 
 
@@ -93,3 +93,31 @@ def test_channels_are_resampled_each_in_its_own_way():
     held = timestamps.resample_held(t, t[:, None], grid)[:, 0]
     assert np.all(held <= grid)
     assert np.all(np.isin(held, t))
+
+
+def test_missing_samples_are_counted_and_the_largest_gap_is_named():
+    t = np.delete(stamps(), [20, 40, 41, 42])
+    with pytest.raises(MissingSamples, match=r"4 sample\(s\) are missing in 2 gaps") as caught:
+        timestamps.rate_of(t)
+    assert (caught.value.missing, caught.value.gaps, caught.value.sample) == (4, 2, 38)
+    assert caught.value.interval == pytest.approx(0.04)
+    assert "0.04 s after sample 38 (t = 0.390000 s)" in str(caught.value)
+    with pytest.raises(MissingSamples, match=r"1 sample\(s\) are missing in one gap"):
+        timestamps.rate_of(np.delete(stamps(), 20))
+
+
+def test_intervals_are_told_in_microseconds():
+    coarse = np.repeat(np.arange(50) / 1000.0, 4)
+    with pytest.raises(IrregularSampling, match=r"by 0 µs instead of 246\.231 µs"):
+        timestamps.rate_of(coarse)
+    t = np.arange(100) / 4000.0
+    t[40:] += 1e-4
+    with pytest.raises(IrregularSampling, match="by 350 µs instead of 250 µs"):
+        timestamps.rate_of(t)
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1e3, "ms"), (1e6, "us"), (1e9, "ns")])
+def test_stamps_that_are_hardly_seconds_are_refused(scale, unit):
+    timestamps.check_seconds(np.arange(100) / 100.0)
+    with pytest.raises(RecordingError, match=f't = "{unit}"'):
+        timestamps.check_seconds(np.arange(100) / 1000.0 * scale)

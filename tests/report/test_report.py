@@ -273,7 +273,7 @@ def test_a_recording_too_short_to_test_has_a_report():
 
 def test_report_is_written_and_replaced(tmp_path):
     path = tmp_path / "new" / "report.html"
-    assert write_report([synthetic_identification()], path, title="First") == path
+    assert write_report(synthetic_identification(), path, title="First") == path
     write_report([synthetic_identification()], path, title="Second")
     assert "<h1>Second</h1>" in path.read_text("utf-8")
     assert [p.name for p in path.parent.iterdir()] == ["report.html"]

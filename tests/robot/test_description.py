@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import Coupling, FrictionLaw, Joint, Link, Robot, Transmission
+from pivident.robot import Coupling, FrictionLaw, Joint, Link, Robot, Transmission, load_robot
 from pivident.robot.friction import coulomb, viscous
 
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -87,3 +87,13 @@ BAD_ROBOTS = {
 def test_a_robot_that_is_no_tree_with_proper_frames_is_refused(message):
     with pytest.raises(RobotDescriptionError, match=message):
         BAD_ROBOTS[message]()
+
+
+def test_the_friction_of_a_robot_is_told_joint_by_joint_where_it_differs():
+    arm = load_robot("planar_2r")
+    assert arm.friction_text() == "fv dq + fc (2/π) atan(γ dq) + off, γ = 238.7, 179 s/rad"
+    hard = arm.joints[1].with_friction(FrictionLaw((coulomb("sign"),)))
+    mixed = replace(arm, joints=(arm.joints[0], hard))
+    assert mixed.friction_text() == (
+        "shoulder: fv dq + fc (2/π) atan(γ dq) + off, γ = 238.7 s/rad; elbow: fc sign(dq)"
+    )

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import Coupling, load_robot, with_drives
+from pivident.robot import Coupling, load_robot, parse_modified_dh, with_drives
 
 ARM = load_robot("planar_2r")
 
@@ -59,3 +59,12 @@ def test_a_coupling_object_is_taken_as_it_is():
 def test_drives_that_do_not_fit_the_robot_are_refused(drives, message):
     with pytest.raises(RobotDescriptionError, match=message):
         with_drives(ARM, **drives)
+
+
+def test_it_is_known_which_drive_gains_somebody_gave():
+    arm = parse_modified_dh('name = "two"\n[[joints]]\nname = "a"\n[[joints]]\nname = "b"\n')
+    assert not arm.transmission.gain_given.any()
+    one, both = with_drives(arm, drive_gain={"b": 1.0}), with_drives(arm, drive_gain=[1.0, 1.0])
+    assert one.transmission.gain_given.tolist() == [False, True]
+    assert both.transmission.gain_given.all()
+    assert with_drives(both, reduction=[9, 9]).transmission.gain_given.all()

@@ -50,6 +50,29 @@ def test_a_stribeck_speed_that_is_not_positive_is_refused():
         stribeck(0.0)
 
 
+@pytest.mark.parametrize(
+    ("law", "text", "slopes"),
+    [
+        ((viscous(), coulomb(gamma=150), offset()), "fv dq + fc (2/π) atan(γ dq) + off", (150,)),
+        ((coulomb("sign", gamma=150),), "fc sign(dq)", ()),
+        (
+            asymmetric_coulomb("tanh", 30),
+            "fcp (1 + tanh(γ dq))/2 - fcn (1 - tanh(γ dq))/2",
+            (30,),
+        ),
+        (
+            (coulomb(gamma=150), stribeck(0.05, gamma=20)),
+            "fc (2/π) atan(γ dq) + fs (2/π) atan(γ dq) exp(-|dq/0.05|^2)",
+            (150, 20),
+        ),
+        ((), "none", ()),
+    ],
+)
+def test_a_law_is_shown_as_a_formula(law, text, slopes):
+    assert str(FrictionLaw(tuple(law))) == text
+    assert FrictionLaw(tuple(law)).slopes == slopes
+
+
 def test_a_term_is_named_once():
     with pytest.raises(ValueError, match="named twice: fv"):
         FrictionLaw((viscous(), viscous()))

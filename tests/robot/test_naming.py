@@ -1,7 +1,9 @@
+import tomllib
+
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.naming import errors_name, find_joint, nearest, repeated
+from pivident.robot.naming import errors_name, find_joint, frozen_example, nearest, repeated
 
 NAMES = ("shoulder", "elbow", "wrist")
 
@@ -29,6 +31,17 @@ def test_a_misspelt_joint_gets_the_nearest_name():
 def test_a_name_like_no_other_gets_the_whole_list():
     assert nearest("gripper", NAMES) == "known are 'shoulder', 'elbow', 'wrist'"
     assert nearest("gripper", ()) == "known are none"
+
+
+def test_case_does_not_hide_what_was_meant():
+    assert nearest("Elbow", NAMES) == "did you mean 'elbow'?"
+    assert nearest("kP", ("kp", "kd")) == "did you mean 'kp'?"
+
+
+@pytest.mark.parametrize("name", ["elbow", "left arm/elbow"])
+def test_a_frozen_joint_is_shown_as_toml(name):
+    text, table = frozen_example(name).split(" under ")
+    assert tomllib.loads(text) == {"frozen": {name: 0.0}} and table == "[robot]"
 
 
 def test_repeated_names_are_listed_once():

@@ -61,7 +61,10 @@ WRONG = [
     (urdf(ends('<dynamics damping="-1"/>')), r"joint 'j': dynamics damping = -1 is negative"),
     (urdf(ends('<dynamics friction="x"/>')), r"dynamics friction = 'x' is not a number"),
     (urdf(ends("<mimic/>")), r"joint 'j': mimic: attribute 'joint' is missing"),
-    (urdf(ends('<mimic joint="k"/>')), r"it mimics 'k', .*freeze it, frozen=\{'j': 0.0\}"),
+    (
+        urdf(ends('<mimic joint="k"/>')),
+        r"it mimics 'k', .*freeze it, frozen = \{j = 0.0\} under \[robot\]",
+    ),
     (urdf(kind="floating"), r"type 'floating' is not supported; freeze it"),
     (urdf(kind="planar"), r"type 'planar' is not supported; freeze it"),
     (inertial(INERTIA), r"link 'b': inertial: element <mass> is missing"),

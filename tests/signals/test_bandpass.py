@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.io import loadmat
 from scipy.signal import butter, filtfilt
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, RecordingTooShort
 from pivident.signals.bandpass import bandpass, butterworth, central_difference, median_filter
 from pivident.signals.decimation import parallel_decimation
 
@@ -70,8 +70,13 @@ def test_cutoff_must_lie_below_half_the_rate(cutoff):
         butterworth(np.zeros(100), 1000, cutoff)
 
 
+def test_a_cutoff_beyond_the_rate_asks_for_the_unit_of_time():
+    with pytest.raises(RecordingError, match=r't = "ms"'):
+        butterworth(np.zeros(100), 1, 50)
+
+
 def test_too_short_a_record_is_refused():
-    with pytest.raises(RecordingError, match="too few"):
+    with pytest.raises(RecordingTooShort, match=r"has 12 sample.*at least 13"):
         butterworth(np.zeros(12), 1000, 100)
 
 

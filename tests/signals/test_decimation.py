@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import decimate
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, RecordingTooShort
 from pivident.signals.decimation import (
     decimation_blocks,
     decimation_offsets,
@@ -121,5 +121,5 @@ def test_factors_below_one_are_refused(factor):
 
 
 def test_too_short_a_record_is_refused():
-    with pytest.raises(RecordingError, match="too few"):
+    with pytest.raises(RecordingTooShort, match="at least"):
         parallel_decimation(np.zeros(200), 100)

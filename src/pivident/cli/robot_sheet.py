@@ -62,19 +62,22 @@ def _limits(joint: Joint) -> tuple[str, str]:
 def _drives(robot: Robot) -> str:
     """Reduction, drive gain, friction law and couplings."""
     transmission = robot.transmission
-    rows = [("joint", "reduction", "drive gain", "friction")]
+    rows = [("joint", "reduction", "drive gain", "γ of the friction", "friction law")]
     for j, joint in enumerate(robot.joints):
         ratio = " ".join(
             f"{n:.6g}" + ("" if k == j else f"·{robot.joints[k].name}")
             for k, n in enumerate(transmission.reduction[j])
             if n != 0.0
         )
-        stems = " ".join(term.stem for term in joint.friction.terms) or "none"
-        rows.append((joint.name, ratio, f"{transmission.drive_gain[j]:.6g}", stems))
+        gain = f"{transmission.drive_gain[j]:.6g}" if transmission.gain_given[j] else "not given"
+        rows.append((joint.name, ratio, gain, joint.slopes_text or "–", str(joint.friction)))
     lines = ["Drives", _table(rows)]
     for c in robot.couplings:
         motor, second = robot.joint_names[c.motor], robot.joint_names[c.joint]
         lines.append(f"  the motor of {motor} also turns with {second} (ratio {c.ratio:g})")
+    unknown = [link.name for link in robot.links if not link.inertia.any()]
+    if unknown:
+        lines.append(f"  nominal inertia is zero (IV and PIV start from it): {', '.join(unknown)}")
     return "\n".join(lines)
 
 

@@ -18,7 +18,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
-from pivident.estimation.tables import comparison_table
+from pivident.estimation.tables import comparison_table, rows_kind
 from pivident.files import atomic_folder
 
 #: What the demonstration compares.
@@ -200,7 +200,8 @@ def _verdict(result: Identification) -> str:
     """One method's end in half a line."""
     passes = "1 solution" if result.iterations == 1 else f"{result.iterations} iterations"
     state = passes if result.converged else f"NOT CONVERGED after {passes}"
-    return f"{result.method}: {state}, relative error {100 * result.relative_error:.2f} %"
+    error = f"{100 * result.relative_error:.2f} % ({rows_kind(result)})"
+    return f"{result.method}: {state}, relative error {error}"
 
 
 def _print_results(

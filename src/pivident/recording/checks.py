@@ -15,9 +15,13 @@ from pivident.errors import (
     ShapeMismatch,
 )
 from pivident.recording.saturation import clipped_samples
+from pivident.robot.description import Robot
 
 #: Fewest samples that can be differentiated twice and still leave something to fit.
 MINIMUM_SAMPLES = 16
+
+#: How far beyond its limits a joint may be logged, in spans of its limits.
+TOLERATED_REACH = 2.0
 
 #: Share of clipped samples that a torque channel may have.
 TOLERATED_CLIPPING = 0.01
@@ -89,6 +93,39 @@ def check_changing(channel: str, values: np.ndarray, joint_names: Sequence[str])
     if constant.size:
         j = int(constant[0])
         raise ConstantChannel(channel, joint_names[j], float(values[0, j]))
+
+
+def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object = None) -> None:
+    """Refuse positions that no offset explains, which mostly are in another unit.
+
+    Args:
+        channel: name for the message.
+        q: joint positions, shape (samples, joints) [rad or m].
+        robot: its joints may have position limits.
+        unit: the unit that the log was said to have, where that is known; or a list, by joint.
+
+    Raises:
+        RecordingError: a joint is more than `TOLERATED_REACH` spans beyond its limits.
+    """
+    for j, joint in enumerate(robot.joints):
+        if joint.position_limits is None:
+            continue
+        low, high = joint.position_limits
+        reach = TOLERATED_REACH * (high - low)
+        farthest = float(q[np.argmax(np.abs(q[:, j] - 0.5 * (low + high))), j])
+        if low - reach <= farthest <= high + reach:
+            continue
+        si, other, name = (
+            ("rad", "deg", "degrees") if joint.kind == "revolute" else ("m", "mm", "millimetres")
+        )
+        own = unit[j] if isinstance(unit, (list, tuple)) else unit
+        advice = f'are they {name}? set units = {{{channel} = "{other}"}}'
+        if own is not None and own != si:
+            advice = f"check the unit {own!r}, position_offset and the limits of the robot"
+        raise RecordingError(
+            f"{channel} of joint {joint.name!r} reaches {farthest:.4g} {si}, far beyond its limits "
+            f"{low:.4g} to {high:.4g} {si}; {advice}"
+        )
 
 
 def check_not_saturated(

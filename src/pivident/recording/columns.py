@@ -23,6 +23,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import RecordingError, UnknownColumn
+from pivident.robot.naming import frozen_example
 
 #: What a user may write for the columns of one channel.
 ColumnSpec = str | Sequence[str] | Mapping[str, str | Sequence[str]]
@@ -107,6 +108,7 @@ def assemble(
     table: Mapping[str, np.ndarray],
     joints: int | None,
     samples_axis: int | None = None,
+    joint_names: Sequence[str] = (),
 ) -> np.ndarray:
     """The channel as one array.
 
@@ -116,6 +118,7 @@ def assemble(
         joints: number of joints, or None where it is still open.
         samples_axis: which axis of a two-dimensional array is time; found out by the number of
             joints where it is not given.
+        joint_names: their names, for messages.
 
     Returns:
         Float64 array of shape (samples, joints).
@@ -125,15 +128,16 @@ def assemble(
             array has the length of the joints.
     """
     if not channel.per_joint:
-        return _oriented(channel, _part(channel, channel.columns[0], table), joints, samples_axis)
+        array = _part(channel, channel.columns[0], table)
+        return _oriented(channel, array, joints, samples_axis, joint_names)
     columns = [_vector(channel, column, table) for column in channel.columns]
     lengths = [len(column) for column in columns]
     if len(set(lengths)) > 1:
         raise RecordingError(f"columns of {channel.name} differ in length: {lengths}")
     if joints is not None and len(columns) != joints:
         raise RecordingError(
-            f"{channel.name} lists {len(columns)} column(s) for {joints} joint(s); "
-            "list one for each joint"
+            f"{channel.name} lists {len(columns)} column(s) for {joints} joint(s)"
+            f"{_listed(joint_names)}; {_one_for_each(joint_names, len(columns))}"
         )
     return np.column_stack(columns)
 
@@ -177,7 +181,11 @@ def _vector(channel: Channel, column: str, table: Mapping[str, np.ndarray]) -> n
 
 
 def _oriented(
-    channel: Channel, array: np.ndarray, joints: int | None, samples_axis: int | None
+    channel: Channel,
+    array: np.ndarray,
+    joints: int | None,
+    samples_axis: int | None,
+    joint_names: Sequence[str],
 ) -> np.ndarray:
     """An array with time along axis 0 and joints along axis 1."""
     if array.ndim == 1:
@@ -194,9 +202,24 @@ def _oriented(
     if joints is not None and array.shape[1] != joints:
         raise RecordingError(
             f"{channel.name}: {channel.columns[0]!r} has {array.shape[1]} column(s) for {joints} "
-            "joint(s); select those of the joints"
+            f"joint(s){_listed(joint_names)}; {_one_for_each(joint_names, array.shape[1])}"
         )
     return array
+
+
+def _listed(joint_names: Sequence[str]) -> str:
+    """The joints in brackets, where they have names."""
+    return f" ({', '.join(joint_names)})" if joint_names else ""
+
+
+def _one_for_each(joint_names: Sequence[str], columns: int) -> str:
+    """What to do about a wrong number of columns."""
+    advice = "select one for each joint"
+    if columns < len(joint_names):
+        return f"{advice}; joints of a URDF that did not move can be frozen, " + frozen_example(
+            joint_names[-1]
+        )
+    return advice
 
 
 def _samples_axis(channel: Channel, shape: tuple[int, ...], joints: int | None) -> int:

@@ -8,6 +8,7 @@ The arguments are plain names, numbers and tables, so that an experiment file ca
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -21,7 +22,14 @@ from pivident.recording.recording import CHANNELS, Recording
 from pivident.recording.tables import names_in, read_table
 from pivident.recording.units import UnitSpec, check_kind, factor_to_si
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
+
+#: Its keywords that are not fields of the recording.
+_OPTIONS = {
+    "units", "side", "robot", "transmission", "joint_names", "resample", "samples_axis",
+    "position_offset",
+}  # fmt: skip
 
 #: Whether a channel was measured before or behind the gear.
 Side = Literal["joint", "motor"]
@@ -72,6 +80,7 @@ def load_recording(
         FileFormatError: a file, a column or a cell that cannot be read.
         RecordingError: channels, units, sides or time stamps that do not fit together.
     """
+    _check_arguments(columns, units, robot, options)
     paths = _paths(files)
     channels = _channels(columns, paths)
     if robot is not None:
@@ -80,7 +89,7 @@ def load_recording(
     elif transmission is not None:
         joint_names = joint_names or _numbered(len(transmission.drive_gain))
     joints = None if joint_names is None else len(joint_names)
-    logged = _read(channels, paths, joints, samples_axis)
+    logged = _read(channels, paths, joints, samples_axis, joint_names or ())
     joint_names = tuple(joint_names or _numbered(logged["q"].shape[1]))
     _check_sizes(len(joint_names), robot, transmission)
 
@@ -94,22 +103,46 @@ def load_recording(
     if options.get("saturation", "refuse") == "refuse":
         checks.check_not_saturated("tau", logged["tau"], logged["q"], joint_names)
 
-    rate, start_time = _clock(logged, rate, resample)
+    rate, start_time = _clock(logged, rate, resample, (units or {}).get("t"))
     _to_joint_side(logged, sides, transmission, position_offset)
+    if robot is not None:
+        for channel in ("q", "q_ref"):
+            if channel in logged:
+                unit = (units or {}).get(channel)
+                checks.check_within_reach(channel, logged[channel], robot, unit)
     for values in logged.values():
         values.flags.writeable = False  # the recording then keeps it instead of a copy
-    fields: dict[str, Any] = {key: logged[key] for key in CHANNELS if key in logged}
-    fields["inputs"] = {
+    content: dict[str, Any] = {key: logged[key] for key in CHANNELS if key in logged}
+    content["inputs"] = {
         key.removeprefix("inputs."): logged[key] for key in logged if key not in CHANNELS
     }
-    fields["sources"] = tuple(SourceFile.of(path) for path in _in_use(channels, paths))
+    content["sources"] = tuple(SourceFile.of(path) for path in _in_use(channels, paths))
     name = name or Path(paths[channels["q"].file].name.removesuffix(".gz")).stem
     return Recording(
         name=name,
         joint_names=joint_names,
         rate=rate,
-        **fields | {"start_time": start_time} | options,
+        **content | {"start_time": start_time} | options,
     )
+
+
+def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str, Any]) -> None:
+    """Refuse arguments of another kind, and options that a recording does not have."""
+    tables = {"columns": '{"q": ["q1", "q2"], "tau": ["tau1", "tau2"]}'}
+    tables["units"] = '{"q": "deg", "tau": "N m"}'
+    for name, given in (("columns", columns), ("units", units)):
+        if not isinstance(given, Mapping) and not (name == "units" and given is None):
+            raise RecordingError(
+                f"{name} is {given!r}; give a table by channel, such as {tables[name]}"
+            )
+    if robot is not None and not isinstance(robot, Robot):
+        raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
+    known = {field.name for field in fields(Recording)} - {*CHANNELS, "inputs", "sources"}
+    for name in options:
+        if name not in known:
+            raise RecordingError(
+                f"load_recording has no option {name!r}; {nearest(name, sorted(known | _OPTIONS))}"
+            )
 
 
 def _numbered(joints: int) -> list[str]:
@@ -149,6 +182,7 @@ def _read(
     paths: Mapping[str, Path],
     joints: int | None,
     samples_axis: int | None,
+    joint_names: Sequence[str],
 ) -> dict[str, np.ndarray]:
     """Load the arrays that are needed, file by file, and assemble the channels from them."""
     values: dict[str, np.ndarray] = {}
@@ -163,7 +197,7 @@ def _read(
             if channel.name == "t":
                 values["t"] = assemble(channel, table, 1)[:, 0]
             else:
-                values[channel.name] = assemble(channel, table, joints, samples_axis)
+                values[channel.name] = assemble(channel, table, joints, samples_axis, joint_names)
     return values
 
 
@@ -225,16 +259,26 @@ def _to_si(
         factors, commands = zip(*(factor_to_si(quantity, unit) for unit in per_joint), strict=True)
         logged[channel] = logged[channel] * (factors[0] if channel == "t" else np.array(factors))
         if any(commands):
-            if transmission is None:
+            given = None if transmission is None else transmission.gain_given
+            without = [
+                j
+                for j, command in enumerate(commands)
+                if command and (given is None or not given[j])
+            ]
+            if transmission is None or without:
+                unit = str(per_joint[without[0]])
+                whose = "" if robot is None else f" of joint {robot.joints[without[0]].name!r}"
                 raise RecordingError(
-                    f"{channel} is a drive command ({spec}) without a gain; write {{unit = …, "
-                    "gain = …}, or give a robot or transmission with drive gains"
+                    f"{channel}{whose} is a drive command in {unit!r} without a gain; write "
+                    f'{channel} = {{unit = "{unit}", gain = N m (or N) per {unit}}} under units, '
+                    "or drive_gain under [robot]; a torque constant of the motor also needs "
+                    'reduction there and side = {tau = "motor"}'
                 )
             logged[channel] *= np.where(commands, transmission.drive_gain, 1.0)
 
 
 def _clock(
-    logged: dict[str, np.ndarray], rate: float | None, resample: bool
+    logged: dict[str, np.ndarray], rate: float | None, resample: bool, unit: UnitSpec | None
 ) -> tuple[float, float]:
     """Sampling rate [Hz] and time of the first sample [s]; on demand, new samples."""
     t = logged.pop("t", None)
@@ -247,6 +291,8 @@ def _clock(
         raise RecordingError(
             f"t has {len(t)} samples, q has {len(logged['q'])}; cut them to the same samples"
         )
+    if unit is None:
+        timestamps.check_seconds(t)
     if not resample:
         if rate is None:
             return timestamps.rate_of(t), float(t[0])

@@ -4,14 +4,46 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.errors import IrregularSampling, RecordingError
+from pivident.errors import IrregularSampling, MissingSamples, RecordingError
 from pivident.recording.checks import check_length, check_positive
+from pivident.recording.units import TIME
 
 #: Largest deviation of one interval from the median interval, relative.
 JITTER_TOLERANCE = 0.1
 
 #: Largest disagreement between a given rate and the one of the stamps, relative.
 RATE_TOLERANCE = 0.01
+
+
+#: Rates below this are no robot's log but stamps in another unit [Hz].
+LOWEST_RATE = 5.0
+
+#: Rates that the log of a robot may well have [Hz].
+LIKELY_RATES = (20.0, 20e3)
+
+#: An interval longer than this many median ones lacks samples.
+GAP = 1.5
+
+
+def check_seconds(t: np.ndarray) -> None:
+    """Refuse stamps whose unit nobody gave and that are hardly seconds.
+
+    Args:
+        t: time stamps, shape (samples,), taken for seconds.
+
+    Raises:
+        RecordingError: with the unit that would make a likely rate.
+    """
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    if not interval > 1.0 / LOWEST_RATE:
+        return
+    low, high = LIKELY_RATES
+    likely = [unit for unit, s in TIME.items() if low <= 1.0 / (interval * s) <= high]
+    unit = likely[0] if likely else "ms"
+    raise RecordingError(
+        f"the time stamps advance by {interval:g} s, a rate of {1.0 / interval:.4g} Hz; are they "
+        f'in {unit}? set units = {{t = "{unit}"}}, or t = "s" if they are seconds'
+    )
 
 
 def check_increasing(t: np.ndarray) -> None:
@@ -48,13 +80,30 @@ def rate_of(t: np.ndarray) -> float:
     Raises:
         IrregularSampling: an interval deviates from the median one by more than
             `JITTER_TOLERANCE`, a stamp repeats or goes backward.
+        MissingSamples: the clock is regular, but samples are missing.
     """
     check_increasing(t)
     intervals = np.diff(t)
     deviation = np.abs(intervals / np.median(intervals) - 1.0)
     if deviation.max() > JITTER_TOLERANCE:
+        _check_complete(t, intervals, deviation)
         raise _irregular("jitter", int(np.argmax(deviation > JITTER_TOLERANCE)) + 1, t, intervals)
     return round_rate((len(t) - 1) / (t[-1] - t[0]))
+
+
+def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray) -> None:
+    """Tell samples that are missing from a clock that is not regular.
+
+    Raises:
+        MissingSamples: every interval at fault is a multiple of the median one, up to the jitter.
+    """
+    periods = intervals / np.median(intervals)
+    gaps = np.flatnonzero(periods > GAP)
+    steps = np.round(periods[gaps])
+    whole = np.abs(periods[gaps] - steps) <= 2.0 * JITTER_TOLERANCE
+    if gaps.size and gaps.size == np.sum(deviation > JITTER_TOLERANCE) and whole.all():
+        k = int(gaps[np.argmax(steps)])
+        raise MissingSamples(int(np.sum(steps - 1)), gaps.size, k, float(t[k]), float(intervals[k]))
 
 
 def round_rate(rate: float) -> float:
@@ -140,4 +189,5 @@ def resample_held(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.nda
 def _irregular(kind: str, sample: int, t: np.ndarray, intervals: np.ndarray) -> IrregularSampling:
     """The error that points at one stamp."""
     interval = float(intervals[sample - 1])
-    return IrregularSampling(kind, sample, float(t[sample]), interval, float(np.median(intervals)))
+    expected = float(np.median(intervals)) or float(np.mean(intervals))
+    return IrregularSampling(kind, sample, float(t[sample]), interval, expected)

@@ -24,7 +24,7 @@ from pivident.report.sections import SECTIONS
 
 
 def write_report(
-    identifications: Sequence[Identification],
+    identifications: Identification | Sequence[Identification],
     path: str | PathLike[str],
     truth: Mapping[str, float] | None = None,
     title: str | None = None,
@@ -32,8 +32,8 @@ def write_report(
     """Write a report about one result, or several side by side, as one HTML file.
 
     Args:
-        identifications: results of one robot; the last one is unfolded where several would
-            take much room.
+        identifications: a result, or several of one robot; the last one is unfolded where
+            several would take much room.
         path: file to write; its folder is created.
         truth: known values by parameter name, with or without the trailing ``r``.
         title: title of the page; None: robot and methods.
@@ -47,6 +47,8 @@ def write_report(
     path = Path(path)
     if path.is_dir():
         raise PividentError(f"{path} is a folder; name a file in it, such as report.html")
+    if isinstance(identifications, Identification):
+        identifications = [identifications]
     page = render_report(identifications, truth, title)
     with atomic_folder(path.parent) as build:
         (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")

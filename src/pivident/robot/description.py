@@ -63,6 +63,13 @@ class Joint:
         """Slope of the smoothed sign where the law leaves it open [s/rad or s/m]."""
         return SLOPE_AT_RATED_SPEED / (self.rated_speed or 5.0)
 
+    @property
+    def slopes_text(self) -> str:
+        """The γ of its smoothed signs with their unit, empty where the law has none."""
+        unit = "s/rad" if self.kind == "revolute" else "s/m"
+        slopes = " and ".join(f"{gamma:.4g}" for gamma in self.friction.slopes)
+        return f"{slopes} {unit}" if slopes else ""
+
     def with_friction(self, law: FrictionLaw) -> Joint:
         """The same joint with another friction law; open slopes get the joint's default."""
         return replace(self, friction=law.with_default_gamma(self.default_gamma))
@@ -161,6 +168,23 @@ class Robot:
     def label(self, index: int) -> str:
         """What follows the stem in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
         return str(index + 1) if self.is_chain else f"[{self.joints[index].name}]"
+
+    def friction_text(self) -> str:
+        """Friction law and γ of every joint; joints with the same law share one formula."""
+        sharing: dict[str, list[Joint]] = {}
+        for joint in self.joints:
+            sharing.setdefault(str(joint.friction), []).append(joint)
+        parts = []
+        for law, joints in sharing.items():
+            whose = f"{', '.join(j.name for j in joints)}: " if len(sharing) > 1 else ""
+            slopes = [joint.slopes_text for joint in joints]
+            if len(set(slopes)) == 1:
+                slopes = slopes[:1]
+            elif len({joint.kind for joint in joints}) == 1:  # the unit once is enough
+                slopes = [text.rpartition(" ")[0] for text in slopes[:-1]] + slopes[-1:]
+            gamma = f", γ = {', '.join(slopes)}" if any(slopes) else ""
+            parts.append(f"{whose}{law}{gamma}")
+        return "; ".join(parts)
 
     def ancestors(self, index: int) -> tuple[int, ...]:
         """Indices of the joints that move link ``index``, itself first, base last."""

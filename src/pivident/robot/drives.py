@@ -63,6 +63,7 @@ def with_drives(
         position_offset=_per_joint(
             "position_offset", position_offset, names, before.position_offset
         ),
+        gain_given=before.gain_given | _named(drive_gain, names),
     )
     coupled = robot.couplings
     if couplings is not None:
@@ -140,6 +141,13 @@ def _per_joint(
         joint = names[int(np.argmin(np.isfinite(values)))]
         raise RobotDescriptionError(f"{key} of joint {joint!r} is not finite; give a number")
     return values
+
+
+def _named(given: PerJoint | None, names: Sequence[str]) -> np.ndarray:
+    """Which joints a quantity is given for."""
+    if isinstance(given, Mapping):
+        return np.array([name in given for name in names])
+    return np.full(len(names), given is not None)
 
 
 def _numbers(key: str, given: object) -> np.ndarray:

@@ -74,6 +74,25 @@ class FrictionTerm:
         if self.column is FrictionColumn.STRIBECK and not self.stribeck_speed > 0:
             raise ValueError(f"stribeck_speed must be positive, not {self.stribeck_speed}")
 
+    @property
+    def has_sign(self) -> bool:
+        """Whether the sign function is in it."""
+        return self.column not in (FrictionColumn.VISCOUS, FrictionColumn.OFFSET)
+
+    def __str__(self) -> str:
+        """The term as a formula in dq."""
+        sign = {"sign": "sign(dq)", "atan": "(2/π) atan(γ dq)", "tanh": "tanh(γ dq)"}
+        s = sign[self.smoothing]
+        fall = f"exp(-|dq/{self.stribeck_speed:g}|^{self.stribeck_exponent:g})"
+        return {
+            FrictionColumn.VISCOUS: f"{self.stem} dq",
+            FrictionColumn.COULOMB: f"{self.stem} {s}",
+            FrictionColumn.OFFSET: self.stem,
+            FrictionColumn.COULOMB_POSITIVE: f"{self.stem} (1 + {s})/2",
+            FrictionColumn.COULOMB_NEGATIVE: f"-{self.stem} (1 - {s})/2",
+            FrictionColumn.STRIBECK: f"{self.stem} {s} {fall}",
+        }[self.column]
+
     def encoded(self, simulated: bool = False) -> tuple[int, int, tuple[float, float, float]]:
         """Column code, sign code and shape (γ, v_s, δ) for the compiled kernels.
 
@@ -138,6 +157,16 @@ class FrictionLaw:
                 "asymmetric Coulomb friction (fcp, fcn) already contains fc and off: "
                 "drop the terms 'coulomb' and 'offset'"
             )
+
+    def __str__(self) -> str:
+        """The law as a formula in dq, ``fv dq + fc (2/π) atan(γ dq) + off``."""
+        return " + ".join(map(str, self.terms)).replace("+ -", "- ") or "none"
+
+    @property
+    def slopes(self) -> tuple[float, ...]:
+        """The γ of its smoothed signs [s/rad or s/m], each value once; none for a hard sign."""
+        smoothed = (t for t in self.terms if t.has_sign and t.smoothing != "sign")
+        return tuple(dict.fromkeys(t.encoded()[2][0] for t in smoothed))
 
     def with_default_gamma(self, gamma: float) -> FrictionLaw:
         """The same law with every γ that was left open set to ``gamma`` [s/rad or s/m]."""

@@ -6,7 +6,7 @@ This module needs pydantic and is imported only when a file is read.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, get_args, get_origin
 
 from pydantic import (
     BaseModel,
@@ -91,6 +91,19 @@ class FrictionEntry(Entry):
         return self
 
 
+def _terms(value: Any) -> Any:
+    if isinstance(value, list) and all(isinstance(term, dict) for term in value):
+        return value
+    named = value if isinstance(value, str) and value in ("sign", "atan", "tanh") else "tanh"
+    raise ValueError(
+        'must be a list of terms, such as [{term = "viscous"}, {term = "coulomb", smoothing = '
+        f'"{named}"}}, {{term = "offset"}}]; terms are {", ".join(TERM_SHAPES)}'
+    )
+
+
+FrictionTerms = Annotated[list[FrictionEntry], BeforeValidator(_terms)]
+
+
 class LinkEntry(Entry):
     """A body, either at the frame's origin or at its centre of mass."""
 
@@ -129,7 +142,7 @@ class JointEntry(Entry):
     rated_speed: PositiveFloat | None = None
     torque_limit: PositiveFloat | None = None
     rotor_inertia: NonNegativeFloat = 0.0
-    friction: list[FrictionEntry] | None = None
+    friction: FrictionTerms | None = None
     nominal_friction: dict[str, float] = {}
     link: LinkEntry | None = None
 
@@ -192,7 +205,7 @@ class TableFile(Entry):
     description: str = ""
     units: Literal["radians", "degrees"] = "radians"
     gravity: Gravity = GRAVITY_BY_NAME["-z"]
-    friction: list[FrictionEntry] | None = None
+    friction: FrictionTerms | None = None
     joints: Annotated[list[JointEntry], Field(min_length=1)]
     couplings: list[CouplingEntry] = []
     transmission: TransmissionEntry = TransmissionEntry()
@@ -217,7 +230,7 @@ def _explained(details: Any, content: dict[str, Any]) -> str:
         *table, last = details["loc"]
         return f"{where}unknown key {key!r}; {nearest(str(last), keys_at(TableFile, table))}"
     if details["type"] == "missing":
-        return f"{where}key {key!r} is missing; add it"
+        return f"{where}key {key!r} is missing; {addition(TableFile, details['loc'])}"
     if details["type"] == "model_type":
         return f"{where}{key or 'this entry'} must be a table of keys, not {details['input']!r}"
     message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
@@ -243,12 +256,32 @@ def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]
 
 def keys_at(root: type[BaseModel], loc: Sequence[int | str]) -> list[str]:
     """Known keys of the table at a location of a file whose content is ``root``."""
+    model = _table_at(root, loc)
+    return [field.alias or name for name, field in model.model_fields.items()]
+
+
+def _table_at(root: type[BaseModel], loc: Sequence[int | str]) -> type[BaseModel]:
+    """The table at a location of a file."""
     model = root
     for part in loc:
         fields = {field.alias or name: field for name, field in model.model_fields.items()}
         if part in fields:
             model = _model_in(fields[str(part)].annotation) or model
-    return [field.alias or name for name, field in model.model_fields.items()]
+    return model
+
+
+def addition(root: type[BaseModel], loc: Sequence[int | str]) -> str:
+    """What to add where a key is missing: one of its values, if there are only some.
+
+    Args:
+        root: content of the file.
+        loc: place of the missing key.
+    """
+    *table, last = loc
+    for name, field in _table_at(root, table).model_fields.items():
+        if last in (name, field.alias) and get_origin(field.annotation) is Literal:
+            return f"add it, one of {', '.join(map(repr, get_args(field.annotation)))}"
+    return "add it"
 
 
 def _model_in(annotation: Any) -> type[BaseModel] | None:

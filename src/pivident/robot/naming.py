@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
@@ -18,10 +19,18 @@ def nearest(name: str, known: Iterable[str]) -> str:
         known: the names that exist.
     """
     choices = list(known)
+    plain = {choice.lower(): choice for choice in reversed(choices)}
     close = difflib.get_close_matches(name, choices, n=3)
+    close = close or [plain[c] for c in difflib.get_close_matches(name.lower(), plain, n=3)]
     if close:
         return f"did you mean {' or '.join(map(repr, close))}?"
     return f"known are {', '.join(map(repr, choices)) or 'none'}"
+
+
+def frozen_example(joint: str) -> str:
+    """How an experiment file freezes a joint, as TOML with its table."""
+    key = joint if re.fullmatch(r"[A-Za-z0-9_-]+", joint) else f'"{joint}"'
+    return f"frozen = {{{key} = 0.0}} under [robot]"
 
 
 def repeated(names: Sequence[str]) -> list[str]:

@@ -25,14 +25,19 @@ class Transmission:
         drive_gain: motor torque per unit of command (N m/A, N m/V …), shape (joints,).
         position_offset: joint position of the model where the log reads zero [rad or m],
             shape (joints,): q_model = N⁻¹ q_motor + position_offset.
+        gain_given: which drive gains somebody gave, shape (joints,); a gain that nobody gave is 1
+            and turns no ampere into a torque. None: all of them.
     """
 
     reduction: np.ndarray
     drive_gain: np.ndarray
     position_offset: np.ndarray
+    gain_given: np.ndarray = None  # type: ignore[assignment]
 
     def __post_init__(self) -> None:
         n = len(self.drive_gain)
+        if self.gain_given is None:
+            object.__setattr__(self, "gain_given", np.ones(n, dtype=bool))
         if self.reduction.shape != (n, n) or self.position_offset.shape != (n,):
             raise RobotDescriptionError(
                 f"transmission: reduction {self.reduction.shape}, drive gains {(n,)} and position "
@@ -49,7 +54,8 @@ class Transmission:
     @classmethod
     def direct(cls, joints: int) -> Transmission:
         """No gear: motor side and joint side are the same."""
-        return cls(np.eye(joints), np.ones(joints), np.zeros(joints))
+        none = np.zeros(joints, dtype=bool)
+        return cls(np.eye(joints), np.ones(joints), np.zeros(joints), none)
 
     def joint_positions(self, motor_positions: np.ndarray) -> np.ndarray:
         """Joint positions q = N⁻¹ q_motor + offset, shape (samples, joints) [rad or m]."""

@@ -25,7 +25,7 @@ from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot
 from pivident.robot.frames import Pose, rotation_about, rotation_from_z_to
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.inertia import moved
-from pivident.robot.naming import errors_name, nearest, repeated
+from pivident.robot.naming import errors_name, frozen_example, nearest, repeated
 from pivident.robot.transmission import Transmission
 from pivident.robot.urdf_xml import MOVING, UrdfJoint, UrdfModel, file_content, parse_model
 
@@ -150,7 +150,7 @@ def _frozen_positions(
 def _check_kept(joint: UrdfJoint) -> None:
     """Refuse joints that are not one independent degree of freedom with room to move."""
     where = f"joint {joint.name!r}"
-    freeze = f"freeze it, frozen={{{joint.name!r}: 0.0}}, or leave it out of `joints`"
+    freeze = f"freeze it, {frozen_example(joint.name)}, or leave it out of `joints`"
     if joint.type not in MOVING:
         raise RobotDescriptionError(f"{where}: type {joint.type!r} is not supported; {freeze}")
     if joint.mimics is not None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, RecordingTooShort
 
 #: Samples at each end that a regression should skip at least.
 EDGE = 50
@@ -82,7 +82,8 @@ def butterworth(
             ``filtfilt`` has it.
 
     Raises:
-        RecordingError: the cut-off is not below half the rate, or the record too short.
+        RecordingError: the cut-off is not below half the rate.
+        RecordingTooShort: fewer samples than the filter extends the record by.
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -90,13 +91,11 @@ def butterworth(
     if not 0 < cutoff < rate / 2:
         raise RecordingError(
             f"cut-off frequency {cutoff:g} Hz at a rate of {rate:g} Hz; it must lie between zero "
-            f"and half the rate, {rate / 2:g} Hz"
+            f"and half the rate, {rate / 2:g} Hz: lower it, or check the unit of the time stamps "
+            '(units = {t = "ms"} if they are milliseconds)'
         )
     if len(x) <= padlen:
-        raise RecordingError(
-            f"{len(x)} samples are too few for a zero-phase filter of order {order}; "
-            f"it needs more than {padlen}"
-        )
+        raise RecordingTooShort(len(x), padlen + 1)
     sections = butter(order, cutoff, fs=rate, output="sos")
     return sosfiltfilt(sections, x, axis=0, padlen=padlen)
 

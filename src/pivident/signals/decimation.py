@@ -20,7 +20,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, RecordingTooShort
 
 ORDER = 8
 RIPPLE_DB = 0.05
@@ -79,7 +79,8 @@ def parallel_decimation(
         ⌈samples/factor⌉ rows (stage by stage) with either convention.
 
     Raises:
-        RecordingError: the factor is below one or the record too short for a stage.
+        RecordingError: the factor is below one.
+        RecordingTooShort: too few samples are left for a stage.
     """
     from scipy.signal import sosfiltfilt
 
@@ -89,10 +90,7 @@ def parallel_decimation(
     padlen = PADLEN[convention]
     for stage, offset in zip(factors, offsets, strict=True):
         if len(x) <= padlen:
-            raise RecordingError(
-                f"{len(x)} samples are too few to be decimated by {stage}; a stage needs more "
-                f"than {padlen}"
-            )
+            raise RecordingTooShort(len(x), padlen + 1)
         x = sosfiltfilt(_sections(stage), x, axis=0, padlen=padlen)[offset::stage]
     return np.ascontiguousarray(x)
 

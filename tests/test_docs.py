@@ -1,0 +1,101 @@
+"""The list of an experiment file's keys is complete, and its defaults are those of the code."""
+
+import dataclasses
+import re
+from pathlib import Path
+
+import pytest
+from pydantic_core import PydanticUndefined
+
+from pivident.estimation.methods import Arma, AutoRegressive, Bandpass, PrefilteredIV, RandomWalk
+from pivident.experiment import schema
+from pivident.recording.recording import Recording
+from pivident.robot.mdh_schema import Entry, FrictionEntry
+
+TEXT = (Path(__file__).resolve().parents[1] / "docs" / "experiment_file.md").read_text("utf-8")
+
+#: Heading of each table, its schema, and the classes whose defaults its keys leave alone.
+TABLES = {
+    "Tables": (schema.ExperimentFile, ()),
+    "`[robot]`": (schema.RobotEntry, ()),
+    "friction terms": (FrictionEntry, ()),
+    "couplings": (schema.CouplingEntry, ()),
+    "`[recording]`": (schema.RecordingEntry, (Recording,)),
+    "columns": (schema.ColumnsEntry, ()),
+    "units": (schema.UnitsEntry, ()),
+    "`[controller]`": (schema.ControllerEntry, ()),
+    "`[identify]`": (schema.IdentifyEntry, (PrefilteredIV,)),
+    "methods": (schema.MethodEntry, (PrefilteredIV,)),
+    "bandpass": (schema.BandpassEntry, (Bandpass,)),
+    "random_walk": (schema.RandomWalkEntry, (RandomWalk,)),
+    "noise": (schema.NoiseEntry, (AutoRegressive, Arma)),
+    "`[output]`": (schema.OutputEntry, ()),
+}
+
+#: Keys whose default the code finds out instead of reading it from a class.
+FOUND_OUT = {"control_rate", "name", "signals", "position_offset", "rate", "inputs"}
+
+
+def sections() -> dict[str, list[list[str]]]:
+    """Rows of the table below each heading."""
+    found = {}
+    for part in re.split(r"^#{2,3} ", TEXT, flags=re.MULTILINE)[1:]:
+        heading, _, body = part.partition("\n")
+        lines = [line.strip("| ") for line in body.splitlines() if line.startswith("|")]
+        found[heading] = [line.split(" | ") for line in lines[2:]]
+    return found
+
+
+def toml(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return f'"{value}"'
+    if isinstance(value, list):
+        return f"[{', '.join(map(toml, value))}]"
+    return "{}" if isinstance(value, (dict, Entry)) else repr(value)
+
+
+def default_of(name, field, classes):
+    """The default as text, or None where words have to say it."""
+    if field.is_required():
+        return "needed"
+    value = field.get_default(call_default_factory=True)
+    if value is None and name not in FOUND_OUT:
+        known = {f.name: f.default for cls in classes for f in dataclasses.fields(cls)}
+        value = known.get(name)
+        value = None if value is dataclasses.MISSING else value
+    return None if value is None or value is PydanticUndefined else f"`{toml(value)}`"
+
+
+def test_every_table_is_documented():
+    assert set(sections()) == set(TABLES)
+    models = {m for m in vars(schema).values() if isinstance(m, type) and issubclass(m, Entry)}
+    described = {schema for schema, _ in TABLES.values()}
+    assert models - described <= {Entry, schema.SharedOptions}
+
+
+@pytest.mark.parametrize("heading", TABLES)
+def test_every_key_is_documented_with_its_default(heading):
+    model, classes = TABLES[heading]
+    fields = {field.alias or name: field for name, field in model.model_fields.items()}
+    rows = sections()[heading]
+    assert all(len(row) == 5 and all(row) for row in rows)
+    assert sorted(row[0].strip("`") for row in rows) == sorted(fields)
+    for key, _, default, *_ in rows:
+        name = key.strip("`")
+        expected = default_of(name, fields[name], classes)
+        if expected is not None:
+            assert default == expected, key
+
+
+def test_controllers_and_methods_are_named():
+    for name in schema.LAW_KEYS:
+        assert f'"{name}"' in TEXT, name
+    for name in schema.METHODS:
+        assert f"`{name}`" in TEXT, name
+
+
+def test_readme_links_to_it():
+    readme = Path(__file__).resolve().parents[1] / "README.md"
+    assert "(docs/experiment_file.md)" in readme.read_text("utf-8")
