@@ -31,3 +31,9 @@ def data_dir() -> Path:
 def reference_dir() -> Path:
     """Reference values: ``reference`` beside the records, or ``../shared/reference``."""
     return shared_folder("reference")
+
+
+@pytest.fixture
+def public_data(data_dir, monkeypatch):
+    """The public records, found by the program itself."""
+    monkeypatch.setenv("PIVIDENT_DATA", str(data_dir))

@@ -21,11 +21,6 @@ def script(name: str):
     return module
 
 
-@pytest.fixture
-def public_data(data_dir, monkeypatch):
-    monkeypatch.setenv("PIVIDENT_DATA", str(data_dir))
-
-
 @pytest.mark.parametrize("name", ["emps", "kuka_kr300", "simulated_tx40", "staubli_tx40"])
 def test_example_is_indexed_and_its_experiment_loads(name):
     assert f"({name})" in (EXAMPLES / "README.md").read_text(encoding="utf-8")

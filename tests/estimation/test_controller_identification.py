@@ -120,7 +120,7 @@ def test_orders_beyond_the_simulation_are_refused():
 
 
 @pytest.mark.record
-def test_the_emps_law_on_both_files(data_dir):
+def test_the_emps_law_on_both_files(public_data):
     for record in (load_emps(), load_emps_pulses()):
         (law,) = identify_controller([record], EMPS_GAIN, 10.0).joints
         assert law.terms == ("kp", "kd") and law.averaged
@@ -131,7 +131,7 @@ def test_the_emps_law_on_both_files(data_dir):
 
 
 @pytest.mark.record
-def test_the_law_of_one_emps_file_makes_the_voltage_of_the_other(data_dir):
+def test_the_law_of_one_emps_file_makes_the_voltage_of_the_other(public_data):
     first, second = load_emps(), load_emps_pulses()
     found = identify_controller([first], EMPS_GAIN, 10.0)
     law = found.law.law(second.rate, second.q_ref, second.dq_ref)

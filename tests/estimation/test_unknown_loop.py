@@ -96,7 +96,7 @@ def test_a_hidden_reference_must_be_asked_for():
 
 
 @pytest.mark.record
-def test_emps_with_the_law_identified_and_with_everything_hidden(data_dir):
+def test_emps_with_the_law_identified_and_with_everything_hidden(public_data):
     robot, record = load_robot("emps"), load_emps()
     exact = Loop(
         Cascade(np.array([160.18]), np.array([243.45]), averaged=True), EMPS_GAIN, limit=10.0
@@ -115,7 +115,7 @@ def test_emps_with_the_law_identified_and_with_everything_hidden(data_dir):
 
 
 @pytest.mark.record
-def test_tx40_with_everything_hidden_converges(data_dir):
+def test_tx40_with_everything_hidden_converges(public_data):
     robot, record = load_robot("staubli_tx40"), load_staubli_tx40()
     recordings, loop = complete_loop(robot, [record], reconstruct=True)
     (reference,) = loop.reconstructed
