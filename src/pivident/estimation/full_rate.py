@@ -77,7 +77,10 @@ def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np
 
 
 def accumulate(
-    regressor: Regressor, records: Sequence[FullRateRecord], filters: Sequence[Prefilter]
+    regressor: Regressor,
+    records: Sequence[FullRateRecord],
+    filters: Sequence[Prefilter],
+    by_window: bool = True,
 ) -> list[JointSums]:
     """Normal equations of all joints over all recordings.
 
@@ -85,15 +88,16 @@ def accumulate(
         regressor: the observation matrix.
         records: recordings with instruments.
         filters: one prefilter per joint.
+        by_window: whether the sums of each window are kept for the sandwich.
     """
     windows = windows_of([r.votes.shape[1] for r in records])
-    count = sum(w.count for w in windows)
+    count = sum(w.count for w in windows) if by_window else 0
     sums = [
         JointSums.empty(name, regressor.columns_of(j), count)
         for j, name in enumerate(regressor.robot.joint_names)
     ]
     for record, own in zip(records, windows, strict=True):
-        shares = [list(own.shares(span)) for span in _blocks(own.samples)]
+        shares = [list(own.shares(span)) if count else [] for span in _blocks(own.samples)]
 
         def add(j: int, span: slice, phi, z, tau, votes=record.votes, shares=shares) -> None:
             sums[j].add(phi, z, tau, votes[j, span], shares[span.start // BLOCK])

@@ -116,7 +116,7 @@ def iterate(
         solution, variance = weighted_solution(sums, problem.names, theta, weight_power)
         doubt = _poor_motion(solution)
         std = np.sqrt(np.diag(solution.covariance))
-        if covariance == "sandwich":
+        if covariance == "sandwich" and k + 1 >= earliest:
             robust = sandwich(sums, solution.theta, variance, weight_power)
             std = np.sqrt(np.diag(robust))
         step = np.abs(solution.theta - theta)

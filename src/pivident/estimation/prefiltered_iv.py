@@ -27,6 +27,9 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.whitening import Whitening
 
+#: First iteration that may be the last: two with a noise model, the second of which is kept.
+EARLIEST = 3
+
 
 def identify_piv(
     problem: Problem, method: PrefilteredIV, say: Callable[[str], None]
@@ -53,7 +56,10 @@ def identify_piv(
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
         made["records"] = records_with_instruments(kinematics, motions, limits)
         whitening.update(k, theta, made["records"])
-        return accumulate(problem.regressor, made["records"], whitening.filters)
+        may_be_last = k + 1 >= min(EARLIEST, method.max_iterations)
+        return accumulate(
+            problem.regressor, made["records"], whitening.filters, by_window=may_be_last
+        )
 
     power = 2.0 if method.as_printed else 1.0
     sums, solution, variance, history, converged = iterate(
@@ -65,7 +71,7 @@ def identify_piv(
         say,
         power,
         lambda: tuple(m.order for m in whitening.models),
-        earliest=3,
+        earliest=EARLIEST,
         covariance=method.covariance,
     )
     direct = method.prefilter == "direct"

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 import numpy as np
 import plotly.graph_objects as go
 
-from pivident.estimation.controller_identification import START, ControllerIdentification
+from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.identification import FittedRecording, Identification
+from pivident.estimation.law_equations import START
 from pivident.estimation.parameter_rows import percent, significant
 from pivident.report.downsampling import kept_samples, stretches
 from pivident.report.whiteness import Whiteness

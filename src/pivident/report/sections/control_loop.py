@@ -7,16 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from pivident.estimation.controller_identification import (
-    ALWAYS,
-    F_PROBABILITY,
-    TERMS,
-    WORTHWHILE,
-    ControllerIdentification,
-    JointLaw,
-    Term,
-)
+from pivident.estimation.controller_identification import ControllerIdentification, JointLaw
 from pivident.estimation.identification import Identification
+from pivident.estimation.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
 from pivident.estimation.problem import Loop
 from pivident.estimation.tables import differentiator_text
 from pivident.report.figures import Figure, law_figure, position_unit, reference_figure
