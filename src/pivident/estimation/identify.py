@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
-from pivident.estimation.iteration import friction_warnings
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.least_squares import identify_ls
 from pivident.estimation.methods import (
@@ -24,7 +22,6 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
-from pivident.estimation.signs import gathered
 
 Progress = Callable[[str], None]
 
@@ -60,22 +57,12 @@ def identify(
         method = METHODS[method]
     say = progress or (lambda line: None)
     if isinstance(method, LeastSquares):
-        found = identify_ls(problem, method, say)
-    elif isinstance(method, InstrumentalVariables):
-        found = identify_iv(problem, method, say)
-    elif isinstance(method, PrefilteredIV):
-        found = identify_piv(problem, method, say)
-    else:
-        raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
-    return _signs_gathered(problem, found)
-
-
-def _signs_gathered(problem: Problem, found: Identification) -> Identification:
-    """The same result, with one warning in place of many where a torque's sign is reversed."""
-    remarks = friction_warnings(problem, found.theta, found.std)
-    known = [text for text in found.warnings if text not in remarks]
-    signs = gathered(found.robot, found.parameters, found.theta, found.std, remarks)
-    return found if len(signs) == len(remarks) else replace(found, warnings=(*known, *signs))
+        return identify_ls(problem, method, say)
+    if isinstance(method, InstrumentalVariables):
+        return identify_iv(problem, method, say)
+    if isinstance(method, PrefilteredIV):
+        return identify_piv(problem, method, say)
+    raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
 
 
 def build_regression(

@@ -21,6 +21,7 @@ from pivident.estimation.methods import CovarianceKind
 from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.sandwich import sandwich
+from pivident.estimation.signs import sign_warnings
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0
@@ -172,19 +173,6 @@ def loop_warnings(problem: Problem, sums: Sequence[JointSums], variance: np.ndar
     return known
 
 
-def friction_warnings(problem: Problem, theta: np.ndarray, std: np.ndarray) -> list[str]:
-    """Sentences about parameters that physics wants positive and the data made negative."""
-    return [
-        f"{name} = {value:.3g} {p.unit} is negative; friction and rotor inertia cannot be "
-        f"({abs(value) / max(s, 1e-300):.1f} standard deviations below zero). Look at the "
-        "low-speed mask, the signs of the torque and the friction law."
-        for p, name, value, s in zip(
-            problem.regressor.parameters, problem.names, theta, std, strict=True
-        )
-        if p.is_dissipative and value < 0
-    ]
-
-
 def simulated_loop(problem: Problem, method: Any) -> Loop | None:
     """The loop that a method simulates, None where it does without."""
     return problem.loop if method.label.startswith(_WITH_LOOP) else None
@@ -225,7 +213,9 @@ def make_identification(
 
     covariance = robust_covariance if reported == "sandwich" else solution.covariance
     std = np.sqrt(np.diag(covariance))
-    noticed = [*warnings, *friction_warnings(problem, solution.theta, std)]
+    parameters = problem.regressor.parameters
+    signs = sign_warnings(problem.robot, parameters, problem.names, solution.theta, std)
+    noticed = [*warnings, *signs]
     if doubt := _poor_motion(solution):
         noticed.append(doubt)
     if not converged:
@@ -238,7 +228,7 @@ def make_identification(
     return Identification(
         method=method_label(problem, method),
         robot=problem.robot,
-        parameters=problem.regressor.parameters,
+        parameters=parameters,
         names=problem.names,
         expressions=problem.expressions,
         theta=solution.theta,

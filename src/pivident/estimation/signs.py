@@ -41,41 +41,40 @@ def reversed_joints(
     return everyone if reversed_(everyone) else tuple(j for j in everyone if reversed_([j]))
 
 
-def gathered(
+def sign_warnings(
     robot: Robot,
     parameters: Sequence[Parameter],
+    names: Sequence[str],
     theta: np.ndarray,
     std: np.ndarray,
-    remarks: Sequence[str],
 ) -> list[str]:
-    """The remarks on negative parameters, those of reversed joints gathered to one.
+    """Sentences about parameters that physics wants positive and the data made negative.
 
     Args:
         robot: the robot.
         parameters: heads of the estimated groups.
+        names: names of the groups.
         theta: estimates, shape (parameters,).
         std: their standard deviations.
-        remarks: one sentence for each negative parameter that cannot be, in their order.
     """
     joints = reversed_joints(robot, parameters, theta, std)
-    if not joints:
-        return list(remarks)
-    negative = [p for p, value in zip(parameters, theta, strict=True) if _impossible(p, value)]
-    others = [text for p, text in zip(negative, remarks, strict=True) if p.joint not in joints]
-    if len(joints) == robot.size:
-        sentence = (
+    sentences = []
+    if joints and len(joints) == robot.size:
+        sentences.append(
             "All signs are reversed: nearly all frictions and rotor inertias are negative. Flip "
             "tau: units = {tau = -1.0} where it is in N m or N, otherwise a negative gain."
         )
-    else:
-        names = ", ".join(robot.joints[j].name for j in joints)
-        sentence = (
-            f"The signs of {names} seem to be reversed: nearly all frictions and rotor inertias "
-            "there are negative. Flip tau or q of these joints: a list under units, -1.0 in place "
-            "of N m, N, rad or m."
+    elif joints:
+        reversed_names = ", ".join(robot.joints[j].name for j in joints)
+        sentences.append(
+            f"The signs of {reversed_names} seem to be reversed: nearly all frictions and rotor "
+            "inertias there are negative. Flip tau or q of these joints: a list under units, -1.0 "
+            "in place of N m, N, rad or m."
         )
-    return [sentence, *others]
-
-
-def _impossible(parameter: Parameter, value: float) -> bool:
-    return parameter.is_dissipative and value < 0.0
+    return sentences + [
+        f"{name} = {value:.3g} {p.unit} is negative; friction and rotor inertia cannot be "
+        f"({abs(value) / max(s, 1e-300):.1f} standard deviations below zero). Look at the "
+        "low-speed mask, the signs of the torque and the friction law."
+        for p, name, value, s in zip(parameters, names, theta, std, strict=True)
+        if p.is_dissipative and value < 0 and p.joint not in joints
+    ]
