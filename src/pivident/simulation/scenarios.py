@@ -14,6 +14,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
+from pivident.errors import ExperimentError
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
@@ -43,14 +44,60 @@ class Noise:
     Attributes:
         encoder: standard deviation of white encoder noise inside the loop [rad].
         torque: standard deviation of the torque sensor, on the record only [N m].
+        coloured: standard deviation of further encoder noise inside the loop, AR(2) [rad].
+        frequency: at which its spectrum peaks [Hz].
+        radius: of the poles of its AR(2) model.
+        counts: per joint revolution; the positions of the record are rounded to them after the
+            loop has run. 0: they are not.
     """
 
     encoder: float = 3.5e-6 / np.sqrt(3.0)
     torque: float = 0.05
+    coloured: float = 0.0
+    frequency: float = 600.0
+    radius: float = 0.998
+    counts: int = 0
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.radius < 1.0:
+            raise ExperimentError(f"radius must lie between 0 and 1, not {self.radius}")
+        if not 0.0 < self.frequency < RATE / 2:
+            raise ExperimentError(f"frequency must lie below {RATE / 2:g} Hz, not {self.frequency}")
+
+    def in_loop(self, seed: int, shape: tuple[int, ...]) -> np.ndarray:
+        """Encoder noise of a run, the same in the loop and on the record [rad]."""
+        noise = self.encoder * np.random.default_rng((seed, 0)).standard_normal(shape)
+        if self.coloured:
+            noise += self.coloured * self._autoregressive(seed, shape)
+        return noise
+
+    def _autoregressive(self, seed: int, shape: tuple[int, ...]) -> np.ndarray:
+        """AR(2) noise of unit variance, stationary from its first sample on."""
+        from scipy.signal import lfilter
+
+        a1 = -2.0 * self.radius * np.cos(2.0 * np.pi * self.frequency / RATE)
+        a2 = self.radius**2
+        variance = (1.0 + a2) / ((1.0 - a2) * ((1.0 + a2) ** 2 - a1**2))
+        settling = int(np.ceil(np.log(1e-9) / np.log(self.radius))) if self.radius > 0 else 1
+        white = np.random.default_rng((seed, 2)).standard_normal((settling + shape[0], *shape[1:]))
+        return lfilter([1.0], [1.0, a1, a2], white, axis=0)[settling:] / np.sqrt(variance)
+
+    def quantised(self, q: np.ndarray) -> np.ndarray:
+        """Positions as the encoder's counts tell them [rad]."""
+        if not self.counts:
+            return q
+        step = 2.0 * np.pi / self.counts
+        return step * np.round(q / step)
 
 
-#: Named noises: ``fine`` has a torque sensor, in ``loop`` the logged torque is the applied one.
-NOISES = {"fine": Noise(), "loop": Noise(torque=0.0)}
+#: Named noises: ``fine`` has a torque sensor, in ``loop`` the logged torque is the applied one,
+#: ``coloured`` has encoder noise at 600 Hz besides, ``coarse`` is *fine* on a coarse encoder.
+NOISES = {
+    "fine": Noise(),
+    "loop": Noise(torque=0.0),
+    "coloured": Noise(torque=0.0, coloured=3e-6),
+    "coarse": Noise(counts=3600),
+}
 
 
 def tx40_fine(seed: int = 0, samples: int = 34500) -> tuple[Problem, dict[str, float]]:
@@ -75,13 +122,14 @@ def tx40_scenario(
     controller = PD(_KP * _KTAU, _KD * _KTAU)
     q_ref, dq_ref, ddq_ref = tx40_reference(samples)
     heads, truth = tx40_truth(robot)
-    made = simulate_tx40(NOISES[name], seed, samples)
+    noise = NOISES[name]
+    made = simulate_tx40(noise, seed, samples)
     rng = np.random.default_rng((seed, 1))
     recording = Recording(
         f"{name}-{seed}",
         robot.joint_names,
-        made.q + _encoder_noise(NOISES[name], seed, made.q.shape),
-        made.tau + NOISES[name].torque * rng.standard_normal(made.tau.shape),
+        noise.quantised(made.q + noise.in_loop(seed, made.q.shape)),
+        made.tau + noise.torque * rng.standard_normal(made.tau.shape),
         RATE,
         q_ref=q_ref,
         dq_ref=dq_ref,
@@ -111,7 +159,7 @@ def simulate_tx40(noise: Noise, seed: int, samples: int) -> Trajectory:
         q_ref,
         dq_ref,
         None,
-        _encoder_noise(noise, seed, q_ref.shape),
+        noise.in_loop(seed, q_ref.shape),
         np.ones(n),
         np.full(n, np.inf),
         np.full(n, 0.5),
@@ -144,8 +192,3 @@ def tx40_reference(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     reach = np.array([2.0, 1.2, 1.2, 2.4, 1.2, 2.4])
     postures = rng.uniform(-reach, reach, (12 + samples // 3000, robot.size))
     return point_to_point(postures, 0.8 * robot.rated_speeds, RATE, samples)
-
-
-def _encoder_noise(noise: Noise, seed: int, shape: tuple[int, ...]) -> np.ndarray:
-    """Encoder noise of a run: the same in the loop and on the record."""
-    return noise.encoder * np.random.default_rng((seed, 0)).standard_normal(shape)
