@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pivident.estimation.decimated import DecimatedRecord, decimated_torque
+from pivident.estimation.equations import Equations
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
 from pivident.estimation.iteration import (
     joint_fits,
@@ -70,7 +72,7 @@ def decimated_answer(
                 None if recording.q_ref is None else recording.q_ref[index],
             )
         )
-    return make_identification(
+    answer = make_identification(
         problem,
         method,
         solution,
@@ -90,4 +92,7 @@ def decimated_answer(
         relative_residual(sums, theta, variance),
         fitted,
         warnings,
+    )
+    return replace(
+        answer, equations=Equations(problem.regressor, tuple(records), (), np.asarray(variance))
     )

@@ -6,6 +6,8 @@ leave of Φ beside it (Janot, Vandanjon and Gautier 2016),
     τ = Φ θ + V δ + e,   V = Φ - Z (ZᵀZ)⁻¹ ZᵀΦ,    F = [(RSS₀ - RSS₁)/d] / [RSS₁/(n - b - d)]  (E2)
 
 with d the directions of V that are left beside Φ. δ = 0 says that least squares would do as well.
+F supposes white residuals. Those of real records are correlated by model error, and F rejects
+nearly always; ``validation.overidentification`` has the form that holds its size for them.
 A reconstructed reference that follows the noise of the record hides from this test, which is why
 its freedom is reported with it.
 """
@@ -47,7 +49,7 @@ class ExogeneityTest:
             else "regressors and instruments tell the same, and least squares would do as well"
         )
         return (
-            f"Exogeneity (Durbin-Wu-Hausman, whitened): F = {self.statistic:.3g} on "
+            f"Exogeneity (Durbin-Wu-Hausman, for a white residual): F = {self.statistic:.3g} on "
             f"{self.directions} and {self.rows} degrees of freedom, p = {self.p_value:.2g}: "
             f"{verdict}."
         )

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
+from pivident.estimation.equations import Equations
 from pivident.estimation.full_rate import FullRateRecord, filtered, torque_of
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
 from pivident.estimation.iteration import joint_fits, make_identification
@@ -101,7 +103,7 @@ def full_rate_answer(
                 None if k.recording.q_ref is None else k.recording.q_ref[part],
             )
         )
-    return make_identification(
+    answer = make_identification(
         problem,
         method,
         solution,
@@ -114,3 +116,7 @@ def full_rate_answer(
         fitted,
         warnings,
     )
+    equations = Equations(
+        regressor, tuple(records), tuple(filters), np.asarray(variance), weight_power
+    )
+    return replace(answer, equations=equations)

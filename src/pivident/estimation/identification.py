@@ -11,6 +11,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
 if TYPE_CHECKING:
+    from pivident.estimation.equations import Equations
     from pivident.estimation.problem import Loop
 
 
@@ -129,6 +130,7 @@ class Identification:
         sources: SHA-256 of every input file by its name.
         version: version of pivident.
         loop: control loop that was simulated for the instruments; None: no loop was.
+        equations: what the last pass was made of, for tests of instruments and covariances.
     """
 
     method: str
@@ -151,6 +153,7 @@ class Identification:
     sources: dict[str, str] = field(default_factory=dict)
     version: str = ""
     loop: Loop | None = None
+    equations: Equations | None = field(default=None, repr=False)
 
     @property
     def iterations(self) -> int:

@@ -1,0 +1,1 @@
+"""Should one believe it: tests, essential parameters, cross-validation, model error."""

@@ -1,0 +1,255 @@
+"""One round of eliminations: the weakest parameters of an estimate go, one by one.
+
+The tests are those of ``pivident.validation.essential_parameters``. Everything is foretold from
+one identification, its two covariances and the sums ΦᵀΦ, Φᵀτ; no parameter is estimated again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.estimation.decimated import DecimatedRecord, decimated_sums
+from pivident.estimation.full_rate import FullRateRecord, accumulate
+from pivident.estimation.identification import Identification
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.parameter_rows import significant
+from pivident.estimation.sandwich import windows_of
+from pivident.signals.prefilter import Prefilter
+
+#: Correlation of neighbouring windows of the sandwich, squared and counted on both sides.
+_NEIGHBOURS = 2.0 / 36.0
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """One parameter that was left out.
+
+    Attributes:
+        name: its name.
+        unit: its unit.
+        round: number of the round, counted from one; a new identification follows each.
+        value: its estimate when it was left out [unit].
+        std: standard deviation of that by the sandwich [unit].
+        statistic: W = (value/std)².
+        p_value: probability of a larger W if the parameter is zero.
+        together: number of parameters left out in this round so far.
+        joint_statistic: W of all of them together.
+        joint_p_value: probability of a larger one if all of them are zero.
+        error_before: relative torque error before [%].
+        error_after: relative torque error after [%].
+    """
+
+    name: str
+    unit: str
+    round: int
+    value: float
+    std: float
+    statistic: float
+    p_value: float
+    together: int
+    joint_statistic: float
+    joint_p_value: float
+    error_before: float
+    error_after: float
+
+    @property
+    def relative_std(self) -> float:
+        """100 σ/|θ| [%]."""
+        return 100.0 / np.sqrt(self.statistic) if self.statistic > 0 else np.inf
+
+
+def design_effect(identification: Identification) -> float:
+    """Sandwich over formula variance, geometric mean over the parameters.
+
+    What sampling theory calls design effect: so many rows are worth one independent equation.
+    """
+    ratio = np.diag(identification.robust_covariance) / np.diag(identification.formula_covariance)
+    return float(np.exp(np.mean(np.log(ratio))))
+
+
+def torque_sums(identification: Identification) -> list[JointSums]:
+    """ΦᵀΦ, Φᵀτ and τᵀτ of each joint, not prefiltered, over the rows of an identification."""
+    equations = identification.equations
+    assert equations is not None
+    plain = [Prefilter()] * identification.robot.size
+    full_rate = [r for r in equations.records if isinstance(r, FullRateRecord)]
+    if full_rate:
+        return accumulate(equations.regressor, full_rate, plain, by_window=False)
+    decimated = [r for r in equations.records if isinstance(r, DecimatedRecord)]
+    return decimated_sums(equations.regressor, decimated)
+
+
+def torque_error(sums: Sequence[JointSums], theta: np.ndarray, weights: np.ndarray) -> float:
+    """Relative torque error over all joints [%].
+
+    Args:
+        sums: see :func:`torque_sums`.
+        theta: parameters, shape (parameters,).
+        weights: of the joints, shape (joints,).
+    """
+    error = sum(w * s.residual_sum(theta) for w, s in zip(weights, sums, strict=True))
+    total = sum(w * s.tt for w, s in zip(weights, sums, strict=True))
+    return 100.0 * float(np.sqrt(error / max(total, 1e-300)))
+
+
+def joint_weights(full: Identification) -> np.ndarray:
+    """1 / squared rms torque error of each joint, shape (joints,)."""
+    return 1.0 / np.array([max(j.rms_error, 1e-150) ** 2 for j in full.joints])
+
+
+@dataclass(eq=False)
+class EliminationRound:
+    """One round of eliminations, foretold from one identification.
+
+    Attributes:
+        found: the identification.
+        full: identification of all parameters, for weights.
+        number: of the round.
+        level: of the tests.
+        most: parameters that may go at most.
+        steps: what went.
+        kept: indices of what stays.
+        theta: its foretold values; ``std`` their deviations by the sandwich.
+        spared: names kept as the last friction of their joint.
+        stopped: why the round ended.
+    """
+
+    found: Identification
+    full: Identification
+    number: int
+    level: float
+    most: int
+    steps: list[Elimination] = field(default_factory=list)
+    spared: tuple[str, ...] = ()
+    stopped: str = ""
+
+    def __post_init__(self) -> None:
+        self.kept = list(range(self.found.theta.size))
+        self.theta, self.std = self.found.theta, self.found.robust_std
+        windows = sum(w.count for w in windows_of([r.t.size for r in self.found.recordings]))
+        self.freedom = windows / (1.0 + _NEIGHBOURS) - 1.0
+        self.sums, self.weights = torque_sums(self.found), joint_weights(self.full)
+        self.effect = design_effect(self.found)
+        self.worth = sum(j.rows for j in self.found.joints) / self.effect
+        self._run()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of what stays."""
+        return tuple(self.found.parameters[k].name for k in self.kept)
+
+    def _run(self) -> None:
+        """Leave out until a test rejects."""
+        error = self._error()
+        while len(self.steps) < self.most and len(self.kept) > 1:
+            candidate = self._weakest()
+            if candidate is None:
+                self.stopped = "Only the last friction parameters of their joints are left to go."
+                return
+            place, statistic, p_value = candidate
+            name = self.found.names[self.kept[place]]
+            if p_value < self.level:
+                self.stopped = (
+                    f"The search ended at {name}: {significant(self.theta[place])} ± "
+                    f"{significant(2 * self.std[place], 2)} {self._parameter(place).unit} "
+                    f"(2σ) is not compatible with zero (p = {p_value:.2g})."
+                )
+                return
+            left = [k for k in self.kept if k != self.kept[place]]
+            joint, joint_p = self._joint_test(left)
+            if joint_p < self.level:
+                self.stopped = (
+                    f"The search ended at {name}: alone it could go (p = {p_value:.2g}), with the "
+                    f"others left out in this round it could not (p = {joint_p:.2g})."
+                )
+                return
+            value, std = float(self.theta[place]), float(self.std[place])
+            self._keep(left)
+            after = self._error()
+            unit = self.found.parameters[self.found.names.index(name)].unit
+            self.steps.append(
+                Elimination(
+                    name, unit, self.number, value, std, statistic, p_value,
+                    len(self.steps) + 1, joint, joint_p, error, after,
+                )
+            )  # fmt: skip
+            error = after
+        if len(self.kept) == 1:
+            self.stopped = "Only one parameter is left."
+
+    def _parameter(self, place: int) -> Parameter:
+        return self.found.parameters[self.kept[place]]
+
+    def _weakest(self) -> tuple[int, float, float] | None:
+        """Place, W and p of the parameter with the largest relative deviation that may go."""
+        from scipy.stats import f as f_distribution
+
+        statistic = (self.theta / self.std) ** 2
+        p_values = f_distribution.sf(statistic, 1, self.freedom)
+        spared = []
+        for place in np.argsort(statistic):
+            if self._is_last_friction(int(place)):
+                if p_values[place] >= self.level:
+                    spared.append(self.found.names[self.kept[place]])
+                continue
+            self.spared = tuple(spared)
+            return int(place), float(statistic[place]), float(p_values[place])
+        self.spared = tuple(spared)
+        return None
+
+    def _is_last_friction(self, place: int) -> bool:
+        """Whether a joint would be left without any friction."""
+        own = self._parameter(place)
+        if own.friction is None:
+            return False
+        siblings = [
+            k
+            for k in self.kept
+            if self.found.parameters[k].friction is not None
+            and self.found.parameters[k].joint == own.joint
+        ]
+        return len(siblings) == 1
+
+    def _joint_test(self, kept: list[int]) -> tuple[float, float]:
+        """W of all parameters not in ``kept``, and its p-value."""
+        from scipy.stats import f as f_distribution
+
+        out = self._left_out(kept)
+        values = self.found.theta[out]
+        block = self.effect * self.found.formula_covariance[np.ix_(out, out)]
+        statistic = float(values @ _solve(block, values)) / len(out)
+        freedom = max(self.worth - self.found.theta.size, 1.0)
+        return statistic, float(f_distribution.sf(statistic, len(out), freedom))
+
+    def _left_out(self, kept: list[int]) -> list[int]:
+        return [k for k in range(self.found.theta.size) if k not in set(kept)]
+
+    def _keep(self, kept: list[int]) -> None:
+        """Foretell estimate and sandwich of the smaller set."""
+        out = self._left_out(kept)
+        cross = self.found.formula_covariance[np.ix_(out, kept)]
+        change = _solve(self.found.formula_covariance[np.ix_(out, out)], cross).T  # P12 P22⁻¹
+        mapping = np.zeros((len(kept), self.found.theta.size))
+        mapping[np.arange(len(kept)), kept] = 1.0
+        mapping[:, out] = -change
+        self.kept = kept
+        self.theta = mapping @ self.found.theta
+        covariance = mapping @ self.found.robust_covariance @ mapping.T
+        self.std = np.sqrt(np.diag(covariance))
+
+    def _error(self) -> float:
+        """Relative torque error of the foretold estimate [%]."""
+        theta = np.zeros(self.found.theta.size)
+        theta[self.kept] = self.theta
+        return torque_error(self.sums, theta, self.weights)
+
+
+def _solve(block: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """block⁻¹ right, for a covariance whose entries differ by orders of magnitude."""
+    scale = np.sqrt(np.diag(block))
+    scaled = (right.T / scale).T
+    return (np.linalg.solve(block / np.outer(scale, scale), scaled).T / scale).T

@@ -1,0 +1,189 @@
+"""How well an estimate predicts measured torques, joint by joint.
+
+The motion is smoothed once, in the same way for every estimate that is judged; then τ - Φ(q̂)θ is
+scored twice: as it is, with all the noise of the logged torque, and low-passed on both sides, where
+the motion is and the noise mostly is not.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.methods import MOTION_BAND, RandomWalk
+from pivident.recording.recording import Recording
+from pivident.signals.bandpass import butterworth
+
+#: Order of the low-pass, run forwards and backwards.
+ORDER = 4
+
+#: The noise level is read between the motion's band and so many times it.
+BEYOND = 1.5
+
+
+@dataclass(frozen=True, eq=False)
+class PredictionError:
+    """Torque errors of all joints over some samples; arrays (joints,).
+
+    Attributes:
+        joint_names: names of the joints.
+        units: N m or N.
+        rms: rms error, all frequencies [unit].
+        torque: rms of the measured torque, all frequencies [unit].
+        rms_in_band: rms error below ``band`` [unit].
+        torque_in_band: rms of the measured torque below ``band`` [unit].
+        noise_in_band: the part of ``rms_in_band`` that the noise level just beyond the band would
+            give, continued to zero frequency [unit]; an upper bound where model error reaches
+            beyond the band.
+        band: highest frequency of the motion [Hz].
+        samples: number of samples.
+    """
+
+    joint_names: tuple[str, ...]
+    units: tuple[str, ...]
+    rms: np.ndarray
+    torque: np.ndarray
+    rms_in_band: np.ndarray
+    torque_in_band: np.ndarray
+    noise_in_band: np.ndarray
+    band: float
+    samples: int
+
+    @property
+    def relative(self) -> np.ndarray:
+        """100 rms/torque of each joint, all frequencies [%]."""
+        return 100.0 * self.rms / np.maximum(self.torque, 1e-300)
+
+    @property
+    def relative_in_band(self) -> np.ndarray:
+        """100 rms/torque of each joint, below ``band`` [%]."""
+        return 100.0 * self.rms_in_band / np.maximum(self.torque_in_band, 1e-300)
+
+    @property
+    def total(self) -> float:
+        """Error over all joints, all frequencies, see :func:`total_error` [%]."""
+        return total_error(self.rms, self.torque, self.units)
+
+    @property
+    def total_in_band(self) -> float:
+        """Error over all joints, below ``band`` [%]."""
+        return total_error(self.rms_in_band, self.torque_in_band, self.units)
+
+
+def total_error(rms: np.ndarray, size: np.ndarray, units: Sequence[str]) -> float:
+    """‖e‖/‖τ‖ over all joints [%]; where units are mixed, the rms of the joints' own ratios.
+
+    Args:
+        rms: of the errors, shape (joints,).
+        size: rms of what they are errors of, likewise.
+        units: of the joints.
+    """
+    if len(set(units)) == 1:
+        return 100.0 * float(np.linalg.norm(rms) / max(float(np.linalg.norm(size)), 1e-300))
+    return 100.0 * float(np.sqrt(np.mean((rms / np.maximum(size, 1e-300)) ** 2)))
+
+
+def pooled(errors: Sequence[PredictionError]) -> PredictionError:
+    """One score of several stretches: squares are averaged over all samples."""
+    first, weights = errors[0], [e.samples for e in errors]
+
+    def mean(name: str) -> np.ndarray:
+        squares = [getattr(e, name) ** 2 for e in errors]
+        return np.sqrt(np.average(squares, axis=0, weights=weights))
+
+    return PredictionError(
+        first.joint_names, first.units, mean("rms"), mean("torque"), mean("rms_in_band"),
+        mean("torque_in_band"), mean("noise_in_band"), first.band, sum(weights),
+    )  # fmt: skip
+
+
+def motion_band(recording: Recording) -> float:
+    """Highest frequency of the motion that is scored: 20 Hz, or an eighth of a low rate [Hz]."""
+    return min(MOTION_BAND, recording.rate / 8.0)
+
+
+class Judge:
+    """Measured motion and torque of one recording.
+
+    Args:
+        recording: the run.
+        band: highest frequency of the motion [Hz]; None: see :func:`motion_band`.
+    """
+
+    def __init__(self, recording: Recording, band: float | None = None) -> None:
+        self.recording = recording
+        self.band = motion_band(recording) if band is None else band
+        self.kinematics = estimate_kinematics(recording, RandomWalk())
+
+    @cached_property
+    def torque_in_band(self) -> np.ndarray:
+        """Measured torque below ``band``, shape (samples, joints) [N m or N]."""
+        return butterworth(self.kinematics.tau.T, self.recording.rate, self.band)
+
+    def residual(self, found: Identification) -> np.ndarray:
+        """τ - Φ(q̂)θ on all samples, shape (samples, joints) [N m or N]."""
+        k = self.kinematics
+        return k.tau.T - found.predict(k.q.T, k.dq.T, k.ddq.T)
+
+    def score(self, found: Identification, spans: Sequence[slice]) -> list[PredictionError]:
+        """Errors of an estimate on stretches of the recording.
+
+        Args:
+            found: the estimate.
+            spans: samples of the recording; ends that the smoother spoils are left out.
+        """
+        residual = self.residual(found)
+        low = butterworth(residual, self.recording.rate, self.band)
+        return [self._one(found, residual, low, self._usable(span)) for span in spans]
+
+    def _usable(self, span: slice) -> slice:
+        start = max(span.start, self.kinematics.start)
+        return slice(start, max(min(span.stop, self.kinematics.stop), start + 1))
+
+    def _one(
+        self, found: Identification, residual: np.ndarray, low: np.ndarray, span: slice
+    ) -> PredictionError:
+        level = level_beyond(residual[span], self.recording.rate, self.band)
+        return PredictionError(
+            joint_names=self.recording.joint_names,
+            units=tuple("N m" if j.kind == "revolute" else "N" for j in found.robot.joints),
+            rms=_rms(residual[span]),
+            torque=_rms(self.kinematics.tau.T[span]),
+            rms_in_band=_rms(low[span]),
+            torque_in_band=_rms(self.torque_in_band[span]),
+            noise_in_band=np.sqrt(level * _width(self.band)),
+            band=self.band,
+            samples=span.stop - span.start,
+        )
+
+
+def level_beyond(x: np.ndarray, rate: float, band: float) -> np.ndarray:
+    """Mean power density of x between band and 1.5 band, shape (joints,) [unit²/Hz].
+
+    Args:
+        x: shape (samples, joints).
+        rate: sampling rate [Hz].
+        band: highest frequency of the motion [Hz].
+    """
+    from scipy.signal import periodogram
+
+    frequency, density = periodogram(x, rate, window="hann", axis=0)
+    beyond = (frequency >= band) & (frequency <= BEYOND * band)
+    if not beyond.any():
+        return np.full(x.shape[1], np.nan)
+    return density[beyond].mean(axis=0)
+
+
+def _width(band: float) -> float:
+    """∫ of the low-pass's power gain (1 + (f/band)^2n)⁻² over all frequencies [Hz]."""
+    order = 2 * ORDER
+    return band * np.pi / order / np.sin(np.pi / order) * (1.0 - 1.0 / order)
+
+
+def _rms(x: np.ndarray) -> np.ndarray:
+    return np.sqrt(np.mean(x**2, axis=0))

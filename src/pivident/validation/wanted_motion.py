@@ -1,0 +1,147 @@
+"""Which motion would determine a parameter that this one does not?
+
+A parameter's column of the observation matrix is made of postures (gravity, offsets), speeds
+(friction, centrifugal torque) or accelerations (inertia). The part that is largest in motions
+within the robot's limits says what to do, and the joints that have room for it, where.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.identification import Identification
+from pivident.robot.description import Robot
+
+#: Time in which a joint usually reaches its rated speed [s].
+RISE = 0.25
+
+#: A joint that used less than this share of what it can do has room for more.
+LITTLE = 0.5
+
+#: Random motions from which a column's parts are judged.
+SAMPLES = 400
+
+_SENTENCES = (
+    "let {joints} hold and slowly change more postures against gravity",
+    "move {joints} faster and in both directions, the joints before it meanwhile",
+    "accelerate {joints} harder, in different postures",
+)
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """What a robot can do, as far as it or its record tells.
+
+    Attributes:
+        low: least positions [rad or m], shape (joints,).
+        high: largest positions.
+        speed: largest speeds [rad/s or m/s].
+        acceleration: usual largest accelerations [rad/s² or m/s²].
+        used: shares of the ranges of position, speed and acceleration that a motion used,
+            shape (joints, 3).
+    """
+
+    low: np.ndarray
+    high: np.ndarray
+    speed: np.ndarray
+    acceleration: np.ndarray
+    used: np.ndarray
+
+    @classmethod
+    def of(cls, robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Limits:
+        """Limits of a robot, from a motion where the robot does not tell them.
+
+        Args:
+            robot: the robot.
+            q: positions of a motion, shape (samples, joints); ``dq`` and ``ddq`` likewise.
+            dq: speeds.
+            ddq: accelerations.
+        """
+        room = [0.5 if joint.kind == "revolute" else 0.1 for joint in robot.joints]
+        bounds = [
+            joint.position_limits or (float(x.min()) - r, float(x.max()) + r)
+            for joint, x, r in zip(robot.joints, q.T, room, strict=True)
+        ]
+        low, high = np.array(bounds, dtype=float).T
+        moved = np.abs(dq).max(axis=0)
+        speed = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, moved)
+        speed = np.maximum(speed, 1e-12)
+        acceleration = speed / RISE
+        used = [
+            np.ptp(q, axis=0) / np.maximum(high - low, 1e-12),
+            moved / speed,
+            np.abs(ddq).max(axis=0) / acceleration,
+        ]
+        return cls(low, high, speed, acceleration, np.column_stack(used))
+
+
+def column_parts(robot: Robot, parameters: tuple[Parameter, ...], limits: Limits) -> np.ndarray:
+    """Rms of each parameter's column by posture, speed and acceleration, shape (parameters, 3).
+
+    Args:
+        robot: the robot.
+        parameters: whose columns.
+        limits: within which the random motions lie.
+    """
+    rng = np.random.default_rng(1988)
+    shape = (SAMPLES, robot.size)
+    q = rng.uniform(limits.low, limits.high, shape)
+    dq = rng.uniform(-limits.speed, limits.speed, shape)
+    ddq = rng.uniform(-limits.acceleration, limits.acceleration, shape)
+    still = np.zeros(shape)
+    regressor = Regressor.build(robot, parameters)
+    rest = regressor.matrix(q, still, still)
+    moving, accelerated = regressor.matrix(q, dq, still), regressor.matrix(q, still, ddq)
+    parts = (rest - rest.mean(axis=0), moving - rest, accelerated - rest)
+    return np.column_stack([np.sqrt(np.mean(p**2, axis=0).max(axis=0)) for p in parts])
+
+
+def motion_for(
+    robot: Robot, parameter: Parameter, parts: np.ndarray, limits: Limits
+) -> tuple[int, tuple[str, ...]]:
+    """Quantity (0 posture, 1 speed, 2 acceleration) and joints that would excite a parameter.
+
+    Args:
+        robot: the robot.
+        parameter: which is badly determined.
+        parts: of its column, see :func:`column_parts`, shape (3,).
+        limits: with what was used of them.
+    """
+    joints = sorted(robot.ancestors(parameter.joint))
+    if parameter.coupling is not None:
+        joints = [parameter.coupling.motor, parameter.coupling.joint]
+    elif not parameter.is_inertial:
+        joints = [parameter.joint]
+    # an offset has a constant column: what tells it from Coulomb friction are both directions
+    quantity = 1 if parameter.stem == "off" else int(np.argmax(parts))
+    room = [j for j in joints if limits.used[j, quantity] < LITTLE] or [parameter.joint]
+    return quantity, tuple(robot.joints[j].name for j in room)
+
+
+def wanted_motions(identification: Identification, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Motions that would determine some parameters, one sentence for each kind of motion.
+
+    Args:
+        identification: the result.
+        names: the parameters that it does not determine.
+    """
+    if not names or not identification.recordings:
+        return ()
+    robot = identification.robot
+    records = identification.recordings
+    motion = (np.vstack([getattr(r, name) for r in records]) for name in ("q", "dq", "ddq"))
+    limits = Limits.of(robot, *motion)
+    chosen = [identification.names.index(name) for name in names]
+    heads = tuple(identification.parameters[k] for k in chosen)
+    parts = column_parts(robot, heads, limits)
+    groups: dict[tuple[int, tuple[str, ...]], list[str]] = {}
+    for name, head, part in zip(names, heads, parts, strict=True):
+        groups.setdefault(motion_for(robot, head, part, limits), []).append(name)
+    return tuple(
+        f"For {', '.join(members)}: {_SENTENCES[quantity].format(joints=', '.join(joints))}."
+        for (quantity, joints), members in groups.items()
+    )
