@@ -71,6 +71,21 @@ def records_with_instruments(
     ]
 
 
+def records_without_instruments(
+    kinematics: Sequence[Kinematics], limits: Sequence[np.ndarray]
+) -> list[FullRateRecord]:
+    """All recordings for least squares; measured speeds decide who votes.
+
+    Args:
+        kinematics: one for each recording.
+        limits: speeds below which a joint's samples do not vote, likewise.
+    """
+    return [
+        FullRateRecord(kin, None, voting(kin, kin.dq, lim))
+        for kin, lim in zip(kinematics, limits, strict=True)
+    ]
+
+
 def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:
     """Φθ on a recording, time last, shape (joints, samples)."""
     return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta).T

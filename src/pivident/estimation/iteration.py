@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,9 @@ _WITH_LOOP = ("IDIM-IV", "IDIM-PIV")
 NEAR_ZERO = 5.0
 
 Stage = Callable[[int, np.ndarray, list[SimulatedMotion]], list[JointSums]]
+
+#: Work on iteration number and parameters that needs no instruments.
+Preparation = Callable[[int, np.ndarray], None]
 
 
 def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
@@ -78,6 +82,8 @@ def iterate(
     orders: Callable[[], tuple[int, ...]] = tuple,
     earliest: int = 2,
     covariance: CovarianceKind = "formula",
+    start: np.ndarray | None = None,
+    prepare: Preparation | None = None,
 ) -> tuple[list[JointSums], Solution, np.ndarray, list[Iteration], bool]:
     """Simulate, build the equations, solve; until parameters and residual stand still.
 
@@ -97,18 +103,23 @@ def iterate(
         orders: orders of the noise models after a stage.
         earliest: first iteration that may be the last.
         covariance: which deviations the change is compared with.
+        start: parameters of the first simulation, approached from the problem's initial values
+            where they cannot be simulated; None: those initial values.
+        prepare: called for each iteration beside its simulation, before ``stage``.
 
     Returns:
         Last normal equations, their solution and variances, the history, whether it converged.
     """
     theta = problem.initial_values()
     previous: np.ndarray | None = None
+    if start is not None:
+        previous, theta = theta, start
     residual = np.inf
     history: list[Iteration] = []
     doubt = ""
     for k in range(max_iterations):
         try:
-            motions, theta, halvings = auxiliary.simulate_or_halve(previous, theta)
+            motions, theta, halvings = _simulate(auxiliary, previous, theta, k, prepare)
         except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
             if doubt:
                 error.add_note(doubt)
@@ -134,6 +145,25 @@ def iterate(
         if k + 1 >= earliest and still and abs(residual - last) < tolerance * residual:
             return sums, solution, variance, history, True
     return sums, solution, variance, history, False
+
+
+def _simulate(
+    auxiliary: AuxiliaryModel,
+    previous: np.ndarray | None,
+    theta: np.ndarray,
+    k: int,
+    prepare: Preparation | None,
+) -> tuple[list[SimulatedMotion], np.ndarray, int]:
+    """Simulate, and prepare the iteration beside it: one record keeps one core busy only."""
+    if prepare is None:
+        return auxiliary.simulate_or_halve(previous, theta)
+    with ThreadPoolExecutor(1) as beside:
+        prepared = beside.submit(prepare, k, theta)
+        motions, used, halvings = auxiliary.simulate_or_halve(previous, theta)
+        prepared.result()
+    if halvings:
+        prepare(k, used)
+    return motions, used, halvings
 
 
 def relative_residual(sums: Sequence[JointSums], theta: np.ndarray, variance: np.ndarray) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pivident.estimation.decimated import decimate_record, decimated_sums
 from pivident.estimation.decimated_answer import decimated_answer
-from pivident.estimation.full_rate import FullRateRecord, accumulate, voting
+from pivident.estimation.full_rate import accumulate, records_without_instruments
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification, Iteration
 from pivident.estimation.iteration import relative_residual, torque_units
@@ -43,10 +43,7 @@ def identify_ls(
         sums = decimated_sums(regressor, records)
         solution, variance, history = _solve(problem, method, sums)
         return decimated_answer(problem, method, records, sums, solution, variance, history, True)
-    full = [
-        FullRateRecord(k, None, voting(k, k.dq, lim))
-        for k, lim in zip(kinematics, limits, strict=True)
-    ]
+    full = records_without_instruments(kinematics, limits)
     filters = [Prefilter()] * problem.robot.size
     sums = accumulate(regressor, full, filters)
     solution, variance, history = _solve(problem, method, sums)

@@ -12,23 +12,33 @@ is applied to instruments, observation matrix and torque (D6). λ_j^-1 on both s
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
-from pivident.estimation.full_rate import FullRateRecord, accumulate, records_with_instruments
+from pivident.estimation.full_rate import (
+    FullRateRecord,
+    accumulate,
+    records_with_instruments,
+    records_without_instruments,
+)
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
-from pivident.estimation.iteration import iterate, loop_warnings, torque_units
+from pivident.estimation.iteration import (
+    iterate,
+    loop_warnings,
+    torque_units,
+    weighted_solution,
+)
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.whitening import Whitening
 
-#: First iteration that may be the last: two with a noise model, the second of which is kept.
-EARLIEST = 3
+#: Estimates before the one that may be the last: noise models come from the residuals of both.
+FEWEST_ESTIMATES = 2
 
 
 def identify_piv(
@@ -51,17 +61,25 @@ def identify_piv(
     auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
     limits = [problem.speed_limits(r) for r in problem.recordings]
     whitening = Whitening(problem, method, kinematics)
-    made: dict[str, list[FullRateRecord]] = {}
+    power = 2.0 if method.as_printed else 1.0
+    made = {"records": records_without_instruments(kinematics, limits)}
+    start = None
+    if method.start == "least-squares":
+        start = _least_squares(problem, made["records"], whitening, power)
+    estimates = 0 if start is None else 1
+    earliest = FEWEST_ESTIMATES + 1 - estimates
+
+    def prepare(k: int, theta: np.ndarray) -> None:
+        whitening.fit(k + estimates, theta, made["records"])
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
         made["records"] = records_with_instruments(kinematics, motions, limits)
-        whitening.update(k, theta, made["records"])
-        may_be_last = k + 1 >= min(EARLIEST, method.max_iterations)
+        whitening.take_votes(made["records"])
+        may_be_last = k + 1 >= min(earliest, method.max_iterations)
         return accumulate(
             problem.regressor, made["records"], whitening.filters, by_window=may_be_last
         )
 
-    power = 2.0 if method.as_printed else 1.0
     sums, solution, variance, history, converged = iterate(
         problem,
         auxiliary,
@@ -71,8 +89,10 @@ def identify_piv(
         say,
         power,
         lambda: tuple(m.order for m in whitening.models),
-        earliest=EARLIEST,
+        earliest=earliest,
         covariance=method.covariance,
+        start=start,
+        prepare=prepare,
     )
     direct = method.prefilter == "direct"
     return full_rate_answer(
@@ -92,3 +112,12 @@ def identify_piv(
         [*loop_warnings(problem, sums, variance), *whitening.warnings()],
         method.covariance,
     )
+
+
+def _least_squares(
+    problem: Problem, records: Sequence[FullRateRecord], whitening: Whitening, power: float
+) -> np.ndarray:
+    """IDIM-LS behind the inverse controllers: nearer to the answer than nominal values are."""
+    sums = accumulate(problem.regressor, records, whitening.filters, by_window=False)
+    start = problem.initial_values()
+    return weighted_solution(sums, problem.names, start, power)[0].theta

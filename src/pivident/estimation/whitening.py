@@ -20,16 +20,16 @@ from pivident.estimation.iteration import position_units
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import MOTION_BAND, Arma, PrefilteredIV
 from pivident.estimation.problem import Problem
+from pivident.estimation.repetition import Repetition
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
 from pivident.threads import run_in_threads
 
-#: Iteration (counted from zero) whose AR orders are kept: flips of the criterion must not go on
-#: changing the estimate. The models themselves are kept from the next one on: the residual hardly
-#: changes any more, and a filter that follows it only delays convergence.
-ORDER_FROZEN_AFTER = 1
-MODEL_FROZEN_AFTER = 2
+#: The first estimate's residual decides on the AR orders: flips of the criterion must not go on
+#: changing the estimate. The models themselves are kept from the second one on: the residual
+#: hardly changes any more, and a filter that follows it only delays convergence.
+DECIDES_ORDERS, DECIDES_MODELS = 1, 2
 
 #: Ratio of variances, standstill to motion, from which on slow samples do not vote: their weight
 #: by inverse variance would be below a tenth, and most of what they tell is bias.
@@ -61,24 +61,24 @@ class Whitening:
         self.filters = [Prefilter(self.numerator[j], self.denominator[j]) for j in range(n)]
         self._refuse_slow_filters()
 
-    def update(
-        self,
-        k: int,
-        theta: np.ndarray,
-        records: Sequence[FullRateRecord],
-    ) -> None:
-        """Fit the noise models to the residual at θ, and take votes that spoil the estimate.
-
-        There is no model before the first estimate.
+    def fit(self, number: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
+        """Fit the noise models to the residual of an estimate, unless they are settled.
 
         Args:
-            k: iteration, counted from zero.
-            theta: parameters, shape (parameters,).
+            number: of the estimate, counted from one; zero: there has been none, θ is a guess.
+            theta: the estimate, shape (parameters,).
+            records: all recordings with the instruments and votes that it was made with.
+        """
+        if DECIDES_ORDERS <= number <= DECIDES_MODELS:
+            self._fit(number, theta, records)
+
+    def take_votes(self, records: Sequence[FullRateRecord]) -> None:
+        """Take votes that would spoil the estimate: transients of filters, noisy standstill.
+
+        Args:
             records: all recordings with their instruments; their votes are changed.
         """
         self._discard_standstill(records)
-        if 0 < k <= MODEL_FROZEN_AFTER:
-            self._fit(k, theta, records)
         for votes in (r.votes for r in records):
             for j, prefilter in enumerate(self.filters):
                 votes[j, : prefilter.transient()] = False
@@ -102,21 +102,23 @@ class Whitening:
                     'soft (kd/kp). Use prefilter = "direct", or check the gains'
                 )
 
-    def _fit(self, k: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
+    def _fit(self, number: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
         """Noise models, filters, and the joints whose standstill is noisier than their motion."""
         residuals = [
             kin.tau - torque_of(self.problem.regressor, kin, theta) for kin in self.kinematics
         ]
+        if isinstance(self.method.noise, Repetition):
+            residuals = self.method.noise.non_repeating(residuals, self.kinematics)
         n = self.problem.robot.size
         models: list[NoiseModel | None] = [None] * n
 
         def fit(j: int) -> None:
-            order = len(self.models[j].ar) - 1 if k > ORDER_FROZEN_AFTER else None
+            order = len(self.models[j].ar) - 1 if number > DECIDES_ORDERS else None
             models[j] = self._fit_joint(j, residuals, records, order)
 
         run_in_threads(fit, range(n))
         self.models = [m for m in models if m is not None]
-        if k == ORDER_FROZEN_AFTER:  # later fits are given their order and cannot tell
+        if number == DECIDES_ORDERS:  # later fits are given their order and cannot tell
             self.at_bound = tuple(m.at_bound for m in self.models)
         self.filters = [
             Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
@@ -125,7 +127,6 @@ class Whitening:
         simulated = all(k.recording.simulated for k in self.kinematics)
         if simulated and self.problem.mask == "auto" and not self.method.as_printed:
             self.drop_standstill = self._noisy_standstill(residuals, records)
-            self._discard_standstill(records)
 
     def _noisy_standstill(
         self, residuals: Sequence[np.ndarray], records: Sequence[FullRateRecord]
@@ -169,9 +170,9 @@ class Whitening:
 
     def _slow(self, record: FullRateRecord) -> np.ndarray:
         """Samples at which the instruments stand still, shape (joints, samples)."""
-        assert record.motion is not None
+        source = record.kinematics if record.motion is None else record.motion
         limits = self.problem.low_speeds(record.kinematics.recording)
-        return np.abs(record.motion.dq) < limits[:, None]
+        return np.abs(source.dq) < limits[:, None]
 
     def _discard_standstill(self, records: Sequence[FullRateRecord]) -> None:
         """Take the vote from slow samples of joints whose standstill is noisy."""
@@ -213,9 +214,13 @@ class Whitening:
         return position_units(self.problem)
 
     def warnings(self) -> list[str]:
-        """Sentences about noise models that could not be told apart from a higher order."""
+        """Sentences about noise models that did not come out as they were asked for."""
         names = self.problem.robot.joint_names
         return [
+            f"Noise model of joint {name!r}: {text}"
+            for name, m in zip(names, self.models, strict=False)
+            for text in m.warnings
+        ] + [
             f"Noise model of joint {names[j]!r}: the criterion is still falling at order "
             f"{m.order}; its deviations may be too small. Raise p_max or cap the smoother "
             "(f50_max)."
@@ -244,11 +249,13 @@ class NoiseModel:
         ar: D, monic.
         ma: C, monic.
         at_bound: whether the order is the largest allowed.
+        warnings: what its estimation noticed, whole sentences.
     """
 
     ar: np.ndarray
     ma: np.ndarray
     at_bound: bool = False
+    warnings: tuple[str, ...] = ()
 
     @property
     def order(self) -> int:
@@ -267,4 +274,6 @@ def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseMod
     zeros = np.roots(found.ma)
     size = np.abs(zeros)
     inside = zeros * np.minimum(1.0, noise.largest_root / np.maximum(size, 1e-300))
-    return NoiseModel(found.ar, np.atleast_1d(np.real(np.poly(inside))))
+    return NoiseModel(
+        found.ar, np.atleast_1d(np.real(np.poly(inside))), warnings=tuple(found.warnings)
+    )
