@@ -49,11 +49,13 @@ def test_version_and_help(capsys):
 def test_one_method_writes_its_files_and_the_report(experiment, tmp_path, capsys):
     out = tmp_path / "out"
     assert run("identify", experiment, "--out", out) == 0
-    assert files_in(out) == {"identification.json", "parameters.csv", "report.html"}
+    assert files_in(out) == {"identification.json", "parameters.csv", "report.html", "verdict.json"}
     content = json.loads((out / "identification.json").read_text())
     assert content["method"] == "IDIM-WLS" and content["converged"]
     assert [p["name"] for p in content["parameters"]] == list(planar_truth())
     printed = capsys.readouterr()
+    assert printed.out.startswith("Verdict: ") and "held-out" in printed.out
+    assert json.loads((out / "verdict.json").read_text("utf-8"))["method"] == "IDIM-WLS"
     assert "zz1r" in printed.out and str(out / "report.html") in printed.out
     assert "reading the recordings" in printed.err
 
@@ -64,7 +66,8 @@ def test_one_method_writes_its_files_and_the_report(experiment, tmp_path, capsys
 def test_several_methods_get_a_folder_each(experiment, tmp_path, capsys, method):
     assert run("identify", experiment, *method, "--out", tmp_path / "out") == 0
     names = {"identification.json", "parameters.csv"}
-    expected = {f"{m}/{n}" for m in ("ls", "iv-full-rate") for n in names} | {"report.html"}
+    expected = {f"{m}/{n}" for m in ("ls", "iv-full-rate") for n in names}
+    expected |= {"report.html", "verdict.json"}
     assert files_in(tmp_path / "out") == expected
     out = capsys.readouterr().out
     assert "IDIM-WLS" in out and "IDIM-IV (full rate)" in out
@@ -73,7 +76,7 @@ def test_several_methods_get_a_folder_each(experiment, tmp_path, capsys, method)
 def test_output_of_the_file_and_by_default(tmp_path, monkeypatch, capsys):
     text = EXPERIMENT + '[output]\nfolder = "mine"\nreport = false\n'
     assert run("identify", write_experiment(tmp_path, text)) == 0
-    assert files_in(tmp_path / "mine") == {"identification.json", "parameters.csv"}
+    assert files_in(tmp_path / "mine") == {"identification.json", "parameters.csv", "verdict.json"}
     monkeypatch.chdir(tmp_path)
     write_experiment(tmp_path)
     assert run("identify", "experiment.toml") == 0

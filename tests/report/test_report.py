@@ -11,6 +11,7 @@ from pivident.errors import PividentError
 from pivident.estimation.identification import JointFit
 from pivident.report.builder import render_report, write_report
 from pivident.report.material import FEWEST_POINTS, TOTAL_POINTS, Material
+from pivident.validation.examination import examine_alone
 from tests.synthetic_identification import (
     synthetic_identification,
     synthetic_loop,
@@ -74,13 +75,14 @@ def page(methods):
 def test_one_result_has_all_sections_but_the_comparison():
     page = Page(render_report([synthetic_identification()]))
     assert page.anchors == (
-        "summary parameters torque joints residuals convergence signals provenance".split()
+        "verdict summary parameters torque joints residuals tests convergence signals "
+        "provenance".split()
     )
     assert page.count("h1") == 1
 
 
 def test_several_methods_are_compared(page, methods):
-    assert page.anchors[:2] == ["summary", "comparison"]
+    assert page.anchors[:3] == ["verdict", "summary", "comparison"]
     text = " ".join(page.text)
     for identification in methods:
         assert identification.method in text
@@ -135,14 +137,18 @@ def test_long_records_stay_small(count):
 
 def test_points_are_shared_among_the_traces():
     identification = synthetic_identification()
-    one = Material((identification,), {}, "")
+    one = material(identification)
     assert one.points == 3000
-    many = Material((replace(identification, recordings=identification.recordings * 500),), {}, "")
+    many = material(replace(identification, recordings=identification.recordings * 500))
     assert many.points >= FEWEST_POINTS
     assert many.points * many.shown_recordings * 2 * 7 <= TOTAL_POINTS
-    runs = (replace(synthetic_identification(), recordings=identification.recordings * 5),)
-    found = tuple(replace(i, loop=synthetic_loop("law")) for i in runs)
-    assert Material(found, {}, "").points < Material(runs, {}, "").points
+    runs = replace(synthetic_identification(), recordings=identification.recordings * 5)
+    found = replace(runs, loop=synthetic_loop("law"))
+    assert material(found).points < material(runs).points
+
+
+def material(identification):
+    return Material((identification,), {}, "", examine_alone({"piv": identification}))
 
 
 @pytest.mark.parametrize(
@@ -262,7 +268,7 @@ def test_degenerate_results_have_a_report():
         sources={},
     )
     page = Page(render_report([odd], {"zz1": 1.0}))
-    assert page.anchors == ["summary", "parameters", "joints", "provenance"]
+    assert page.anchors == ["verdict", "summary", "parameters", "joints", "tests", "provenance"]
     assert "nan" not in " ".join(page.text).lower().split()
 
 

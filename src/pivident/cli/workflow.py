@@ -7,7 +7,7 @@ import os
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pivident.cli.console import Progress, error_line, note
@@ -20,9 +20,13 @@ from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.tables import comparison_table, rows_kind
 from pivident.files import atomic_folder
+from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
+from pivident.validation.examination import Examination, examine
+from pivident.validation.verdict import save_verdict, verdict
 
-#: What the demonstration compares.
+#: What the demonstration compares, and on how many held-out blocks.
 DEMO_METHODS = ("ls", "iv", "iv-full-rate", "piv")
+DEMO_FOLDS = 3
 
 
 @dataclass(frozen=True)
@@ -43,8 +47,25 @@ class Outcome:
         return all(result.converged for result in self.identifications.values())
 
 
-def run_experiment(path: Path, names: Sequence[str], out: Path | None) -> Outcome:
-    """Read an experiment file, identify, print the tables and write the results.
+@dataclass(frozen=True, eq=False)
+class Results:
+    """Everything that is shown and written.
+
+    Attributes:
+        identifications: by the method's short name.
+        examination: what was found out about them.
+        essential: the search for the essential parameters, where there was one.
+    """
+
+    identifications: Mapping[str, Identification]
+    examination: Examination
+    essential: EssentialParameters | None = None
+
+
+def run_experiment(
+    path: Path, names: Sequence[str], out: Path | None, folds: int | None = None
+) -> Outcome:
+    """Read an experiment file, identify, judge, print verdict and tables, write the results.
 
     A method that fails does not take the results of the others with it.
 
@@ -52,6 +73,7 @@ def run_experiment(path: Path, names: Sequence[str], out: Path | None) -> Outcom
         path: the experiment file.
         names: methods; empty: those of the file.
         out: folder for the results, or None.
+        folds: blocks held out in turn; None: as the file says.
 
     Raises:
         PividentError: the file, its data or the output folder cannot be used, or no method
@@ -64,12 +86,28 @@ def run_experiment(path: Path, names: Sequence[str], out: Path | None) -> Outcom
         methods = experiment.methods(names)
         folder = out or experiment.output or Path(f"{path.stem}-results")
         check_output(folder)
-        problem = experiment.problem(progress.say)
+        problem, validation = experiment.problem(progress.say), experiment.content.validation
+        unseen = experiment.unseen_recordings()
+        essential = None
+        if experiment.content.identify.essential:
+            last = list(methods.values())[-1]
+            essential = essential_parameters(problem, last, progress=progress.say)
+            problem = replace(problem, parameters=essential.names)
         outcome = identify_all(problem, methods, progress)
+        examination = examine(
+            problem,
+            outcome.identifications,
+            methods,
+            folds=validation.folds if folds is None else folds,
+            gap=validation.gap,
+            recordings=unseen,
+            progress=progress.say,
+        )
         progress.say("writing the results")
         report = experiment.content.output.report
-        write_results(outcome.identifications, folder, experiment.title, report=report)
-    _print_results(outcome.identifications, folder, report=report)
+        results = Results(outcome.identifications, examination, essential)
+        write_results(results, folder, experiment.title, report=report)
+    _print_results(results, folder, report=report)
     return outcome
 
 
@@ -89,11 +127,16 @@ def run_demo(out: Path, seed: int = 0) -> bool:
     with Progress() as progress:
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_fine(seed)
-        outcome = identify_all(problem, {n: METHODS[n] for n in DEMO_METHODS}, progress)
+        methods = {n: METHODS[n] for n in DEMO_METHODS}
+        outcome = identify_all(problem, methods, progress)
+        examination = examine(
+            problem, outcome.identifications, methods, folds=DEMO_FOLDS, progress=progress.say
+        )
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
-        write_results(outcome.identifications, out, title, truth)
-    _print_results(outcome.identifications, out, truth)
+        results = Results(outcome.identifications, examination)
+        write_results(results, out, title, truth)
+    _print_results(results, out, truth)
     return outcome.converged and not outcome.failed
 
 
@@ -127,7 +170,7 @@ def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Prog
 
 
 def write_results(
-    identifications: Mapping[str, Identification],
+    results: Results,
     folder: Path,
     title: str,
     truth: Mapping[str, float] | None = None,
@@ -139,7 +182,7 @@ def write_results(
     One method's files lie in the folder itself, those of several in one folder each.
 
     Args:
-        identifications: results by the method's short name.
+        results: what was found.
         folder: folder to create or to write into.
         title: title of the report.
         truth: known values by parameter name.
@@ -147,13 +190,23 @@ def write_results(
     """
     from pivident.report.builder import write_report
 
-    several = len(identifications) > 1
+    found = results.identifications
+    several = len(found) > 1
     with atomic_folder(folder) as build:
-        for name, result in identifications.items():
+        for name, result in found.items():
             save_identification(result, build / name if several else build)
+        save_verdict(verdict(results.examination), build / "verdict.json")
+        if results.essential is not None:
+            text = f"{results.essential}\n"
+            (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
         if report:
-            results = list(identifications.values())
-            write_report(results, build / "report.html", truth=truth, title=title)
+            write_report(
+                list(found.values()),
+                build / "report.html",
+                truth=truth,
+                title=title,
+                examination=results.examination,
+            )
 
 
 def check_output(folder: Path) -> None:
@@ -205,23 +258,28 @@ def _verdict(result: Identification) -> str:
 
 
 def _print_results(
-    identifications: Mapping[str, Identification],
+    results: Results,
     folder: Path,
     truth: Mapping[str, float] | None = None,
     *,
     report: bool = True,
 ) -> None:
-    """Tables on standard output, warnings and places after them."""
-    results = list(identifications.values())
-    if len(results) == 1 and truth is None:
-        print(results[0].summary())
+    """Verdict and tables on standard output, warnings and places after them."""
+    print(f"{verdict(results.examination)}\n")
+    if results.essential is not None:
+        print(f"{results.essential}\n")
+    found = list(results.identifications.values())
+    if len(found) == 1 and truth is None:
+        print(found[0].summary())
     else:
-        print(comparison_table(results, truth))
+        print(comparison_table(found, truth))
         if truth is not None:
-            print(f"\n{truth_lines(results, truth)}")
-        for result in results:
+            print(f"\n{truth_lines(found, truth)}")
+        for result in found:
             for warning in result.warnings:
                 note(f"{result.method}: {warning}")
+    if results.examination.out_of_sample is not None:
+        print(f"\n{results.examination.out_of_sample.table()}")
     print(f"\nResults: {folder}")
     if report:
         print(f"Report:  {folder / 'report.html'}")

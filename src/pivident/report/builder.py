@@ -16,11 +16,18 @@ from plotly.offline import get_plotlyjs
 from pivident import __version__
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import known, percent, significant, with_spread
+from pivident.estimation.parameter_rows import (
+    known,
+    method_labels,
+    percent,
+    significant,
+    with_spread,
+)
 from pivident.files import atomic_folder
 from pivident.report.figures import METHOD_COLOURS, Figure
 from pivident.report.material import Material
 from pivident.report.sections import SECTIONS
+from pivident.validation.examination import Examination, examine_alone
 
 
 def write_report(
@@ -28,6 +35,7 @@ def write_report(
     path: str | PathLike[str],
     truth: Mapping[str, float] | None = None,
     title: str | None = None,
+    examination: Examination | None = None,
 ) -> Path:
     """Write a report about one result, or several side by side, as one HTML file.
 
@@ -37,6 +45,7 @@ def write_report(
         path: file to write; its folder is created.
         truth: known values by parameter name, with or without the trailing ``r``.
         title: title of the page; None: robot and methods.
+        examination: what was found out about the results; None: the tests that need nothing else.
 
     Returns:
         The file.
@@ -49,7 +58,7 @@ def write_report(
         raise PividentError(f"{path} is a folder; name a file in it, such as report.html")
     if isinstance(identifications, Identification):
         identifications = [identifications]
-    page = render_report(identifications, truth, title)
+    page = render_report(identifications, truth, title, examination)
     with atomic_folder(path.parent) as build:
         (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     return path
@@ -59,6 +68,7 @@ def render_report(
     identifications: Sequence[Identification],
     truth: Mapping[str, float] | None = None,
     title: str | None = None,
+    examination: Examination | None = None,
 ) -> str:
     """The page as text; arguments as of `write_report`."""
     if not identifications:
@@ -66,7 +76,10 @@ def render_report(
     if title is None:
         robots = dict.fromkeys(i.robot.name for i in identifications)
         title = f"{', '.join(robots)}: identification of the dynamics"
-    material = Material(tuple(identifications), dict(truth or {}), title)
+    if examination is None:
+        names = method_labels(identifications)
+        examination = examine_alone(dict(zip(names, identifications, strict=True)))
+    material = Material(tuple(identifications), dict(truth or {}), title, examination)
     environment = _environment()
     sections = []
     for section in (cls(material) for cls in SECTIONS):

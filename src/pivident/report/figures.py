@@ -94,11 +94,13 @@ def law_figure(found: ControllerIdentification, joint: int, method: int, points:
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
-    plot = _empty("output [u]")
+    plot = _empty(f"{found.compared} [{found.unit}]")
     plot.update_xaxes(title_text="time [s]")
     plot.add_traces(_compared(t, measured, model, points, "law", colour(method)))
-    note = f"not explained {percent(100.0 * law.relative_error)}, rms {significant(law.rms)} u"
-    label = f"Measured output of {law.name} and its law over {significant(t[-1])} s: {note}"
+    rms = f"rms {significant(law.rms)} {found.unit}"
+    note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
+    span = f"over {significant(t[-1])} s"
+    label = f"Measured {found.compared} of {law.name} and its law {span}: {note}"
     return Figure(plot, height=250, title=law.name, label=label, note=note)
 
 

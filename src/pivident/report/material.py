@@ -9,6 +9,7 @@ from functools import cached_property
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.estimation.problem import Loop
+from pivident.validation.examination import Examination
 
 #: Points of all signals together; a point takes 11 bytes, plotly itself 5 MB.
 TOTAL_POINTS = 160_000
@@ -34,11 +35,13 @@ class Material:
         identifications: the results, in the order in which they are shown.
         truth: known values by parameter name, may be empty.
         title: title of the page.
+        examination: what was found out about them.
     """
 
     identifications: tuple[Identification, ...]
     truth: Mapping[str, float]
     title: str
+    examination: Examination
 
     @cached_property
     def labels(self) -> tuple[str, ...]:

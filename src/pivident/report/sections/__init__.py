@@ -4,21 +4,27 @@ from pivident.report.sections.base import Section
 from pivident.report.sections.comparison import ComparisonSection
 from pivident.report.sections.control_loop import ControlLoopSection
 from pivident.report.sections.convergence import ConvergenceSection
+from pivident.report.sections.held_out import HeldOutSection
 from pivident.report.sections.joints import JointsSection
 from pivident.report.sections.parameters import ParametersSection
 from pivident.report.sections.provenance import ProvenanceSection
 from pivident.report.sections.residuals import ResidualsSection
 from pivident.report.sections.signals import SignalsSection
 from pivident.report.sections.summary import SummarySection
+from pivident.report.sections.tests import TestsSection
 from pivident.report.sections.torque import TorqueSection
+from pivident.report.sections.verdict import VerdictSection
 
 SECTIONS: tuple[type[Section], ...] = (
+    VerdictSection,
     SummarySection,
     ComparisonSection,
     ParametersSection,
+    HeldOutSection,
     TorqueSection,
     JointsSection,
     ResidualsSection,
+    TestsSection,
     ControlLoopSection,
     ConvergenceSection,
     SignalsSection,

@@ -23,6 +23,10 @@ _MEANING: dict[Term, tuple[str, str]] = {
     "ki": ("∫e, integral of the error", "u per {} s"),
     "acceleration_reference": ("D² q_ref, acceleration of the reference", "u per {}/s²"),
     "offset": ("1, a constant", "u"),
+    "position_gain": ("e, in the speed setpoint", "1/s"),
+    "speed_gain": ("setpoint less speed (its inverse: inputs in the setpoint)", "u per {}/s"),
+    "integral_gain": ("its integral, times the speed gain", "1/s"),
+    "delay": ("how much later the setpoint arrives", "s"),
 }
 
 
@@ -68,6 +72,8 @@ class ControlLoopSection(Section):
                 (own, differentiator_text(own.averaged), unit)
                 for own, unit in zip(loop.feedback, units, strict=False)
             ],
+            "compared": loop.identified.compared if loop.identified is not None else "output",
+            "unit": loop.identified.unit if loop.identified is not None else "u",
             "output": self._law_gallery(loop.identified, methods[-1]),
             "references": [
                 (

@@ -1,0 +1,33 @@
+"""All tests on residuals and instruments, with their numbers and in words."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.report.sections.base import Section
+
+
+class TestsSection(Section):
+    """One table of residual tests for each method; sentences about its instruments."""
+
+    __test__ = False  # not a test class, whatever its name looks like
+
+    title = "Tests"
+    anchor = "tests"
+    template = "tests.html"
+
+    def context(self) -> dict[str, Any]:
+        """Tests by method."""
+        examination = self.material.examination
+        entries = []
+        for k, name in enumerate(examination.identifications):
+            entries.append(
+                (
+                    self.material.labels[k],
+                    k,
+                    self.opened(k),
+                    examination.residuals[name],
+                    examination.instruments.get(name),
+                )
+            )
+        return {"entries": entries}
