@@ -1,10 +1,10 @@
 """Identify axes 1 to 3 of a KUKA KR300 from two motions with recorded reference and feed-forward.
 
-Three steps. (1) The controller: how much of the torque the recorded feed-forward explains, what a
-law fitted to the recorded reference looks like (it pushes away from it, and is refused), and the
-speed gains that the noise in the loop tells, beside those that the authors of the records state.
-(2) The methods of experiment.toml on both motions. (3) One motion alone does not excite the arm
-enough: its condition number, and its error on the other motion below 4 Hz.
+Three steps. (1) The controller: how much of the torque the recorded feed-forward explains, the law
+that follows from the recorded reference (its drives take a speed setpoint), and beside it the gains
+that the authors of the records state and those that the noise in the loop tells. (2) The methods of
+experiment.toml on both motions. (3) One motion alone does not excite the arm enough: its condition
+number, and its error on the other motion below 4 Hz. README.md has the figures.
 
     PIVIDENT_DATA=FOLDER python identify_kuka_kr300.py [--folder FOLDER]
 """
@@ -17,7 +17,7 @@ import numpy as np
 
 from pivident import Identification, Problem, identify, load_experiment
 from pivident.errors import IdentificationError
-from pivident.estimation.controller_identification import identify_controller
+from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.unknown_loop import feedback_from_noise
@@ -27,8 +27,8 @@ from pivident.signals.bandpass import butterworth
 
 HERE = Path(__file__).parent
 
-#: Speed gains of the authors' model of the drives [N m s/rad of the motor].
-STATED = (1046.4, 1137.6, 1073.4)
+#: Gains of the authors' model of the drives: position [1/s] and speed [N m s/rad of the motor].
+STATED = ((0.548, 0.504, 0.534), (1046.4, 1137.6, 1073.4))
 
 
 def feed_forward_share(recordings: tuple[Recording, ...], gain: np.ndarray) -> np.ndarray:
@@ -39,21 +39,21 @@ def feed_forward_share(recordings: tuple[Recording, ...], gain: np.ndarray) -> n
     return 1.0 - left.var(axis=0) / torque.var(axis=0)
 
 
-def controller(recordings: tuple[Recording, ...], gain: np.ndarray) -> dict[str, np.ndarray]:
+def controller(
+    recordings: tuple[Recording, ...], gain: np.ndarray, found: ControllerIdentification
+) -> dict[str, np.ndarray]:
     """What can be said about the control law: shares and speed gains, each of shape (joints,)."""
     share = feed_forward_share(recordings, gain)
     print(f"feed-forward explains {', '.join(f'{100 * s:.0f} %' for s in share)} of the torque")
-    try:
-        print(identify_controller(recordings, gain))
-    except IdentificationError as error:
-        print(f"law from the recorded reference: {error}")
+    print(f"{found}\n")
     told = [feedback_from_noise(recording, gain) for recording in recordings]
     speed_gains = np.mean([[axis.kd for axis in own] for own in told], axis=0)
     explained = np.mean([[axis.explained for axis in own] for own in told], axis=0)
-    for j, stated in enumerate(STATED):
+    for j, (law, position, speed) in enumerate(zip(found.joints, *STATED, strict=True)):
         print(
-            f"axis {j + 1}: the noise tells a speed gain of {speed_gains[j]:.0f}, stated are "
-            f"{stated:.0f} ({100 * explained[j]:.0f} % of the torque beyond the motion's band)"
+            f"axis {j + 1}: position gain {law.gain('position_gain'):.3f}, stated {position:.3f}; "
+            f"speed gain {law.gain('speed_gain'):.0f}, stated {speed:.0f}, noise "
+            f"{speed_gains[j]:.0f} ({100 * explained[j]:.0f} % of the torque beyond the motion)"
         )
     return {"share": share, "speed_gains": speed_gains, "explained": explained}
 
@@ -76,14 +76,15 @@ def main(folder: Path = HERE) -> dict[str, object]:
         folder: where experiment.toml is.
 
     Returns:
-        The controller's figures, results on both motions by method, and the result and the errors
-        of motion A alone.
+        The controller's figures and law, results on both motions by method, and the result and the
+        errors of motion A alone.
     """
     experiment = load_experiment(folder / "experiment.toml")
     problem = experiment.problem()
     first, second = problem.recordings
     gain = np.diag(problem.robot.transmission.reduction)
-    figures = controller(problem.recordings, gain)
+    assert problem.loop is not None and problem.loop.identified is not None
+    figures = controller(experiment.recordings(), gain, problem.loop.identified)
     results = {name: identify(problem, own) for name, own in experiment.methods().items()}
     for result in results.values():
         friction = " ".join(f"{result.value(f'fc{j}'):4.0f}" for j in (1, 2, 3))
@@ -93,10 +94,11 @@ def main(folder: Path = HERE) -> dict[str, object]:
     print(f"motion A alone, on motion B: {', '.join(f'{e:.0f} %' for e in errors)}")
     print("\n".join(f"  {text}" for text in findings(alone)))
     try:
-        identify(replace(problem, recordings=(first,)), experiment.methods()["iv"])
+        identify(replace(problem, recordings=(first,), parameters=None), experiment.methods()["iv"])
     except IdentificationError as error:
         print(f"  IV: {error}")
-    return {"controller": figures, "results": results, "alone": alone, "errors": errors}
+    law = problem.loop.identified
+    return {"controller": figures, "law": law, "results": results, "alone": alone, "errors": errors}
 
 
 if __name__ == "__main__":

@@ -18,12 +18,18 @@ from pivident.recording.recording import Recording
 from pivident.recording.saturation import clipped_samples
 from pivident.simulation.linear_law import differentiated, reference_derivatives
 
-Term = Literal["kp", "kd", "speed_reference", "ki", "acceleration_reference", "offset"]
+Term = Literal[
+    "kp", "kd", "speed_reference", "ki", "acceleration_reference", "offset",
+    "position_gain", "speed_gain", "integral_gain", "delay",
+]  # fmt: skip
 
 #: Terms of every law, and those that must earn their place.
 ALWAYS: tuple[Term, ...] = ("kp", "kd")
 EXTRA: tuple[Term, ...] = ("speed_reference", "ki", "acceleration_reference", "offset")
 TERMS = ALWAYS + EXTRA
+
+#: What a drive that follows a speed setpoint has instead (``speed_setpoint``).
+SETPOINT: tuple[Term, ...] = ("position_gain", "speed_gain", "integral_gain", "delay")
 
 #: Probability of the F-test's bound, and the share of the residual that a term must take: with
 #: tens of thousands of samples everything is significant.

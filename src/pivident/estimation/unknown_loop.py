@@ -144,7 +144,7 @@ def complete_loop(
         if controller is not None:
             return recordings, Loop(controller, drive_gain, limit)
         found = identify_controller(recordings, gain, limit)
-        return recordings, Loop(found.law, drive_gain, limit, identified=found)
+        return found.signals, Loop(found.law, drive_gain, limit, identified=found)
     notes: list[str] = []
     told: tuple[Feedback, ...] = ()
     signals = [r.q for r in recordings]
