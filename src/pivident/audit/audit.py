@@ -1,0 +1,331 @@
+"""The audit of a log: every check that what is known of it allows, in one order.
+
+A fault that is found is made good before the next check, so that one wrong column is not reported
+once for every number that depends on it.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident import __version__
+from pivident.audit.delay import Delay, check_delay
+from pivident.audit.excitation import Excitation, check_excitation
+from pivident.audit.finding import Finding, Severity, worst
+from pivident.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.audit.log import Log
+from pivident.audit.order import Order, check_order
+from pivident.audit.power import Power, check_power, mechanical_power
+from pivident.audit.quantisation import Quantisation, check_quantisation
+from pivident.audit.reading import bare_log, entry_log
+from pivident.audit.saturation import check_channels
+from pivident.audit.scale import Scale, check_positions, check_reach, check_scale
+from pivident.audit.speed import check_speeds
+from pivident.audit.timing import Timing, check_timing
+from pivident.errors import PividentError, RecordingError
+from pivident.robot.description import Robot
+
+#: Version of the layout of ``audit.json``.
+SCHEMA = 1
+
+#: Share of a joint's torque that its inverse model may leave unexplained.
+UNEXPLAINED = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Audit:
+    """What was found about one log, with the numbers behind it.
+
+    Attributes:
+        log: the log.
+        findings: everything that was found, check by check.
+        timing: the clock.
+        quantisation: grids of the values.
+        model: rows of the inverse model after the faults found were made good, or None.
+        order: which torque fits which joint, or None.
+        delay: between torque and position, or None.
+        power: signs, or None.
+        scale: gains, or None.
+        excitation: rank and condition, or None.
+    """
+
+    log: Log
+    findings: tuple[Finding, ...]
+    timing: Timing
+    quantisation: Quantisation
+    model: InverseModel | None = None
+    order: Order | None = None
+    delay: Delay | None = None
+    power: Power | None = None
+    scale: Scale | None = None
+    excitation: Excitation | None = None
+
+    @property
+    def severity(self) -> Severity:
+        """The gravest of the findings."""
+        return worst(self.findings)
+
+    def count(self, severity: Severity) -> int:
+        """Number of findings of one severity."""
+        return sum(finding.severity == severity for finding in self.findings)
+
+    def of(self, check: str) -> tuple[Finding, ...]:
+        """Findings of one check, such as ``delay``."""
+        return tuple(finding for finding in self.findings if finding.check == check)
+
+    def as_json(self) -> dict[str, Any]:
+        """Everything as plain values."""
+        log, delay, excitation = self.log, self.delay, self.excitation
+        return {
+            "name": log.name,
+            "samples": log.samples,
+            "rate_hz": self.timing.rate,
+            "joints": list(log.joint_names),
+            "robot": log.robot.name if log.robot else None,
+            "sources": [{"name": s.name, "sha256": s.sha256} for s in log.sources],
+            "severity": self.severity,
+            "findings": [finding.as_json() for finding in self.findings],
+            "grids": [
+                {"signal": g.name, "step": _number(g.step), "digits": g.digits}
+                for g in self.quantisation.grids
+            ],
+            "delay": None
+            if delay is None
+            else {
+                "common_s": _number(delay.common[0]),
+                "common_std_s": _number(delay.common[1]),
+                "joints_s": _numbers(delay.estimates),
+                "joints_std_s": _numbers(delay.deviations),
+            },
+            "gain": None if self.scale is None else _numbers(self.scale.factors),
+            "relative_errors": None if self.model is None else _numbers(self.model.relative_errors),
+            "friction_power_w": None if self.power is None else _numbers(self.power.friction),
+            "excitation": None
+            if excitation is None
+            else {
+                "parameters": list(excitation.names),
+                "rank": excitation.rank,
+                "condition": _number(excitation.condition),
+                "open_torque": _numbers(excitation.open_torque),
+                "used": _numbers(excitation.used),
+            },
+        }
+
+
+def audit_file(
+    path: str | Path,
+    robot: Robot | None = None,
+    experiment: str | Path | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> tuple[Audit, ...]:
+    """Audit a log, or every log that an experiment file names.
+
+    Args:
+        path: a log (.csv, .txt, .tsv, .npz, .mat, .parquet), or an experiment file (.toml).
+        robot: the robot, for a log without experiment file.
+        experiment: experiment file that says what the columns of the log are.
+        progress: called with one line at each stage.
+
+    Raises:
+        RecordingError: the log cannot be read at all, or the arguments contradict each other.
+        ExperimentError: the experiment file cannot be used.
+        RobotDescriptionError: its robot cannot be used.
+    """
+    say = progress or (lambda line: None)
+    path = Path(path)
+    is_experiment = path.suffix.lower() == ".toml"
+    if is_experiment and (experiment is not None or robot is not None):
+        raise RecordingError(
+            f"{path.name} is an experiment file, which names robot and columns itself; leave "
+            "--robot and --experiment out, or name the log instead"
+        )
+    if not is_experiment and experiment is None:
+        say(f"reading {path.name}")
+        return (audit_log(bare_log(path, robot), say),)
+
+    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import errors_name
+
+    given = load_experiment(path if is_experiment else Path(str(experiment)))
+    entries = given.content.recording if is_experiment else given.content.recording[:1]
+    audits = []
+    for entry in entries:
+        say(f"reading {entry.name or entry.dataset or path.name}")
+        with errors_name(given.path, "[recording]"):
+            log = entry_log(
+                entry, robot or given.robot, given.path.parent, None if is_experiment else path
+            )
+        audits.append(audit_log(log, say))
+    return _excited_together(audits)
+
+
+def _excited_together(audits: Sequence[Audit]) -> tuple[Audit, ...]:
+    """Recordings of one experiment are identified together, so they are excited together."""
+    models = [audit.model for audit in audits if audit.model is not None]
+    if len(models) < 2:
+        return tuple(audits)
+    together = check_excitation(models)
+    return tuple(
+        audit
+        if audit.model is None
+        else replace(
+            audit,
+            excitation=together,
+            findings=(*(f for f in audit.findings if f.check != "excitation"), *together.findings),
+        )
+        for audit in audits
+    )
+
+
+def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
+    """Carry out every check that a log allows.
+
+    Args:
+        log: the log.
+        progress: called with one line at each stage.
+    """
+    say = progress or (lambda line: None)
+    say("looking at clock and channels")
+    timing = check_timing(log)
+    quantisation = check_quantisation(log)
+    findings = [Finding("fine", "reading", "columns", note) for note in log.notes]
+    findings += [*timing.findings, *check_channels(log), *quantisation.findings]
+    findings += check_speeds(log, timing)
+    if not {"q", "tau"} <= set(log.channels):
+        findings.append(_not_judged("no columns are known for q and tau"))
+        return Audit(log, tuple(findings), timing, quantisation)
+    if log.robot is None:
+        findings += mechanical_power(log)
+        findings.append(_not_judged("no robot is given"))
+        return Audit(log, tuple(findings), timing, quantisation)
+    say("comparing torque and motion")
+    try:
+        if not timing.rate:
+            raise RecordingError("the sampling rate is not known")
+        model: InverseModel | None = build_inverse_model(log, timing)
+    except (PividentError, np.linalg.LinAlgError) as error:
+        findings += check_reach(log, timing)
+        findings.append(_not_judged(str(error)))
+        return Audit(log, tuple(findings), timing, quantisation)
+    assert model is not None
+    positions, model = check_positions(log, timing, model)
+    findings += positions
+    if model is None:
+        findings.append(_not_judged("the positions are not those of this robot"))
+        return Audit(log, tuple(findings), timing, quantisation)
+    return _with_model(log, model, findings, timing, quantisation, say)
+
+
+def _with_model(
+    log: Log,
+    model: InverseModel,
+    findings: list[Finding],
+    timing: Timing,
+    quantisation: Quantisation,
+    say: Callable[[str], None],
+) -> Audit:
+    """The checks that need the inverse model; each fault is made good for the next."""
+    order = check_order(model)
+    if any(f.severity == "wrong" for f in order.findings):
+        model = model.reordered(order.torque_of)
+    say("looking for a delay")
+    delay = check_delay(log, model)
+    if any(f.severity == "wrong" and f.where == "" for f in delay.findings):
+        model = model.delayed(delay.common[0])
+    say("looking at signs, gains and excitation")
+    power = check_power(log, model)
+    scale = check_scale(log, model)
+    excitation = check_excitation([model])
+    findings += [*order.findings, *delay.findings, *power.findings, *scale.findings]
+    findings += [*_unexplained(model), *excitation.findings]
+    return Audit(
+        log,
+        tuple(findings),
+        timing,
+        quantisation,
+        model,
+        order,
+        delay,
+        power,
+        scale,
+        excitation,
+    )
+
+
+def _unexplained(model: InverseModel) -> list[Finding]:
+    """Joints whose torque the inverse model does not explain."""
+    findings = []
+    for joint, error in zip(model.robot.joints, model.relative_errors, strict=True):
+        if not error <= UNEXPLAINED:
+            share = "nothing" if not np.isfinite(error) else f"{100 * (1 - error):.3g} %"
+            findings.append(
+                Finding(
+                    "look",
+                    "model",
+                    "unexplained",
+                    f"The inverse model explains {share} of the torque of {joint.name}.",
+                    joint.name,
+                    "Check the column, the geometry and the friction law of this joint.",
+                    value=100 * float(error),
+                    unit="%",
+                    bound=100 * UNEXPLAINED,
+                )
+            )
+    return findings
+
+
+def _not_judged(reason: str) -> Finding:
+    """What could not be said, and why."""
+    return Finding(
+        "fine",
+        "reading",
+        "not judged",
+        f"Delay, signs, gains and excitation were not judged: {reason}.",
+        step="Give the robot (--robot) and the columns (--experiment).",
+    )
+
+
+def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
+    """Write ``audit.json`` and ``audit.html``, both or neither.
+
+    Args:
+        audits: of one log or several.
+        folder: folder to create or to write into.
+
+    Returns:
+        The page.
+
+    Raises:
+        PividentError: the folder cannot be written.
+    """
+    from pivident.audit.page import render_page
+    from pivident.files import atomic_folder
+
+    content = {
+        "schema": SCHEMA,
+        "pivident": __version__,
+        "severity": worst(f for audit in audits for f in audit.findings),
+        "audits": [audit.as_json() for audit in audits],
+    }
+    page = render_page(audits)
+    with atomic_folder(folder) as build:
+        (build / "audit.json").write_text(
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8"
+        )
+        (build / "audit.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    return Path(folder) / "audit.html"
+
+
+def _number(value: float) -> float | None:
+    """A number for JSON, which knows no NaN."""
+    return float(value) if np.isfinite(value) else None
+
+
+def _numbers(values: np.ndarray) -> list[float | None]:
+    return [_number(float(value)) for value in values]

@@ -1,0 +1,76 @@
+"""Least squares with intervals from a jackknife over stretches of time.
+
+Neighbouring rows are not independent, so that formulas for white noise promise too much. One
+stretch after the other is left out instead, and the scatter of the answers taken.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Stretches of time that a jackknife leaves out one by one.
+BLOCKS = 20
+
+#: Columns whose remainder is smaller than this, relative to themselves, are combinations.
+DEPENDENT = 1e-4
+
+
+def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Orthonormal basis Q of some columns, and T with columns · T = Q.
+
+    Args:
+        columns: shape (rows, parameters).
+    """
+    length = np.linalg.norm(columns, axis=0)
+    scale = 1.0 / np.where(length > 0, length, 1.0)
+    u, s, vt = np.linalg.svd(columns * scale, full_matrices=False)
+    kept = s > DEPENDENT * s[0] if s.size else np.zeros(0, bool)
+    return u[:, kept], (scale[:, None] * vt.T[:, kept]) / s[kept]
+
+
+@dataclass(frozen=True, eq=False)
+class BlockedFit:
+    """A least squares fit with one replicate for each stretch of time left out.
+
+    Attributes:
+        estimate: coefficients, shape (columns,).
+        replicates: without each block, shape (blocks, columns).
+    """
+
+    estimate: np.ndarray
+    replicates: np.ndarray
+
+    def spread(self, of: np.ndarray | None = None) -> np.ndarray:
+        """Jackknife deviations of the coefficients, or of functions of them.
+
+        Args:
+            of: replicates of the functions, shape (blocks, functions).
+        """
+        return jackknife(self.replicates if of is None else of)
+
+
+def jackknife(replicates: np.ndarray) -> np.ndarray:
+    """Deviation of a statistic from its values with one block left out, √((B-1)/B Σ (x - x̄)²)."""
+    blocks = len(replicates)
+    return np.sqrt((blocks - 1) * np.var(replicates, axis=0))
+
+
+def blocked_fit(columns: np.ndarray, y: np.ndarray, block: np.ndarray) -> BlockedFit:
+    """Ordinary least squares and its leave-one-block-out replicates, from normal equations.
+
+    Args:
+        columns: well conditioned, shape (rows, columns).
+        y: shape (rows,).
+        block: number of the block of each row.
+    """
+    present = np.unique(block)
+    parts = [(columns[block == b], y[block == b]) for b in present]
+    grams = [(a.T @ a, a.T @ b) for a, b in parts]
+    gram, right = sum(g for g, _ in grams), sum(r for _, r in grams)
+
+    def solve(g: np.ndarray, r: np.ndarray) -> np.ndarray:
+        return np.linalg.lstsq(g, r, rcond=1e-12)[0]
+
+    return BlockedFit(solve(gram, right), np.array([solve(gram - g, right - r) for g, r in grams]))

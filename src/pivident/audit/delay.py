@@ -1,0 +1,237 @@
+"""Delay between torque and position: the shift at which the inverse model fits best.
+
+Correlating torque with position finds no delay: in a closed loop they drive each other, and
+friction moves the peak. The inverse model explains the torque by the motion of the same instant, so
+its residual is smallest where both channels are aligned,
+
+    s_j = argmin_s min_θ ‖τ_j(t + s) - Φ_j θ‖².
+
+A search over a grid of shifts finds the valley, Gauss-Newton steps its bottom: dτ_j/dt is one more
+column, and its coefficient the step. Intervals come from a jackknife over stretches of time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
+from pivident.audit.finding import Finding, Severity
+from pivident.audit.inverse_model import InverseModel
+from pivident.audit.log import Log
+
+#: Shifts that are tried [s], but at least so many samples on each side.
+LONGEST, FEWEST = 0.04, 6
+
+#: A delay counts from this many of its deviations on, besides the bounds below.
+CLEAR = 4.0
+
+#: … and if so much of the residual's sum of squares goes away with it.
+GAIN_LOOK, GAIN_WRONG = 0.2, 0.5
+
+#: … and if that is so much of the torque.
+EFFECT_LOOK, EFFECT_WRONG = 0.001, 0.003
+
+#: Delays below these shares of a sampling period are not worth a word, or only a look.
+SHORT, LONG = 0.3, 1.0
+
+#: Above this deviation [s] a joint's delay says nothing.
+BLUNT = 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Delay:
+    """Delays by joint.
+
+    Attributes:
+        findings: what was found.
+        shifts: that were tried [s].
+        errors: relative error of each joint at each shift, shape (shifts, joints).
+        estimates: delay of each joint beyond the declared one [s], NaN where it says nothing.
+        deviations: their standard deviations [s].
+        common: delay of all joints together and its deviation [s], NaN where there is none.
+        gains: share of the sum of squares that goes away with it, by joint.
+        effects: torque that it explains, as share of the joint's torque.
+    """
+
+    findings: tuple[Finding, ...]
+    shifts: np.ndarray
+    errors: np.ndarray
+    estimates: np.ndarray
+    deviations: np.ndarray
+    common: tuple[float, float]
+    gains: np.ndarray
+    effects: np.ndarray
+
+
+def check_delay(log: Log, model: InverseModel) -> Delay:
+    """Estimate how much later the torque was logged than the positions.
+
+    Args:
+        log: the log.
+        model: rows of its inverse model.
+    """
+    reach = min(max(LONGEST, FEWEST / model.rate), model.at[0] / model.rate)
+    shifts = np.linspace(-reach, reach, 81)
+    torques = [model.tau(s) for s in shifts]
+    joints = model.robot.size
+    errors = np.array(
+        [[model.relative_error(j, tau[:, j]) for j in range(joints)] for tau in torques]
+    )
+    estimates, gains = np.full(joints, np.nan), np.zeros(joints)
+    replicates = np.full((BLOCKS, joints), np.nan)
+    for j in range(joints):
+        if model.usable(j) and np.isfinite(errors[:, j]).all():
+            found = _joint_delay(model, j, float(shifts[np.argmin(errors[:, j])]), reach)
+            if found is not None:
+                estimates[j], replicates[: len(found[1]), j], gains[j] = found
+    deviations = np.array(
+        [jackknife(x[np.isfinite(x)]) if np.isfinite(x).sum() > 2 else np.nan for x in replicates.T]
+    )
+    sharp = np.isfinite(estimates) & (deviations > 0) & (deviations < BLUNT)
+    estimates[~sharp] = np.nan
+    common = _common(estimates, deviations, replicates)
+    effects = model.relative_errors * np.sqrt(np.clip(gains, 0.0, 1.0))
+    findings = _findings(log, model, estimates, deviations, common, gains, effects)
+    return Delay(tuple(findings), shifts, errors, estimates, deviations, common, gains, effects)
+
+
+def _joint_delay(
+    model: InverseModel, j: int, start: float, reach: float
+) -> tuple[float, np.ndarray, float] | None:
+    """Bottom of one joint's valley, its replicates, and what is gained there over no shift."""
+    rows = model.moving[:, j]
+    basis, block = model.bases[j], model.block[rows]
+    slope = model.torque.derivative()
+    delay = start
+    for _ in range(12):
+        place = model.at[rows] - model.shift + delay * model.rate
+        tau, rising = model.torque(place)[:, j], slope(place)[:, j] * model.rate
+        steepness = float(np.linalg.norm(rising))
+        if steepness == 0:
+            return None
+        fit = blocked_fit(np.column_stack([basis, rising / steepness]), tau, block)
+        step = -fit.estimate[-1] / steepness
+        delay = delay + float(np.clip(step, -0.25 * reach, 0.25 * reach))
+        if abs(delay) > reach:
+            return None
+        if abs(step) < 1e-7:
+            break
+    here = model.relative_error(j, model.tau(delay)[:, j])
+    gain = 1.0 - (here / model.relative_errors[j]) ** 2
+    return delay, delay - (fit.replicates[:, -1] - fit.estimate[-1]) / steepness, gain
+
+
+def _common(
+    estimates: np.ndarray, deviations: np.ndarray, replicates: np.ndarray
+) -> tuple[float, float]:
+    """Mean of the joints, weighted by their precision, and its deviation."""
+    sharp = np.isfinite(estimates)
+    if not sharp.any():
+        return float("nan"), float("nan")
+    weight = deviations[sharp] ** -2.0
+    weight /= weight.sum()
+    blocks = replicates[:, sharp]
+    blocks = blocks[np.isfinite(blocks).all(axis=1)]
+    own = float(np.sqrt(np.sum((weight * deviations[sharp]) ** 2)))
+    spread = float(jackknife(blocks @ weight)) if len(blocks) > 2 else own
+    mean = float(estimates[sharp] @ weight)
+    # Joints that disagree beyond their deviations show a model error, which all of them share.
+    apart = np.sum(((estimates[sharp] - mean) / deviations[sharp]) ** 2)
+    birge = float(np.sqrt(apart / max(int(sharp.sum()) - 1, 1)))
+    return mean, max(spread, own) * max(1.0, birge)
+
+
+def _findings(
+    log: Log,
+    model: InverseModel,
+    estimates: np.ndarray,
+    deviations: np.ndarray,
+    common: tuple[float, float],
+    gains: np.ndarray,
+    effects: np.ndarray,
+) -> list[Finding]:
+    """The delay of all joints, then those of joints that differ from it."""
+    period = 1.0 / model.rate
+    mean, deviation = common
+    if not np.isfinite(mean):
+        text = "The motion does not tell whether torque and position were logged together."
+        step = "Log a motion with reversals and accelerations."
+        return [Finding("fine", "delay", "unknown", text, step=step)]
+    sharp = np.isfinite(estimates)
+    most = int(np.argmax(np.where(sharp, effects, 0.0)))
+    severity = _severity(mean, deviation, float(gains[most]), float(effects[most]), period)
+    total = log.delay + mean
+    text = (
+        f"The torque is {_milliseconds(abs(mean))} ± {_milliseconds(2 * deviation)} "
+        f"({abs(mean) / period:.2f} samples) {'later' if mean > 0 else 'earlier'} than the "
+        "positions"
+        + (f", beyond the declared delay of {_milliseconds(log.delay)}." if log.delay else ".")
+    )
+    step = ""
+    if severity != "fine":
+        step = f"Set delay = {total:.3g} under [recording]."
+        if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
+            step += ' Half a sample is what torque_timing = "sampled" would explain too.'
+    findings = [
+        Finding(
+            severity,
+            "delay",
+            "late" if mean > 0 else "early",
+            text,
+            step=step,
+            value=1e3 * mean,
+            unit="ms",
+            bound=1e3 * LONG * period,
+            interval=(1e3 * (mean - 2 * deviation), 1e3 * (mean + 2 * deviation)),
+        )
+    ]
+    for j in np.flatnonzero(sharp):
+        others = sharp & (np.arange(len(sharp)) != j)
+        if not others.any():
+            continue
+        rest, its_deviation = _common(
+            np.where(others, estimates, np.nan), deviations, np.full((0, len(sharp)), np.nan)
+        )
+        apart, uncertain = float(estimates[j] - rest), float(np.hypot(deviations[j], its_deviation))
+        own = _severity(apart, uncertain, float(gains[j]), float(effects[j]), period)
+        if own == "fine":
+            continue
+        name = model.robot.joints[j].name
+        findings.append(
+            Finding(
+                own,
+                "delay",
+                "joint late" if apart > 0 else "joint early",
+                f"The torque of {name} is {_milliseconds(abs(apart))} ± "
+                f"{_milliseconds(2 * uncertain)} {'later' if apart > 0 else 'earlier'} than that "
+                "of the other joints.",
+                name,
+                "One delay for all joints does not fit; log the channels at the same instants.",
+                value=1e3 * apart,
+                unit="ms",
+                bound=1e3 * LONG * period,
+                interval=(1e3 * (apart - 2 * uncertain), 1e3 * (apart + 2 * uncertain)),
+            )
+        )
+    return findings
+
+
+def _severity(
+    delay: float, deviation: float, gain: float, effect: float, period: float
+) -> Severity:
+    """How bad a delay is: clear of noise, long enough, and visible in residual and torque."""
+    if abs(delay) <= CLEAR * deviation:
+        return "fine"
+    if abs(delay) > LONG * period and gain > GAIN_WRONG and effect > EFFECT_WRONG:
+        return "wrong"
+    visible = gain > GAIN_LOOK and effect > EFFECT_LOOK
+    return "look" if visible and abs(delay) > SHORT * period else "fine"
+
+
+def _milliseconds(seconds: float) -> str:
+    """A short time with three digits."""
+    return (
+        f"{1e3 * seconds:.3g} ms" if seconds >= 1e-4 or seconds == 0 else f"{1e6 * seconds:.3g} µs"
+    )

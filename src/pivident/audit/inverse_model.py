@@ -1,0 +1,290 @@
+"""The inverse model of each joint on a log: columns and torque through one and the same low-pass.
+
+Every joint gets an equation of its own, tau_j = Φ_j θ_j, with all parameters that act on it. That
+wastes what the joints share, but a fault in one channel stays in that channel. Both sides are
+low-passed at `BANDWIDTH` without phase, so that the torque may be moved in time by fractions of a
+sample and still be compared with the same columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pivident.audit.blocked_fit import BLOCKS, orthonormal
+from pivident.audit.log import Log
+from pivident.audit.timing import Timing
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import nominal_values
+from pivident.dynamics.regressor import Regressor
+from pivident.errors import RecordingError
+from pivident.robot.description import Robot
+from pivident.signals.alignment import torque_shift
+from pivident.signals.bandpass import bandpass, butterworth
+
+#: Band in which model and torque are compared [Hz]; flexible joints begin above it.
+BANDWIDTH = 20.0
+
+#: Rows per second and hertz of bandwidth: enough for splines between the rows.
+OVERSAMPLING = 8
+
+#: Samples that are looked at, in the middle of the motion; more would only take longer.
+MOST_SAMPLES = 60_000
+
+#: Share of the rated speed below which a joint's rows do not count: static friction has no law.
+LOW_SPEED = 0.01
+
+#: Band of the positions before they are differentiated, in bandwidths. Narrower, it rounds the
+#: reversals of dry friction, which then look like a delay of milliseconds.
+WIDER = 10.0
+
+#: Share of samples that may be missing and are then interpolated.
+TOLERATED_MISSING = 0.05
+
+
+@dataclass(frozen=True, eq=False)
+class InverseModel:
+    """Rows of the inverse model of every joint.
+
+    Attributes:
+        robot: the robot.
+        base: its base parameters.
+        rate: sampling rate of the log [Hz].
+        first: sample of the log with which the part that is looked at begins.
+        at: position of each row, in samples from there.
+        columns: observation matrix of each joint, shape (rows, own parameters).
+        own: indices of these parameters in ``base``, for each joint.
+        moving: which rows of which joint count, shape (rows, joints).
+        q: low-passed positions [rad or m], shape (rows, joints); ``dq`` and ``ddq`` likewise.
+        dq: speeds.
+        ddq: accelerations.
+        gravity: torque of gravity after the description, low-passed, shape (rows, joints).
+        inertial: torque of all other inertial parameters after it.
+        shift: samples by which the torque belongs later than its sample says, as declared.
+        block: number of the stretch of time that a row belongs to.
+        torque: low-passed torque as a function of the position in samples.
+        samples: number of samples looked at.
+    """
+
+    robot: Robot
+    base: BaseParameters
+    rate: float
+    first: int
+    at: np.ndarray
+    columns: tuple[np.ndarray, ...]
+    own: tuple[np.ndarray, ...]
+    moving: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    gravity: np.ndarray
+    inertial: np.ndarray
+    shift: float
+    block: np.ndarray
+    torque: CubicSpline
+    samples: int
+
+    def tau(self, delay: float = 0.0) -> np.ndarray:
+        """Torque on the rows if it was logged that much later than the positions.
+
+        Args:
+            delay: beyond the declared one [s].
+
+        Returns:
+            Shape (rows, joints) [N m or N].
+        """
+        return self.torque(self.at - self.shift + delay * self.rate)
+
+    def reordered(self, torque_of: Sequence[int]) -> InverseModel:
+        """The same rows with the torques in another order."""
+        torque = CubicSpline.construct_fast(
+            np.ascontiguousarray(self.torque.c[:, :, list(torque_of)]), self.torque.x
+        )
+        return replace(self, torque=torque)
+
+    def delayed(self, delay: float) -> InverseModel:
+        """The same rows with a delay of the torque [s] made good."""
+        return replace(self, shift=self.shift - delay * self.rate)
+
+    @cached_property
+    def bases(self) -> tuple[np.ndarray, ...]:
+        """Orthonormal basis of each joint's columns on its counting rows."""
+        return tuple(
+            orthonormal(columns[self.moving[:, j]])[0] for j, columns in enumerate(self.columns)
+        )
+
+    @cached_property
+    def relative_errors(self) -> np.ndarray:
+        """Share of each joint's torque that its own columns do not explain, shape (joints,)."""
+        tau = self.tau()
+        return np.array([self.relative_error(j, tau[:, j]) for j in range(self.robot.size)])
+
+    def relative_error(self, joint: int, tau: np.ndarray) -> float:
+        """‖τ - Φ_j θ̂‖ / ‖τ‖ of some torque on one joint's columns.
+
+        Args:
+            joint: whose columns.
+            tau: the torque on all rows, shape (rows,).
+        """
+        basis, tau = self.bases[joint], tau[self.moving[:, joint]]
+        size = float(np.linalg.norm(tau))
+        return float(np.linalg.norm(tau - basis @ (basis.T @ tau))) / size if size else np.nan
+
+    def usable(self, joint: int) -> bool:
+        """Whether a joint moves long enough for its equation to say anything."""
+        rows = int(self.moving[:, joint].sum())
+        return rows > 1.5 * self.bases[joint].shape[1] + BLOCKS and rows > 50
+
+
+def build_inverse_model(log: Log, timing: Timing, scale: float = 1.0) -> InverseModel:
+    """Prepare rows of the inverse model from a log.
+
+    Args:
+        log: a log with robot, positions and torques.
+        timing: its clock.
+        scale: factor on the positions, to try another unit.
+
+    Raises:
+        RecordingError: the log is too short, too slow or too broken for it; says why.
+    """
+    robot = log.robot
+    assert robot is not None and timing.rate, "the caller has asked for both"
+    q, tau, invented, first = uniform(log, timing, robot.size)
+    q, rate = scale * q, timing.rate
+    band = min(BANDWIDTH, 0.1 * rate)
+    margin = int(np.ceil(1.5 * rate / band))
+    if len(q) < 8 * margin:
+        raise RecordingError(
+            f"{len(q)} samples are too few to compare torque and motion; {8 * margin} are needed"
+        )
+    motion = bandpass(q, rate, min(WIDER * band, 0.4 * rate))
+    base = base_parameters(robot)
+    regressor = Regressor.build(robot, base.parameters)
+    stride = max(1, int(rate / (OVERSAMPLING * band)))
+    at = np.arange(margin, len(q) - margin, stride)
+    q_, dq, ddq = (butterworth(x, rate, band)[at] for x in (motion.q, motion.dq, motion.ddq))
+
+    packed = regressor.packed(motion.q.T, motion.dq.T, motion.ddq.T)
+    columns, own = [], []
+    for j in range(robot.size):
+        chosen = slice(regressor.offsets[j], regressor.offsets[j + 1])
+        columns.append(butterworth(packed[chosen].T, rate, band)[at])
+        own.append(regressor.columns_of(j))
+    gravity, inertial = (butterworth(x, rate, band)[at] for x in _described(base, motion))
+
+    rated = robot.rated_speeds
+    fastest = np.abs(dq).max(axis=0)
+    limit = LOW_SPEED * np.where(np.isfinite(rated), np.minimum(rated, 2 * fastest), fastest)
+    control = log.control_rate or rate
+    shift = torque_shift(rate, log.torque_timing, control_rate=control, delay=log.delay)  # type: ignore[arg-type]
+    return InverseModel(
+        robot,
+        base,
+        rate,
+        first,
+        at.astype(float),
+        tuple(columns),
+        tuple(own),
+        _moving(robot, dq, limit) & (fastest > 0) & ~_near(invented, margin)[at, None],
+        q_,
+        dq,
+        ddq,
+        gravity,
+        inertial,
+        shift,
+        np.minimum(np.arange(len(at)) * BLOCKS // len(at), BLOCKS - 1),
+        CubicSpline(np.arange(len(tau)), butterworth(tau, rate, band)),
+        len(q),
+    )
+
+
+def _moving(robot: Robot, dq: np.ndarray, limit: np.ndarray) -> np.ndarray:
+    """Rows on which a joint moves, and every motor coupled with it as well.
+
+    Args:
+        robot: its couplings matter.
+        dq: speeds, shape (rows, joints).
+        limit: of each joint's speed, shape (joints,).
+    """
+    fast = np.abs(dq) > limit
+    for c in robot.couplings:
+        together = np.abs(dq[:, c.motor] + c.ratio * dq[:, c.joint]) > limit[c.motor]
+        fast[:, c.motor] &= together
+        fast[:, c.joint] &= together
+    return fast
+
+
+def _near(invented: np.ndarray, margin: int) -> np.ndarray:
+    """Samples that the low-pass mixes with invented ones."""
+    if not invented.any():
+        return invented
+    around = np.cumsum(np.r_[np.zeros(margin + 1), invented, np.zeros(margin)])
+    return around[2 * margin + 1 :] > around[: -2 * margin - 1]
+
+
+def uniform(
+    log: Log, timing: Timing, joints: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Positions and torques on a uniform grid, holes filled.
+
+    Returns:
+        Positions and torques, shape (samples, joints); which samples were invented to fill holes,
+        shape (samples,); and the first sample of the log that is among them.
+
+    Raises:
+        RecordingError: too much is missing, or there are too many or too few joints.
+    """
+    q, tau = log.channels["q"], log.channels["tau"]
+    if q.shape[1] != joints or tau.shape != q.shape:
+        raise RecordingError(
+            f"the log has {q.shape[1]} positions and {tau.shape[1]} torques, the robot {joints} "
+            "joints"
+        )
+    missing = ~(np.isfinite(q).all(axis=1) & np.isfinite(tau).all(axis=1))
+    clock = log.clock
+    if clock is not None and not timing.regular:
+        missing |= ~np.isfinite(clock)
+    if missing.mean() > TOLERATED_MISSING:
+        raise RecordingError(f"{100 * missing.mean():.3g} % of the samples are missing")
+    rate = timing.rate or 1.0
+    index = np.flatnonzero(~missing)
+    t = index / rate
+    if clock is not None and not timing.regular:
+        order = np.flatnonzero(np.diff(np.maximum.accumulate(clock[index]), prepend=-np.inf) > 0)
+        t, index = clock[index][order], index[order]
+        if len(t) < 0.5 * len(q):
+            raise RecordingError("the clock stands still or runs backward in half of the log")
+    invented = np.zeros(len(q), dtype=bool)
+    if missing.any() or not timing.regular:
+        grid = np.arange(t[0], t[-1], 1.0 / rate)
+        if len(grid) > 2 * len(q):
+            raise RecordingError("the gaps in the log are longer than its samples")
+        near = np.searchsorted(t, grid).clip(1, len(t) - 1)
+        invented = t[near] - t[near - 1] > 2.5 / rate
+        q = np.column_stack([np.interp(grid, t, x) for x in q[index].T])
+        tau = np.column_stack([np.interp(grid, t, x) for x in tau[index].T])
+    first = 0
+    if len(q) > MOST_SAMPLES:
+        speed = np.abs(np.diff(q, axis=0, prepend=q[:1])).max(axis=1)
+        busy = np.cumsum(speed)
+        first = int(np.argmax(busy[MOST_SAMPLES - 1 :] - np.r_[0.0, busy[:-MOST_SAMPLES]]))
+        part = slice(first, first + MOST_SAMPLES)
+        q, tau, invented = q[part], tau[part], invented[part]
+    return q, tau, invented, first
+
+
+def _described(base: BaseParameters, motion: object) -> tuple[np.ndarray, np.ndarray]:
+    """Torques of gravity, and of everything else but friction, after the robot's description."""
+    nominal = nominal_values(base.robot, base.standard)
+    for k, p in enumerate(base.standard):
+        if p.friction is not None or (p.coupling is not None and p.stem != "iam"):
+            nominal[k] = 0.0
+    regressor = Regressor.build(base.robot, base.parameters)
+    theta = base.values(nominal)
+    q, dq, ddq = (getattr(motion, name) for name in ("q", "dq", "ddq"))
+    gravity = regressor.torque(q, np.zeros_like(q), np.zeros_like(q), theta)
+    return gravity, regressor.torque(q, dq, ddq, theta) - gravity

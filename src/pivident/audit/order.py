@@ -1,0 +1,75 @@
+"""Whether each torque belongs to the position beside it.
+
+The inverse model of joint j is fitted to the torque of every joint k. Friction follows the speed
+of its own joint and of no other, so that the right column leaves the smallest error. The
+assignment with the smallest product of errors is the order of the torques.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.audit.finding import Finding
+from pivident.audit.inverse_model import InverseModel
+
+#: Another order must shrink the error of each joint that it moves by this factor, on average.
+BETTER = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class Order:
+    """Which torque fits which joint.
+
+    Attributes:
+        findings: what was found.
+        errors: relative error of torque k on the columns of joint j, shape (joints, joints).
+        torque_of: index of the torque that fits each joint best as a whole.
+    """
+
+    findings: tuple[Finding, ...]
+    errors: np.ndarray
+    torque_of: tuple[int, ...]
+
+
+def check_order(model: InverseModel) -> Order:
+    """Find the order of the torque columns that fits the joints.
+
+    Args:
+        model: rows of the inverse model.
+    """
+    from scipy.optimize import linear_sum_assignment
+
+    tau, joints = model.tau(), model.robot.size
+    errors = np.ones((joints, joints))
+    for j in range(joints):
+        if model.usable(j):
+            errors[j] = [model.relative_error(j, tau[:, k]) for k in range(joints)]
+    cost = np.log(np.clip(np.nan_to_num(errors, nan=1.0), 1e-6, 1.0))
+    rows, best = linear_sum_assignment(cost)
+    moved = np.flatnonzero(best != rows)
+    gain = float(np.sum(cost[moved, moved] - cost[moved, best[moved]]))
+    names = model.robot.joint_names
+    if not moved.size or gain < moved.size * np.log(BETTER):
+        text = "Each torque fits the joint beside it better than any other order of the columns."
+        if joints == 1:
+            return Order((), errors, (0,))
+        return Order((Finding("fine", "order", "order", text),), errors, tuple(range(joints)))
+    pairs = ", ".join(f"{names[j]} takes the torque of {names[best[j]]}" for j in moved)
+    factor = float(np.exp(gain / moved.size))
+    text = (
+        f"The torque columns fit in another order: {pairs}; the errors of these joints shrink "
+        f"by a factor of {factor:.3g}."
+    )
+    finding = Finding(
+        "wrong",
+        "order",
+        "order",
+        text,
+        ", ".join(names[j] for j in moved),
+        "Change the order of the columns of tau, or that of q.",
+        value=factor,
+        bound=BETTER,
+    )
+    return Order((finding,), errors, tuple(int(k) for k in best))

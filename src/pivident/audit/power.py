@@ -1,0 +1,222 @@
+"""Signs by power and by gravity: friction takes energy, and a resting arm carries its weight.
+
+The friction that a joint's own equation finds takes the power
+
+    P_j = mean( f_j(dq_j) dq_j ),    f_j the terms of its friction law
+
+from the arm. It cannot be negative; where it is, torque or position of that joint has the wrong
+sign. At rest the torque lies within static friction of gravity's torque g_j(q).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife, orthonormal
+from pivident.audit.finding import Finding, Severity
+from pivident.audit.inverse_model import InverseModel
+from pivident.audit.log import Log
+from pivident.robot.friction import FrictionColumn
+
+#: A power counts as negative from this many of its deviations on.
+CLEAR = 3.0
+
+#: … and if it is at least this share of the power that goes back and forth.
+SHARE = 0.02
+
+#: Relative error of a joint's model up to which its sign is certain.
+EXPLAINED = 0.5
+
+#: Speed below which a joint rests, as share of its fastest.
+REST = 2e-3
+
+#: Shortest time at rest [s].
+SHORTEST_REST = 0.1
+
+#: Share of gravity's torque by which a description may be off.
+DESCRIPTION = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Power:
+    """What power and gravity say about the signs.
+
+    Attributes:
+        findings: what was found.
+        friction: power that friction takes from each joint [W], NaN where it is not known.
+        deviations: their standard deviations [W].
+        reversed: joints whose sign is reversed.
+        static: friction level of each joint [N m or N], NaN where it is not known.
+    """
+
+    findings: tuple[Finding, ...]
+    friction: np.ndarray
+    deviations: np.ndarray
+    reversed: tuple[int, ...]
+    static: np.ndarray
+
+
+def check_power(log: Log, model: InverseModel) -> Power:
+    """Judge the sign of every torque.
+
+    Args:
+        log: the log.
+        model: rows of its inverse model.
+    """
+    joints = model.robot.size
+    tau = model.tau()
+    power, deviations, static = (np.full(joints, np.nan) for _ in range(3))
+    findings: list[Finding] = []
+    for j in range(joints):
+        if model.usable(j):
+            power[j], deviations[j], static[j] = _friction_power(model, j, tau[:, j])
+    swing = np.mean(np.abs(tau * model.dq), axis=0)
+    clear = np.abs(power) > np.maximum(CLEAR * deviations, SHARE * swing)
+    negative = [j for j in range(joints) if clear[j] and power[j] < 0]
+    for j in range(joints):
+        if np.isfinite(power[j]):
+            findings.append(_power_finding(model, j, power[j], deviations[j], negative, clear[j]))
+    findings += _gravity_at_rest(log, model, tau, static)
+    return Power(tuple(findings), power, deviations, tuple(negative), static)
+
+
+def mechanical_power(log: Log) -> list[Finding]:
+    """Without a robot: an arm that gives energy all the time is a sign that is reversed.
+
+    Args:
+        log: a log with positions and torques.
+    """
+    q, tau = log.channels["q"], log.channels["tau"]
+    findings: list[Finding] = []
+    if q.shape != tau.shape or not (np.isfinite(q).all() and np.isfinite(tau).all()):
+        return findings
+    middle = 0.5 * (tau[1:] + tau[:-1])
+    work = middle * np.diff(q, axis=0)
+    turnover = np.abs(work).sum(axis=0)
+    for j, name in enumerate(log.joint_names):
+        parts = np.array([part.sum() for part in np.array_split(work[:, j], BLOCKS)])
+        total, deviation = float(parts.sum()), float(np.std(parts) * np.sqrt(BLOCKS))
+        if total + CLEAR * deviation < 0 and total < -0.05 * turnover[j]:
+            findings.append(
+                Finding(
+                    "look",
+                    "power",
+                    "gives energy",
+                    f"{name} gives {abs(total):.3g} J instead of taking energy from its drive.",
+                    name,
+                    "Torque or position may have the wrong sign; --robot tells for certain.",
+                    value=total,
+                    unit="J",
+                    bound=0.0,
+                    interval=(total - 2 * deviation, total + 2 * deviation),
+                )
+            )
+    return findings
+
+
+def _friction_power(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, float]:
+    """Power of one joint's friction, its deviation, and its level at typical speed."""
+    rows = model.moving[:, j]
+    columns, dq = model.columns[j][rows], model.dq[rows, j]
+    parameters = model.base.parameters
+    own = [
+        k
+        for k, index in enumerate(model.own[j])
+        if (p := parameters[index]).friction is not None
+        and p.joint == j
+        and p.friction.column is not FrictionColumn.OFFSET
+    ]
+    if not own:
+        return float("nan"), float("nan"), float("nan")
+    basis, back = orthonormal(columns)
+    fit = blocked_fit(basis, tau[rows], model.block[rows])
+    taken = np.mean(columns[:, own] * dq[:, None], axis=0) @ back[own]
+    level = np.mean(columns[:, own] * np.sign(dq)[:, None], axis=0) @ back[own]
+    return (
+        float(taken @ fit.estimate),
+        float(jackknife(fit.replicates @ taken)),
+        float(abs(level @ fit.estimate)),
+    )
+
+
+def _power_finding(
+    model: InverseModel,
+    j: int,
+    power: float,
+    deviation: float,
+    negative: list[int],
+    clear: bool,
+) -> Finding:
+    name = model.robot.joints[j].name
+    severity: Severity = "fine"
+    step = ""
+    if j in negative:
+        # Of a torque that the model hardly explains, a fraction proves nothing.
+        severity = "wrong" if model.relative_errors[j] < EXPLAINED else "look"
+        step = (
+            f"Flip tau or q of {name}: a list under units with -1.0 in place of N m, N, rad or m."
+        )
+        if len(negative) == model.robot.size and len(negative) > 1:
+            step = "All joints give power: flip tau as a whole, units = {tau = -1.0}."
+    verb = "takes" if power >= 0 else "would give"
+    text = f"Friction of {name} {verb} {abs(power):.3g} ± {2 * deviation:.2g} W."
+    if not clear:
+        text += " The motion does not tell its sign."
+    return Finding(
+        severity,
+        "power",
+        "sign",
+        text,
+        name,
+        step,
+        value=power,
+        unit="W",
+        bound=0.0,
+        interval=(power - 2 * deviation, power + 2 * deviation),
+    )
+
+
+def _gravity_at_rest(
+    log: Log, model: InverseModel, tau: np.ndarray, static: np.ndarray
+) -> list[Finding]:
+    """Torque of the resting arm against gravity after the description."""
+    fastest = np.abs(model.dq).max(axis=0)
+    resting = np.all(np.abs(model.dq) < REST * np.where(fastest > 0, fastest, 1.0), axis=1)
+    period = float(np.median(np.diff(model.at))) / model.rate
+    findings: list[Finding] = []
+    if resting.sum() * period < SHORTEST_REST or not np.abs(model.gravity).max():
+        return findings
+    for j, joint in enumerate(model.robot.joints):
+        heaviest = np.flatnonzero(resting)[np.argmax(np.abs(model.gravity[resting, j]))]
+        weight, held = float(model.gravity[heaviest, j]), float(tau[heaviest, j])
+        friction = float(static[j]) if np.isfinite(static[j]) else 0.0
+        if abs(weight) < 2.0 * friction + 1e-9 or j in log.commands:
+            continue
+        allowed = friction + DESCRIPTION * abs(weight)
+        off = abs(held - weight) > allowed
+        opposite = held * weight < 0 and abs(held) > friction
+        severity: Severity = "wrong" if opposite else "look" if off else "fine"
+        unit = "N m" if joint.kind == "revolute" else "N"
+        sample = model.first + int(model.at[heaviest])
+        findings.append(
+            Finding(
+                severity,
+                "power",
+                "gravity at rest",
+                f"At rest {joint.name} holds {held:.3g} {unit}; gravity of the description is "
+                f"{weight:.3g} {unit}, friction {friction:.2g} {unit}.",
+                joint.name,
+                ""
+                if severity == "fine"
+                else "Check the sign of the torque, the direction of gravity, the zero of the "
+                "position and the gain.",
+                value=held,
+                unit=unit,
+                interval=(weight - allowed, weight + allowed) if severity != "fine" else None,
+                sample=sample,
+                time=log.time_of(sample),
+            )
+        )
+    return findings

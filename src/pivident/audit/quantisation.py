@@ -1,0 +1,219 @@
+"""The grid on which values were rounded: counts of an encoder, digits of a text file."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.audit.finding import Finding
+from pivident.audit.log import Log
+
+#: Values examined of a channel.
+MOST_VALUES = 20_000
+
+#: Share of the gaps between values that must be whole steps.
+ON_GRID = 0.97
+
+#: Fewer levels than this over the motion of a joint: the derivatives are made of steps.
+FEWEST_LEVELS = {"q": 5000, "q_ref": 0, "tau": 200}
+
+#: Digits beyond which a text file does not limit a log.
+ENOUGH_DIGITS = 7
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Rounding of one signal.
+
+    Attributes:
+        name: name of the signal.
+        step: distance of neighbouring values, in the unit of the file, NaN where there is none.
+        levels: range of the signal in steps.
+        digits: significant digits that all values have at most, or None where there are more.
+    """
+
+    name: str
+    step: float
+    levels: float
+    digits: int | None
+
+
+@dataclass(frozen=True, eq=False)
+class Quantisation:
+    """Grids of all signals.
+
+    Attributes:
+        findings: what was found.
+        grids: of each signal.
+    """
+
+    findings: tuple[Finding, ...]
+    grids: tuple[Grid, ...]
+
+
+def check_quantisation(log: Log) -> Quantisation:
+    """Find the grid of every signal and say what it means.
+
+    Args:
+        log: the log.
+    """
+    findings, grids = [], []
+    for name, values in log.signals().items():
+        finite = values[np.isfinite(values)]
+        if finite.size < 20 or np.ptp(finite) == 0:
+            continue
+        grid = find_grid(name, finite)
+        grids.append(grid)
+        findings += _findings(log, name, grid, finite)
+    return Quantisation(tuple(findings), tuple(grids))
+
+
+def find_grid(name: str, values: np.ndarray) -> Grid:
+    """The step of a signal and the digits it was written with.
+
+    Args:
+        name: name of the signal.
+        values: finite samples.
+    """
+    digits = significant_digits(values)
+    step = _step(values)
+    if digits is not None:
+        # Small values are written on a finer decimal grid, on which the encoder's own shows.
+        step, decade = math.nan, 10.0 ** math.ceil(math.log10(np.abs(values).max()))
+        for power in range(5):
+            small = values[np.abs(values) < decade / 10**power]
+            decimal = decade / 10 ** (power + digits)
+            found = _step(small) if small.size > 100 else math.nan
+            if found > 3.0 * decimal:
+                step = found
+    reach = float(np.ptp(values)) / step if math.isfinite(step) else math.nan
+    return Grid(name, step, reach, digits)
+
+
+def _step(values: np.ndarray) -> float:
+    """Distance of neighbouring values, NaN where they do not lie on a grid.
+
+    The smallest gaps between distinct values give a first guess; every gap near a whole multiple
+    of it then refines the step, Σ gap·n / Σ n² with n = round(gap / step).
+    """
+    middle = len(values) // 2
+    levels = np.unique(values[max(0, middle - MOST_VALUES // 2) : middle + MOST_VALUES // 2])
+    if levels.size < 4:
+        return math.nan
+    gaps = np.diff(levels)
+    gaps = np.sort(gaps[gaps > 64 * np.spacing(np.abs(levels).max())])
+    if gaps.size < 3:
+        return math.nan
+    return _refined(gaps, float(np.median(gaps[: max(3, gaps.size // 10)])))
+
+
+def _refined(gaps: np.ndarray, guess: float) -> float:
+    """The step of which nearly all gaps are multiples, NaN where there is none."""
+    step = guess
+    for most in (4, 64, 1024):
+        used = gaps[gaps < (most + 0.5) * step]
+        if not used.size:
+            return math.nan
+        n = np.maximum(np.round(used / step), 1)
+        step = float(np.dot(used, n) / np.dot(n, n))
+    used = gaps[gaps < 100.5 * step]
+    off = np.abs(used / step - np.round(used / step))
+    return step if np.mean(off < 0.1) >= ON_GRID and used.size >= 0.5 * gaps.size else math.nan
+
+
+def significant_digits(values: np.ndarray) -> int | None:
+    """Fewest significant digits that write every value, up to `ENOUGH_DIGITS`.
+
+    Args:
+        values: finite samples.
+    """
+    some = values[values != 0.0][:MOST_VALUES]
+    if some.size < 20 or np.all(some == np.round(some)):
+        return None  # counts are whole numbers, whatever their digits
+    scale = 10.0 ** np.floor(np.log10(np.abs(some)))
+    mantissa = some / scale
+    for digits in range(1, ENOUGH_DIGITS + 1):
+        shift = 10.0 ** (digits - 1)
+        if np.all(np.abs(mantissa * shift - np.round(mantissa * shift)) < 1e-9 * shift):
+            return digits
+    return None
+
+
+def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Finding]:
+    """What the grid of one signal means for it."""
+    kind, _, joint = name.partition(" of ")
+    findings = []
+    largest = float(np.abs(values).max())
+    if grid.digits is not None:
+        coarse = 10.0 ** (math.floor(math.log10(largest)) - grid.digits + 1)
+        levels = float(np.ptp(values)) / coarse
+        limits = levels < FEWEST_LEVELS.get(kind, 0) or (kind == "q" and coarse > 3 * grid.step)
+        text = (
+            f"{name} is written with {grid.digits} significant digits: the largest values are "
+            f"rounded to {coarse:.3g}, {levels:.3g} levels over the range."
+        )
+        step = "Write the log with more digits (%.12g), or as .npz or .parquet." if limits else ""
+        findings.append(
+            Finding(
+                "look" if limits else "fine",
+                "quantisation",
+                "digits",
+                text,
+                name,
+                step,
+                value=float(grid.digits),
+                unit="digits",
+            )
+        )
+    if not math.isfinite(grid.step):
+        return findings
+    few = grid.levels < FEWEST_LEVELS.get(kind, 0)
+    text = f"{name} moves in steps of {grid.step:.4g}, {grid.levels:.4g} of them over its range."
+    j = log.joint_names.index(joint) if joint in log.joint_names else None
+    if kind == "q" and j is not None:
+        text += _counts(log, j, grid.step)
+    step = ""
+    if few:
+        step = (
+            "Log the position at the encoder's own resolution; speeds and the sign of slow motion "
+            "are wrong otherwise."
+            if kind == "q"
+            else "Log the torque with a finer resolution, or identify over a longer record."
+        )
+    findings.append(
+        Finding(
+            "look" if few else "fine",
+            "quantisation",
+            "step",
+            text,
+            name,
+            step,
+            value=grid.step,
+            unit="unit of the file",
+            bound=float(np.ptp(values)) / FEWEST_LEVELS[kind] if FEWEST_LEVELS.get(kind) else None,
+        )
+    )
+    return findings
+
+
+def _counts(log: Log, joint: int, step: float) -> str:
+    """The counts per turn that a step suggests."""
+    logged, channel = log.logged["q"][:, joint], log.channels["q"][:, joint]
+    kind = log.robot.joints[joint].kind if log.robot else "revolute"
+    if kind == "prismatic" or np.nanstd(logged) == 0:
+        return ""
+    axis = "joint"
+    if log.side == "motor" and log.robot is not None:
+        positions = log.robot.transmission.motor_positions(log.channels["q"])
+        channel, axis = positions[:, joint], "motor"
+    scale = float(np.nanstd(logged) / np.nanstd(channel))  # units of the file per radian
+    return f" That is {_number(2 * math.pi * scale / step)} counts per turn of the {axis}."
+
+
+def _number(counts: float) -> str:
+    """A whole number, and the power of two that it may be."""
+    power = round(math.log2(counts)) if counts > 0 else 0
+    near = power >= 8 and abs(counts / 2**power - 1.0) < 0.005
+    return f"about {counts:,.0f}" + (f" (2^{power} = {2**power:,})" if near else "")

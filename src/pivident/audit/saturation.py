@@ -1,0 +1,200 @@
+"""Single channels: what is missing, cut off, constant, stuck, wrapped around or an outlier."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pivident.audit.finding import Finding, Severity
+from pivident.audit.log import Log
+from pivident.recording.checks import TOLERATED_CLIPPING
+from pivident.recording.saturation import clipped_samples
+
+#: A spike stands out of its neighbourhood by so many of its standard deviations.
+SPIKE = 12.0
+
+#: Samples on each side that make up the neighbourhood.
+NEIGHBOURS = 15
+
+#: Share of the samples that one value of a torque may have while its joint moves.
+ONE_VALUE = 0.5
+
+
+def check_channels(log: Log) -> tuple[Finding, ...]:
+    """Judge each signal by itself.
+
+    Args:
+        log: the log.
+    """
+    findings: list[Finding] = []
+    for name, values in log.signals().items():
+        findings += _missing(log, name, values)
+        finite = np.flatnonzero(np.isfinite(values))
+        x = values[finite]
+        if x.size < 5:
+            continue
+        if np.ptp(x) == 0:
+            findings.append(_constant(name, float(x[0])))
+            continue
+        findings += _spikes(log, name, x, finite)
+        kind, _, joint = name.partition(" of ")
+        if kind == "tau" and "q" in log.logged and joint in log.joint_names:
+            q = log.logged["q"][finite, log.joint_names.index(joint)]
+            findings += _clipped(log, name, x, q, finite) or _one_value(name, x, q)
+        elif kind == "q":
+            findings += _wrapped(log, name, x, finite)
+    return tuple(findings)
+
+
+def _missing(log: Log, name: str, values: np.ndarray) -> list[Finding]:
+    bad = np.flatnonzero(~np.isfinite(values))
+    if not bad.size:
+        return []
+    return [
+        Finding(
+            "wrong",
+            "channels",
+            "missing",
+            f"{name} has {bad.size} sample(s) that are empty, NaN or infinite, the first at "
+            f"sample {bad[0]}.",
+            name,
+            "Cut the recording there, or repair the log.",
+            value=float(bad.size),
+            unit="samples",
+            sample=int(bad[0]),
+            time=log.time_of(int(bad[0])),
+        )
+    ]
+
+
+def _constant(name: str, value: float) -> Finding:
+    kind = name.partition(" of ")[0]
+    severity: Severity = "wrong" if kind in ("q", "tau") else "fine"
+    step = "Check its column, or freeze that joint and leave it out." if severity == "wrong" else ""
+    text = f"{name} is {value:.6g} at every sample."
+    return Finding(severity, "channels", "constant", text, name, step, value=value)
+
+
+def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Finding]:
+    """Single samples far from both neighbours, which agree with each other.
+
+    A spike of height A makes the second difference (-A/2, A, -A/2); a step does not.
+    """
+    if x.size < 4 * NEIGHBOURS:
+        return []
+    second = x[1:-1] - 0.5 * (x[:-2] + x[2:])
+    height = np.abs(second[1:-1])
+    sides = np.maximum(
+        np.abs(second[:-2] + 0.5 * second[1:-1]), np.abs(second[2:] + 0.5 * second[1:-1])
+    )
+    usual = 1.4826 * float(np.median(np.abs(second - np.median(second))))
+    if usual == 0.0:
+        return []  # a channel of steps: each step looks like a spike
+    usual = max(
+        usual, 0.3 * float(np.std(second[np.abs(second) <= np.quantile(abs(second), 0.99)]))
+    )
+    spikes = []
+    for k in np.flatnonzero((height > SPIKE * usual) & (sides < 0.2 * height)):
+        around = np.r_[second[max(0, k - NEIGHBOURS) : k], second[k + 3 : k + 3 + NEIGHBOURS]]
+        if height[k] > SPIKE * np.std(around):
+            spikes.append(int(k))
+    if not spikes:
+        return []
+    first = int(place[spikes[0] + 2])
+    largest = float(height[spikes].max())
+    return [
+        Finding(
+            "look",
+            "channels",
+            "spike",
+            f"{name} has {len(spikes)} single sample(s) that stick out, by up to {largest:.4g}; "
+            f"the first is sample {first}.",
+            name,
+            "Remove them (bandpass = {median = 3} under [identify] does), and ask the logger why.",
+            value=largest,
+            unit="unit of the file",
+            bound=SPIKE * usual,
+            sample=first,
+            time=log.time_of(first),
+        )
+    ]
+
+
+def _clipped(
+    log: Log, name: str, tau: np.ndarray, q: np.ndarray, place: np.ndarray
+) -> list[Finding]:
+    if not np.isfinite(q).all():
+        return []
+    clipped = np.flatnonzero(clipped_samples(tau, q))
+    if not clipped.size:
+        return []
+    share = clipped.size / len(tau)
+    first, value = int(place[clipped[0]]), float(tau[clipped[0]])
+    severity: Severity = "wrong" if share > TOLERATED_CLIPPING else "look"
+    return [
+        Finding(
+            severity,
+            "channels",
+            "clipped",
+            f"{name} is cut off at {value:.6g} during {clipped.size} samples "
+            f"({100 * share:.2g} %), first at sample {first}.",
+            name,
+            "Cut these parts, or repeat the motion more slowly.",
+            value=100 * share,
+            unit="%",
+            bound=100 * TOLERATED_CLIPPING,
+            sample=first,
+            time=log.time_of(first),
+        )
+    ]
+
+
+def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
+    """A torque that says the same while its joint moves: a dead band, or no sensor at all."""
+    moving = np.abs(np.gradient(q)) > 0.05 * np.abs(np.gradient(q)).max()
+    if moving.sum() < 50:
+        return []
+    values, counts = np.unique(tau[moving], return_counts=True)
+    share = float(counts.max() / moving.sum())
+    if share < ONE_VALUE:
+        return []
+    return [
+        Finding(
+            "wrong",
+            "channels",
+            "stuck",
+            f"{name} is exactly {values[counts.argmax()]:.4g} during {100 * share:.3g} % of the "
+            "motion of its joint.",
+            name,
+            "The channel does not measure this joint; leave the joint out, or log it otherwise.",
+            value=100 * share,
+            unit="%",
+            bound=100 * ONE_VALUE,
+        )
+    ]
+
+
+def _wrapped(log: Log, name: str, q: np.ndarray, place: np.ndarray) -> list[Finding]:
+    """Positions that jump by a full turn."""
+    jump = np.diff(q)
+    usual = np.quantile(np.abs(jump), 0.999)
+    for turn, unit in ((2 * math.pi, "2π"), (360.0, "360")):
+        at = np.flatnonzero(np.abs(np.abs(jump) - turn) < 0.1 * turn)
+        if at.size and usual < 0.1 * turn and at.size < 0.001 * len(q):
+            k = int(place[at[0]])
+            return [
+                Finding(
+                    "wrong",
+                    "channels",
+                    "wrapped",
+                    f"{name} jumps by a full turn ({unit}) {at.size} time(s), first after sample "
+                    f"{k}.",
+                    name,
+                    "Unwrap the angle before it is logged or read.",
+                    value=float(at.size),
+                    sample=k,
+                    time=log.time_of(k),
+                )
+            ]
+    return []

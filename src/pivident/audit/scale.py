@@ -1,0 +1,277 @@
+"""Scales: degrees or radians, amperes or newton metres, motor or joint side.
+
+With a description that has masses, the torque of each joint is
+
+    τ_j = a_g g_j(q) + a_i (M(q) ddq + c(q, dq))_j + friction,
+
+five terms or so. Both factors are 1 where description and log agree. A factor that gravity and
+inertia share is a gain: a torque constant, a gear ratio, a sign.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
+from pivident.audit.finding import Finding, Severity
+from pivident.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.audit.log import Log
+from pivident.audit.timing import Timing
+from pivident.errors import PividentError
+from pivident.recording.checks import check_within_reach
+from pivident.robot.description import Robot
+
+#: A gain that differs from 1 by this factor deserves a look, by that one it is wrong.
+LOOK, WRONG = 1.3, 3.0
+
+#: Deviations from 1 that a factor must have.
+CLEAR = 4.0
+
+#: Relative deviation above which a factor says nothing.
+BLUNT = 0.2
+
+#: A gain is within this factor of a gear ratio if it comes from it.
+NEAR = 1.4
+
+#: Another unit of the positions must leave at most this share of the error.
+BETTER = 0.5
+
+#: Times the rated speed that a joint may be logged to have.
+FASTEST = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class Scale:
+    """Factors between log and description.
+
+    Attributes:
+        findings: what was found.
+        factors: torque of the log per torque of the description, by joint, NaN if not known.
+        deviations: their standard deviations.
+    """
+
+    findings: tuple[Finding, ...]
+    factors: np.ndarray
+    deviations: np.ndarray
+
+
+def check_positions(
+    log: Log, timing: Timing, model: InverseModel
+) -> tuple[list[Finding], InverseModel | None]:
+    """Whether the positions can be what they are said to be, and a model in the right unit.
+
+    Args:
+        log: the log.
+        timing: its clock.
+        model: rows of its inverse model, positions as they were taken.
+
+    Returns:
+        Findings, and the model to go on with; None if no unit makes sense.
+    """
+    findings = check_reach(log, timing)
+    better = _another_position_unit(log, model, timing)
+    if better is None:
+        return findings, None if findings else model
+    finding, other = better
+    return [*findings, finding], other
+
+
+def check_scale(log: Log, model: InverseModel) -> Scale:
+    """Compare the torques of a log with those of the robot's description.
+
+    Args:
+        log: the log.
+        model: rows of its inverse model.
+    """
+    joints = model.robot.size
+    factors, deviations = np.full(joints, np.nan), np.full(joints, np.nan)
+    tau = model.tau()
+    for j in range(joints):
+        if model.usable(j):
+            factors[j], deviations[j] = _gain(model, j, tau[:, j])
+    blunt = ~(deviations < BLUNT * np.abs(factors))
+    factors[blunt] = np.nan
+    return Scale(tuple(_gain_findings(log, model, factors, deviations)), factors, deviations)
+
+
+def check_reach(log: Log, timing: Timing) -> list[Finding]:
+    """Positions and speeds that the robot cannot have.
+
+    Args:
+        log: the log.
+        timing: its clock.
+    """
+    findings: list[Finding] = []
+    robot, q = log.robot, log.channels["q"]
+    if robot is None or q.shape[1] != robot.size:
+        return findings
+    finite = q[np.isfinite(q).all(axis=1)]
+    for j, joint in enumerate(robot.joints):
+        try:
+            check_within_reach("q", finite, _only(robot, j))
+        except PividentError as error:
+            sentence, _, step = str(error).partition("; ")
+            text = sentence[0].upper() + sentence[1:] + "."
+            findings.append(
+                Finding("wrong", "scale", "reach", text, joint.name, step[0].upper() + step[1:])
+            )
+            continue
+        if joint.rated_speed is None or not timing.rate or len(finite) < 100:
+            continue
+        fastest = float(np.quantile(np.abs(np.diff(finite[:, j])), 0.999)) * timing.rate
+        unit = "rad/s" if joint.kind == "revolute" else "m/s"
+        if fastest > FASTEST * joint.rated_speed:
+            findings.append(
+                Finding(
+                    "wrong",
+                    "scale",
+                    "speed",
+                    f"{joint.name} would move at {fastest:.3g} {unit}; it is rated for "
+                    f"{joint.rated_speed:.3g} {unit}.",
+                    joint.name,
+                    "Check the unit of the positions, the reduction and the sampling rate.",
+                    value=fastest,
+                    unit=unit,
+                    bound=FASTEST * joint.rated_speed,
+                )
+            )
+    return findings
+
+
+def _only(robot: Robot, joint: int) -> Robot:
+    """A stand-in that has the limits of one joint only."""
+    bare = [
+        j if k == joint else replace(j, position_limits=None) for k, j in enumerate(robot.joints)
+    ]
+    return replace(robot, joints=tuple(bare))
+
+
+def _another_position_unit(
+    log: Log, model: InverseModel, timing: Timing
+) -> tuple[Finding, InverseModel] | None:
+    """A unit of the positions that fits much better, degrees for radians or the reverse."""
+    here = _total_error(model)
+    if not any(joint.kind == "revolute" for joint in model.robot.joints):
+        return None
+    for factor, said, meant in (
+        (np.pi / 180.0, "rad", "deg"),
+        (180.0 / np.pi, "deg", "rad"),
+    ):
+        if np.abs(model.q).max() * factor > 20.0 or np.ptp(model.q, axis=0).max() * factor < 0.05:
+            continue
+        try:
+            other = build_inverse_model(log, timing, factor)
+        except PividentError:
+            continue
+        there = _total_error(other)
+        if there < BETTER * here:
+            finding = Finding(
+                "wrong",
+                "scale",
+                "angle unit",
+                f"The positions seem to be in {meant} where {said} was taken: the inverse model "
+                f"then leaves {100 * there:.3g} % of the torque instead of {100 * here:.3g} %.",
+                "q",
+                f'Set units = {{q = "{meant}"}} under [recording].',
+                value=100 * here,
+                unit="%",
+                bound=100 * here * BETTER,
+            )
+            return finding, other
+    return None
+
+
+def _total_error(model: InverseModel) -> float:
+    """Geometric mean of the joints' relative errors."""
+    usable = [j for j in range(model.robot.size) if model.usable(j)]
+    errors = model.relative_errors[usable]
+    return float(np.exp(np.mean(np.log(np.maximum(errors, 1e-6))))) if usable else 1.0
+
+
+def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
+    """One factor for gravity and inertia together, and how far the two disagree.
+
+    The deviation of the factor is that of the fit, or half the distance between gravity's factor
+    and inertia's where both are known: a wrong description is not a wrong gain.
+    """
+    rows = model.moving[:, j]
+    parameters = model.base.parameters
+    friction = [
+        k for k, index in enumerate(model.own[j]) if parameters[index].friction is not None
+        or parameters[index].coupling is not None
+    ]  # fmt: skip
+    both = np.column_stack([model.gravity[rows, j], model.inertial[rows, j]])
+    size = np.linalg.norm(both, axis=0)
+    if not size.max():
+        return np.nan, np.nan
+    rest = orthonormal(model.columns[j][rows][:, friction])[0]
+    block, y = model.block[rows], tau[rows]
+    together = both.sum(axis=1)
+    fit = blocked_fit(np.column_stack([together / np.linalg.norm(together), rest]), y, block)
+    factor = float(fit.estimate[0] / np.linalg.norm(together))
+    deviation = float(jackknife(fit.replicates[:, :1])[0] / np.linalg.norm(together))
+    if size.min() > 0.05 * size.max():
+        split = blocked_fit(np.column_stack([both / size, rest]), y, block)
+        apart = split.estimate[:2] / size
+        spread = jackknife(split.replicates[:, :2]) / size
+        if np.all(spread < BLUNT * np.abs(apart)):
+            deviation = max(deviation, float(abs(apart[0] - apart[1])) / 4.0)
+    return factor, deviation
+
+
+def _gain_findings(
+    log: Log, model: InverseModel, factors: np.ndarray, deviations: np.ndarray
+) -> list[Finding]:
+    findings = []
+    reduction = np.abs(np.diag(model.robot.transmission.reduction))
+    for j, joint in enumerate(model.robot.joints):
+        a, deviation = float(factors[j]), float(deviations[j])
+        if not np.isfinite(a):
+            continue
+        interval = (a - 2 * deviation, a + 2 * deviation)
+        text = (
+            f"The torque of {joint.name} is {a:.3g} ± {2 * deviation:.2g} times that of the "
+            "description."
+        )
+        severity, step = _judged_gain(a, deviation, float(reduction[j]))
+        if j in log.commands:
+            unit = "N m" if joint.kind == "revolute" else "N"
+            severity = "look"
+            low, high = sorted((1 / interval[0], 1 / interval[1]))
+            text = (
+                f"{joint.name} was logged as a drive command without a gain; the description "
+                f"suggests {1 / a:.4g} {unit} per unit (between {low:.3g} and {high:.3g})."
+            )
+            step = f"Write gain = {1 / a:.4g} beside the unit of tau if that is so."
+        findings.append(
+            Finding(
+                severity,
+                "scale",
+                "gain",
+                text,
+                joint.name,
+                step,
+                value=a,
+                bound=LOOK if severity != "wrong" else WRONG,
+                interval=interval,
+            )
+        )
+    return findings
+
+
+def _judged_gain(a: float, deviation: float, ratio: float) -> tuple[Severity, str]:
+    """Severity of a factor, and what may explain it."""
+    if abs(a - 1.0) < CLEAR * deviation or 1.0 / LOOK < a < LOOK:
+        return "fine", ""
+    if a < 0:
+        return "wrong", "The sign of the torque, of the position or of gravity is reversed."
+    for candidate, cause in (
+        (1.0 / ratio, 'The torque may be that of the motor: set side = {tau = "motor"}.'),
+        (ratio, 'The torque may be of the joint side already: set side = {tau = "joint"}.'),
+    ):
+        if ratio > 2.0 and 1.0 / NEAR < a / candidate < NEAR:
+            return "wrong", cause
+    step = "Check drive gain, gear ratio and unit of the torque, or the masses of the description."
+    return ("wrong" if not 1.0 / WRONG < a < WRONG else "look"), step

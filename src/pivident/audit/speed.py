@@ -1,0 +1,107 @@
+"""A logged speed against the derivative of the position: factor, lag and what remains."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from pivident.audit.finding import Finding, Severity
+from pivident.audit.log import Log
+from pivident.audit.timing import Timing
+from pivident.signals.bandpass import butterworth, central_difference
+
+#: Factors further from 1 than this deserve a look, or are wrong.
+LOOK, WRONG = 0.02, 0.2
+
+#: A speed that lags by more samples than this was filtered.
+LAG = 1.0
+
+#: Longest lag that is searched [s].
+LONGEST = 0.4
+
+PAIRS = (("dq", "q"), ("dq_ref", "q_ref"), ("ddq_ref", "dq_ref"))
+
+
+def check_speeds(log: Log, timing: Timing) -> tuple[Finding, ...]:
+    """Compare every logged derivative with the derivative of the channel it belongs to.
+
+    Args:
+        log: the log.
+        timing: its clock.
+    """
+    findings = []
+    for derivative, channel in PAIRS:
+        if derivative not in log.channels or channel not in log.channels or not timing.rate:
+            continue
+        x, dx = log.channels[channel], log.channels[derivative]
+        if x.shape != dx.shape or len(x) < 200:
+            continue
+        for j, name in enumerate(log.joint_names):
+            if np.isfinite(x[:, j]).all() and np.isfinite(dx[:, j]).all():
+                compared = compare(x[:, j], dx[:, j], timing.rate)
+                if compared is not None:
+                    findings.append(_finding(f"{derivative} of {name}", channel, compared, timing))
+    return tuple(findings)
+
+
+def compare(x: np.ndarray, dx: np.ndarray, rate: float) -> tuple[float, float, float] | None:
+    """Factor, lag [s] and relative remainder of dx(t) = a·ẋ(t - s).
+
+    Args:
+        x: a signal, shape (samples,).
+        dx: what was logged as its derivative.
+        rate: sampling rate [Hz].
+    """
+    band = 0.1 * rate
+    slope = butterworth(central_difference(x, rate), rate, band)
+    logged = butterworth(dx, rate, band)
+    reach = int(min(LONGEST * rate, len(x) // 10))
+    inside = np.arange(reach, len(x) - reach)
+    power = float(np.linalg.norm(slope[inside]))
+    if power == 0 or not np.linalg.norm(logged):
+        return None
+    spline = CubicSpline(np.arange(len(x)), logged)
+
+    def remainder(lag: float) -> tuple[float, float]:
+        moved = spline(inside + lag)
+        factor = float(moved @ slope[inside]) / power**2
+        return float(np.linalg.norm(moved - factor * slope[inside]) / np.linalg.norm(moved)), factor
+
+    lags = np.unique(np.round(np.linspace(-reach, reach, 161)))
+    coarse = float(lags[int(np.argmin([remainder(lag)[0] for lag in lags]))])
+    step = float(lags[1] - lags[0])
+    for _ in range(30):  # shrink the bracket around the lowest of three
+        trial = [coarse - step, coarse, coarse + step]
+        coarse = min(trial, key=lambda lag: remainder(lag)[0] if abs(lag) <= reach else 2.0)
+        step *= 0.6
+    error, factor = remainder(coarse)
+    return factor, coarse / rate, error
+
+
+def _finding(
+    name: str, channel: str, compared: tuple[float, float, float], timing: Timing
+) -> Finding:
+    factor, lag, error = compared
+    assert timing.rate is not None
+    samples = lag * timing.rate
+    severity: Severity = "fine"
+    step = ""
+    if abs(factor - 1.0) > WRONG:
+        severity, step = "wrong", f"Check the units of {name} and {channel}."
+    elif abs(factor - 1.0) > LOOK or abs(samples) > LAG or error > 0.3:
+        severity = "look"
+        step = "It was filtered before it was logged; use the derivative of the position instead."
+    text = (
+        f"{name} is {factor:.4g} times the derivative of {channel}, {1e3 * lag:.3g} ms "
+        f"({samples:.3g} samples) later; {100 * error:.3g} % of it are something else."
+    )
+    return Finding(
+        severity,
+        "speed",
+        "derivative",
+        text,
+        name,
+        step,
+        value=factor,
+        bound=1 + LOOK,
+    )

@@ -1,0 +1,313 @@
+"""The clock of a log: jitter, gaps, repeated and lost samples, drift against another clock."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pivident.audit.finding import Finding, Severity
+from pivident.audit.log import Log
+from pivident.recording.timestamps import GAP, JITTER_TOLERANCE, LIKELY_RATES, round_rate
+
+#: Two clocks that drift apart by more than this deserve a look; quartz keeps 1e-4.
+DRIFT_LOOK = 2e-4
+
+#: … and from here on the speeds, and with them all parameters, are off by a per cent.
+DRIFT_WRONG = 1e-2
+
+#: Two time columns that differ by more do not mean the same time.
+ANOTHER_CLOCK = 0.2
+
+#: Deviations of a lost or repeated step beyond those of all steps, in their own spread.
+CLEAR_STEP = 10.0
+
+#: How far from a whole number the samples lost at one place may seem to be.
+WHOLE = 0.25
+
+
+@dataclass(frozen=True, eq=False)
+class Timing:
+    """What the clock is like.
+
+    Attributes:
+        findings: what was found.
+        intervals: between finite stamps [s]; empty without a clock.
+        rate: sampling rate that the stamps or somebody tell [Hz], or None.
+        regular: whether samples can be taken as equidistant.
+        steps: samples after which motion jumps over lost samples, or repeats itself, with the
+            number lost (-1: repeated), shape (places, 2).
+    """
+
+    findings: tuple[Finding, ...]
+    intervals: np.ndarray
+    rate: float | None
+    regular: bool
+    steps: np.ndarray
+
+
+def check_timing(log: Log) -> Timing:
+    """Judge every clock of a log, and the motion where it betrays lost samples.
+
+    Args:
+        log: the log.
+    """
+    findings: list[Finding] = []
+    intervals, rate, regular = np.empty(0), log.rate, True
+    clock = log.clock
+    if clock is None:
+        if log.rate is None:
+            text = "The log has no time column, and no rate is given."
+            step = "Name the time column (columns = {t = …}) or give the rate in Hz."
+            findings.append(Finding("wrong", "timing", "no clock", text, step=step))
+            regular = False
+    else:
+        name = next(iter(log.clocks))
+        intervals, stamped, regular, own = _one_clock(log, name, clock)
+        findings += own
+        rate = log.rate or stamped
+        if log.rate and stamped:
+            findings.append(_against_rate(log.rate, clock, name))
+        for other in list(log.clocks)[1:]:
+            findings += _against_clock(name, clock, other, log.clocks[other])
+    steps = np.empty((0, 2))
+    if "q" in log.channels and rate:
+        steps = unsteady_steps(log.channels["q"])
+        findings += _step_findings(log, steps, regular and clock is not None)
+    return Timing(tuple(findings), intervals, rate, regular, steps)
+
+
+def _one_clock(
+    log: Log, name: str, t: np.ndarray
+) -> tuple[np.ndarray, float | None, bool, list[Finding]]:
+    """Intervals, rate, regularity and findings of one time column."""
+
+    def finding(
+        severity: Severity, kind: str, text: str, sample: int, step: str, **more
+    ) -> Finding:
+        where = log.time_of(sample)
+        return Finding(
+            severity, "timing", kind, text, name, step, sample=sample, time=where, **more
+        )
+
+    findings, regular = [], True
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        text = f"{bad.size} time stamp(s) are missing or infinite, the first at sample {bad[0]}."
+        step = "Remove these rows, or give the rate if the samples themselves are regular."
+        findings.append(finding("wrong", "no stamp", text, int(bad[0]), step, value=bad.size))
+        regular = False
+    finite = t[np.isfinite(t)]
+    place = np.flatnonzero(np.isfinite(t))
+    steps = np.diff(finite)
+    forward = steps[steps > 0]
+    if len(finite) < 3 or not forward.size:
+        text = "The time column never advances."
+        findings.append(finding("wrong", "no clock", text, 0, "Name another time column."))
+        return steps, None, False, findings
+    period = float(np.median(forward))
+    for wrong, kind, words, step in (
+        (steps < 0, "backward", "go backward", "Cut the log there; two logs may have been joined."),
+        (
+            steps == 0,
+            "duplicate",
+            "repeat the one before",
+            "Remove the repeated rows, or give the rate if the stamps are only coarse.",
+        ),
+    ):
+        at = np.flatnonzero(wrong)
+        if at.size:
+            k = int(place[at[0] + 1])
+            text = f"{at.size} time stamp(s) {words}, the first at sample {k} (t = {t[k]:.6g} s)."
+            findings.append(finding("wrong", kind, text, k, step, value=float(at.size)))
+            regular = False
+    ratio = steps / period
+    gaps = np.flatnonzero(ratio > GAP)
+    whole = np.abs(ratio[gaps] - np.round(ratio[gaps])) <= 2.0 * JITTER_TOLERANCE
+    if gaps.size and whole.mean() > 0.9:
+        lost = int(np.sum(np.round(ratio[gaps]) - 1))
+        longest = int(gaps[np.argmax(ratio[gaps])])
+        k = int(place[longest])
+        text = (
+            f"{lost} sample(s) are missing in {gaps.size} gap(s); the longest lasts "
+            f"{1e3 * steps[longest]:.4g} ms after sample {k} (t = {t[k]:.6g} s)."
+        )
+        step = "Cut the recording there (part), or fill short gaps with resample = true."
+        findings.append(finding("wrong", "gap", text, k, step, value=float(lost), unit="samples"))
+        regular = False
+        steps = steps[ratio <= GAP]
+        ratio = ratio[ratio <= GAP]
+    inside = ratio[(ratio > 0)]
+    largest = float(np.abs(inside - 1.0).max(initial=0.0))
+    spread = float(np.std(inside - 1.0))
+    late = int(place[min(int(np.argmax(np.abs(ratio - 1.0))), len(place) - 1)])
+    text = (
+        f"The clock ticks every {1e3 * period:.6g} ms; single intervals differ by up to "
+        f"{100 * largest:.3g} % (standard deviation {100 * spread:.2g} %)."
+    )
+    numbers: dict[str, Any] = {"value": 100 * largest, "unit": "%", "bound": 100 * JITTER_TOLERANCE}
+    if largest > JITTER_TOLERANCE:
+        step = (
+            "Resample onto a uniform grid (resample = true), or give the rate if only the stamps "
+            "are irregular and the samples are not."
+        )
+        findings.append(finding("wrong", "jitter", text, late, step, **numbers))
+        regular = False
+    else:
+        findings.append(Finding("fine", "timing", "jitter", text, name, **numbers))
+    rate = round_rate((len(finite) - 1) / (finite[-1] - finite[0])) if regular else 1.0 / period
+    if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
+        text = f"The stamps advance at {rate:.4g} Hz, which no robot's log does."
+        step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
+        findings.append(finding("wrong", "rate", text, 0, step, value=rate, unit="Hz"))
+    return steps, rate, regular, findings
+
+
+def _against_rate(rate: float, t: np.ndarray, name: str) -> Finding:
+    """How far the stamps run away from the declared rate."""
+    k = np.flatnonzero(np.isfinite(t))
+    drift, deviation = _slope(k / rate, t[k])
+    return _drift_finding(name, f"the declared rate of {rate:g} Hz", drift, deviation)
+
+
+def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[Finding]:
+    """How far two clocks of one log run apart, and whether they jump against each other."""
+    both = np.flatnonzero(np.isfinite(t) & np.isfinite(u))
+    if both.size < 3 or np.ptp(t[both]) == 0:
+        return []
+    drift, deviation = _slope(t[both], u[both])
+    if abs(drift) > ANOTHER_CLOCK:
+        return []  # it counts something else, such as the samples of another loop
+    findings = [_drift_finding(other, f"the clock {name}", drift, deviation)]
+    apart = (u - t)[both] - np.median((u - t)[both])
+    jump = np.abs(np.diff(apart))
+    period = float(np.median(np.abs(np.diff(t[both]))))
+    k = int(np.argmax(jump))
+    if jump[k] > GAP * period:
+        where = int(both[k + 1])
+        findings.append(
+            Finding(
+                "look",
+                "timing",
+                "clocks jump",
+                f"The clocks {name} and {other} move by {1e3 * jump[k]:.4g} ms against each other "
+                f"at sample {where}.",
+                other,
+                "One of the two writers was late there; do not mix channels of both clocks.",
+                value=1e3 * float(jump[k]),
+                unit="ms",
+                bound=1e3 * GAP * period,
+                sample=where,
+                time=float(t[where]),
+            )
+        )
+    return findings
+
+
+def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
+    """Slope of y over x less one, and a deviation that jitter of single stamps explains.
+
+    Ends are compared and not all samples fitted: the error of a clock is a random walk.
+    """
+    x, y = x - x[0], y - y[0]
+    slope = float(np.dot(x, y) / np.dot(x, x))
+    residual = y - slope * x
+    return slope - 1.0, float(np.std(residual) / max(float(x[-1]), 1e-300))
+
+
+def _drift_finding(name: str, against: str, drift: float, deviation: float) -> Finding:
+    severity: Severity = "fine"
+    if abs(drift) > DRIFT_LOOK + 2 * deviation:
+        severity = "wrong" if abs(drift) > DRIFT_WRONG else "look"
+    return Finding(
+        severity,
+        "timing",
+        "drift",
+        f"The clock {name} runs {abs(1e6 * drift):.3g} ppm {'slower' if drift < 0 else 'faster'} "
+        f"than {against}.",
+        name,
+        "" if severity == "fine" else "Find out which of the two is right; speeds scale with it.",
+        value=1e6 * drift,
+        unit="ppm",
+        bound=1e6 * DRIFT_LOOK,
+        interval=(1e6 * (drift - 2 * deviation), 1e6 * (drift + 2 * deviation)),
+    )
+
+
+def unsteady_steps(q: np.ndarray) -> np.ndarray:
+    """Places at which all moving joints step too far, or not at all, at the same time.
+
+    With d_k = q_{k+1} - q_k and v_k the median of the two steps before and the two after, lost
+    samples show as d_k = (1 + m) v_k with one whole m for all joints; m = -1 is a repeated sample.
+    m is estimated by least squares over the joints, each weighted with the usual spread of
+    d_k - v_k.
+
+    Args:
+        q: positions, shape (samples, joints).
+
+    Returns:
+        Sample before each such step and m, shape (places, 2).
+    """
+    if len(q) < 50:
+        return np.empty((0, 2))
+    step = np.diff(q, axis=0)
+    around = np.median([step[:-4], step[1:-3], step[3:-1], step[4:]], axis=0)
+    excess = step[2:-2] - around
+    with np.errstate(invalid="ignore"):
+        spread = 1.4826 * np.nanmedian(np.abs(excess), axis=0)
+        # The staircase of a coarse encoder has a median of zero, and a spread all the same.
+        spread = np.maximum(spread, 0.5 * np.nanstd(excess, axis=0))
+        weight = np.where(spread > 0, 1.0 / np.where(spread > 0, spread, 1.0) ** 2, 0.0)
+        information = np.nansum(weight * around**2, axis=1)
+        lost = np.nansum(weight * around * excess, axis=1) / np.maximum(information, 1e-300)
+        misfit = np.nansum(weight * (excess - lost[:, None] * around) ** 2, axis=1)
+    whole = np.round(lost)
+    clear = (
+        (np.abs(lost) * np.sqrt(information) > CLEAR_STEP)
+        & (np.abs(lost - whole) < WHOLE)
+        & ((whole >= 1) | (whole == -1))
+        & (misfit < 0.1 * information * lost**2)
+    )
+    at = np.flatnonzero(clear)
+    return np.column_stack([at + 2, whole[at]])
+
+
+def _step_findings(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
+    """Lost and repeated samples in words."""
+    findings = []
+    for chosen, kind, words, step in (
+        (
+            steps[:, 1] >= 1,
+            "lost",
+            "In {n} place(s) all joints step over {m} sample(s) that are not in the log",
+            "The logger dropped samples{s}; cut the recording there, or log with time stamps.",
+        ),
+        (
+            steps[:, 1] == -1,
+            "repeated",
+            "In {n} place(s) a moving arm stands still for one sample: {m} repeated sample(s)",
+            "The logger was faster than its source{s}; log at the rate of the control loop.",
+        ),
+    ):
+        if not chosen.any():
+            continue
+        here = steps[chosen]
+        number, first = int(np.abs(here[:, 1]).sum()), int(here[0, 0])
+        share = len(here) / max(len(next(iter(log.channels.values()))), 1)
+        text = words.format(n=len(here), m=number)
+        findings.append(
+            Finding(
+                "wrong" if len(here) > 1 or share > 1e-3 else "look",
+                "timing",
+                kind,
+                f"{text}, first after sample {first}.",
+                "q",
+                step.format(s=" although its stamps are regular" if stamped else ""),
+                value=float(number),
+                unit="samples",
+                sample=first,
+                time=log.time_of(first),
+            )
+        )
+    return findings

@@ -1,0 +1,195 @@
+"""Each planted fault is found, with the right channel, and nothing else is blamed."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.audit import audit_log
+from tests.audit.logs import (
+    delayed,
+    only_rows,
+    planar,
+    serious,
+    tx40,
+    with_channels,
+    with_torque,
+)
+
+
+def found(log, check):
+    return [f for f in audit_log(log).of(check) if f.severity != "fine"]
+
+
+@pytest.mark.parametrize("late", (10e-3, 3e-3, -10e-3))
+@pytest.mark.parametrize("make", (planar, tx40))
+def test_delay_of_all_torques(make, late):
+    log = make()
+    rate = 1.0 / np.median(np.diff(log.clock))
+    tau = np.column_stack([delayed(x, late * rate) for x in log.channels["tau"].T])
+    audit = audit_log(with_channels(log, tau=tau))
+    (finding,) = [f for f in audit.of("delay") if f.severity != "fine"]
+    assert finding.kind == ("late" if late > 0 else "early") and finding.where == ""
+    assert audit.delay.common[0] == pytest.approx(late, abs=4 * audit.delay.common[1] + 1e-5)
+    assert audit.delay.common[1] < 0.5e-3
+    low, high = finding.interval
+    assert low < finding.value < high
+    if abs(late) == 10e-3:
+        assert finding.severity == "wrong"
+        assert f"delay = {audit.delay.common[0]:.3g}" in finding.step
+    # The rest of the audit is carried out on the aligned torque, and finds nothing.
+    assert {kind for _, kind, _ in serious(audit)} == {finding.kind}
+
+
+def test_declared_delay_is_taken_into_account():
+    log = planar()
+    tau = np.column_stack([delayed(x, 10) for x in log.channels["tau"].T])
+    right = replace(with_channels(log, tau=tau), delay=10e-3)
+    assert serious(audit_log(right)) == set()
+    short = replace(right, delay=4e-3)
+    (finding,) = found(short, "delay")
+    assert finding.value == pytest.approx(6.0, abs=0.1)
+    assert "delay = 0.01 " in finding.step and "declared delay of 4 ms" in finding.sentence
+
+
+def test_delay_of_one_joint():
+    log = with_torque(tx40(100, seconds=4.0), 3, lambda x: delayed(x, 25))
+    (finding,) = found(log, "delay")
+    assert finding.where == "joint_4" and finding.kind == "joint late"
+    assert finding.value == pytest.approx(5.0, abs=0.5)
+
+
+@pytest.mark.parametrize(
+    ("make", "joint"), [(planar, 0), (planar, 1), *((tx40, j) for j in range(6))]
+)
+def test_sign_of_one_torque(make, joint):
+    log = with_torque(make(), joint, np.negative)
+    audit = audit_log(log)
+    name = log.joint_names[joint]
+    assert ("wrong", "sign", name) in serious(audit)
+    assert {where for _, _, where in serious(audit)} == {name}
+    assert audit.power.reversed == (joint,)
+
+
+def test_all_signs():
+    log = planar()
+    audit = audit_log(with_channels(log, tau=-log.channels["tau"]))
+    assert audit.power.reversed == (0, 1)
+    assert "tau = -1.0" in next(f for f in audit.of("power") if f.kind == "sign").step
+
+
+@pytest.mark.parametrize(
+    ("factor", "severity"), [(1.2, None), (1.35, "look"), (0.7, "look"), (5.0, "wrong")]
+)
+def test_gain_of_one_torque(factor, severity):
+    log = with_torque(tx40(), 1, lambda x: factor * x)
+    audit = audit_log(log)
+    assert audit.scale.factors[1] == pytest.approx(factor, rel=0.01)
+    gains = {(f.severity, f.where) for f in audit.of("scale") if f.severity != "fine"}
+    assert gains == (set() if severity is None else {(severity, "joint_2")})
+
+
+def test_motor_torque_taken_for_joint_torque():
+    log = tx40()
+    ratio = abs(log.robot.transmission.reduction[1, 1])
+    audit = audit_log(with_torque(log, 1, lambda x: x / ratio))
+    (finding,) = [f for f in audit.of("scale") if f.severity != "fine"]
+    assert finding.where == "joint_2" and 'tau = "motor"' in finding.step
+
+
+def test_command_without_gain():
+    log = replace(with_torque(planar(), 0, lambda x: x / 12.5), commands=(0,))
+    finding = next(f for f in audit_log(log).of("scale") if f.where == "shoulder")
+    assert finding.severity == "look" and "suggests 12.5 N m per unit" in finding.sentence
+
+
+@pytest.mark.parametrize(("make", "pair"), [(planar, (0, 1)), (tx40, (1, 2)), (tx40, (4, 5))])
+def test_order_of_the_torques(make, pair):
+    log = make()
+    tau = log.channels["tau"].copy()
+    tau[:, pair] = tau[:, pair[::-1]]
+    audit = audit_log(with_channels(log, tau=tau))
+    names = ", ".join(log.joint_names[j] for j in pair)
+    assert serious(audit) == {("wrong", "order", names)}
+
+
+def test_degrees_for_radians():
+    log = planar()
+    audit = audit_log(with_channels(log, q=np.rad2deg(log.channels["q"])))
+    kinds = {(kind, where) for _, kind, where in serious(audit)}
+    assert kinds == {("reach", "shoulder"), ("reach", "elbow"), ("angle unit", "q")}
+    assert '"deg"' in next(f for f in audit.findings if f.kind == "angle unit").step
+
+
+def test_radians_for_degrees():
+    log = tx40()
+    audit = audit_log(with_channels(log, q=np.deg2rad(log.channels["q"])))
+    assert serious(audit) == {("wrong", "angle unit", "q")}
+    assert '"rad"' in next(f for f in audit.findings if f.kind == "angle unit").step
+
+
+def test_clipped_torque():
+    log = planar()
+    limit = 0.6 * np.abs(log.channels["tau"][:, 0]).max()
+    audit = audit_log(with_torque(log, 0, lambda x: np.clip(x, -limit, limit)))
+    assert ("wrong", "clipped", "tau of shoulder") in serious(audit)
+
+
+def test_missing_values():
+    tau = planar().channels["tau"].copy()
+    tau[1234:1237, 1] = np.nan
+    audit = audit_log(with_channels(planar(), tau=tau))
+    assert serious(audit) == {("wrong", "missing", "tau of elbow")}
+    finding = next(f for f in audit.findings if f.kind == "missing")
+    assert finding.sample == 1234 and finding.value == 3
+    assert finding.time == pytest.approx(1.234, abs=1e-4)
+    assert audit.delay is not None
+
+
+@pytest.mark.parametrize(("channel", "height"), [("q", 0.01), ("tau", 100.0)])
+def test_spike(channel, height):
+    values = planar().channels[channel].copy()
+    values[1234, 1] += height
+    audit = audit_log(with_channels(planar(), **{channel: values}))
+    assert serious(audit) == {("look", "spike", f"{channel} of elbow")}
+    finding = next(f for f in audit.findings if f.kind == "spike")
+    assert finding.sample == 1234 and finding.value == pytest.approx(height, rel=0.05)
+
+
+def test_constant_channel():
+    q = planar().channels["q"].copy()
+    q[:, 1] = 0.3
+    audit = audit_log(with_channels(planar(), q=q))
+    assert ("wrong", "constant", "q of elbow") in serious(audit)
+    assert any("fv2" in f.where for f in audit.of("excitation") if f.kind == "inseparable")
+
+
+def test_turning_past_a_full_turn():
+    q = planar().channels["q"].copy()
+    q[:, 0] = (q[:, 0] + 0.3 + np.pi) % (2 * np.pi) - np.pi
+    wound = q[:, 0].copy()
+    wound[2000:] -= 2 * np.pi
+    q[:, 0] = wound
+    audit = audit_log(with_channels(planar(), q=q))
+    assert ("wrong", "wrapped", "q of shoulder") in serious(audit)
+
+
+@pytest.mark.parametrize("make", (planar, tx40))
+def test_lost_and_repeated_samples_without_stamps(make):
+    log = make()
+    rate = 1.0 / np.median(np.diff(log.clock))
+    rows = np.arange(log.samples)
+    lost = found(only_rows(log, np.delete(rows, [700, 1500, 2200]), rate), "timing")
+    assert [(f.kind, f.value, f.sample) for f in lost] == [("lost", 3.0, 699)]
+    twice = found(only_rows(log, np.sort(np.r_[rows, 700, 1500, 2200]), rate), "timing")
+    assert [(f.kind, f.value, f.sample) for f in twice] == [("repeated", 3.0, 700)]
+
+
+def test_motion_too_poor_to_separate_the_parameters():
+    log = planar()
+    audit = audit_log(only_rows(log, np.arange(0, 420)))
+    assert audit.model is None  # 420 samples of 20 Hz are nothing to compare
+    still = log.channels["q"].copy()
+    still[:, 0] = still[0, 0] + 1e-6 * np.random.default_rng(0).standard_normal(log.samples)
+    weak = audit_log(with_channels(log, q=still)).of("excitation")
+    assert any(f.severity != "fine" and "shoulder" in f.step for f in weak)

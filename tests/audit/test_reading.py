@@ -1,0 +1,137 @@
+"""Logs that identification would refuse are read all the same, and columns told by name."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pivident.audit import audit_file, audit_log, bare_log, described_log
+from pivident.audit.column_names import channel_of, guess_channels
+from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
+from pivident.robot import load_robot
+from tests.audit.logs import delayed, planar, serious
+from tests.planar_log import EXPERIMENT, write_experiment
+
+
+def test_names_of_columns():
+    assert channel_of("q1") == ("q", "1")
+    assert channel_of("r2") == ("q_ref", "2")
+    assert channel_of("tau[:, 3]") == ("tau", "3")
+    assert channel_of("- arm_3_joint_effort") == ("tau", "arm 3")
+    assert channel_of("position_ref_4") == ("q_ref", "4")
+    assert channel_of("joint2_velocity") == ("dq", "2")
+    assert channel_of("temperature") is None
+    channels, joints = guess_channels(["tau2", "tau1", "q1", "q2", "r1", "note"])
+    assert channels == {"q": ["q1", "q2"], "tau": ["tau1", "tau2"]}
+    assert joints == ["joint_1", "joint_2"]
+
+
+def test_bare_csv_with_a_robot(tmp_path):
+    path = write_experiment(tmp_path).with_name("log.csv")
+    (audit,) = audit_file(path, load_robot("planar_2r"))
+    kinds = {(severity, kind) for severity, kind, _ in serious(audit)}
+    assert kinds == {("wrong", "reach"), ("wrong", "angle unit")}  # the log is in degrees
+    assert audit.of("reading")[0].sentence.startswith("Columns were told from their names")
+    (without,) = audit_file(path)
+    assert serious(without) == set()
+    assert "no robot is given" in without.of("reading")[-1].sentence
+
+
+def test_experiment_file_and_log_with_experiment(tmp_path):
+    experiment = write_experiment(tmp_path)
+    (audit,) = audit_file(experiment)
+    assert serious(audit) == set()
+    other = tmp_path / "other.csv"
+    other.write_text((tmp_path / "log.csv").read_text())
+    (named,) = audit_file(other, experiment=experiment)
+    assert serious(named) == set() and named.log.name == "other.csv"
+    with pytest.raises(RecordingError, match="names robot and columns itself"):
+        audit_file(experiment, load_robot("planar_2r"))
+    with pytest.raises(ExperimentError):
+        audit_file(tmp_path / "missing.toml")
+
+
+def test_cells_that_are_no_numbers(tmp_path):
+    path = write_experiment(tmp_path).with_name("log.csv")
+    lines = path.read_text().splitlines()
+    broken = lines[100].split(",")
+    broken[1] = ""
+    lines[100] = ",".join(broken)
+    lines[200] = lines[200].replace(lines[200].split(",")[5], "overflow", 1)
+    path.write_text("\n".join(lines))
+    (audit,) = audit_file(tmp_path / "experiment.toml")
+    missing = {f.where: f.sample for f in audit.findings if f.kind == "missing"}
+    assert missing == {"q of shoulder": 99, "tau of shoulder": 199}
+    assert audit.delay is not None
+
+
+def test_clock_in_milliseconds_is_understood(tmp_path):
+    path = tmp_path / "log.csv"
+    log = planar()
+    t = np.arange(log.samples)
+    table = np.column_stack([t, log.channels["q"], log.channels["tau"]])
+    np.savetxt(path, table, delimiter=",", header="t_ms,q1,q2,tau1,tau2", comments="", fmt="%.12g")
+    audit = audit_log(bare_log(path, load_robot("planar_2r")))
+    assert audit.timing.rate == pytest.approx(1000.0)
+    assert any("taken for ms" in note for note in audit.log.notes)
+    assert serious(audit) == set()
+
+
+def test_irregular_clock_does_not_stop_the_rest(tmp_path):
+    path = tmp_path / "log.npz"
+    log = planar()
+    rows = np.delete(np.arange(log.samples), np.s_[3000:3060])
+    t = rows * 1e-3
+    t[100] = t[99]
+    tau = np.column_stack([delayed(x, 10) for x in log.channels["tau"].T])
+    np.savez(path, time=t, q=log.channels["q"][rows], tau=tau[rows])
+    audit = audit_log(bare_log(path, load_robot("planar_2r")))
+    kinds = {kind for _, kind, _ in serious(audit)}
+    assert {"gap", "duplicate", "late"} <= kinds
+    assert audit.delay.common[0] == pytest.approx(0.01, abs=2e-4)
+
+
+def test_speed_that_was_filtered_or_scaled(tmp_path):
+    log = planar()
+    rate = 1000.0
+    speed = np.gradient(log.channels["q"], 1 / rate, axis=0)
+    filtered = np.zeros_like(speed)
+    for k in range(1, len(speed)):
+        filtered[k] = 0.95 * filtered[k - 1] + 0.05 * speed[k]
+    for name, dq in (("true", speed), ("filtered", filtered), ("degrees", np.rad2deg(speed))):
+        path = tmp_path / f"{name}.npz"
+        np.savez(
+            path, t=np.arange(len(dq)) / rate, q=log.channels["q"], tau=log.channels["tau"], dq=dq
+        )
+        audit = audit_log(bare_log(path, log.robot))
+        found = audit.of("speed")
+        assert len(found) == 2
+        severity = {"true": "fine", "filtered": "look", "degrees": "wrong"}[name]
+        assert {f.severity for f in found} == {severity}
+        if name == "filtered":  # the lag of 0.95/0.05 is 19 samples at low frequency
+            lag = float(found[0].sentence.split("(")[1].split(" ")[0])
+            assert 15 < lag < 20
+        if name == "degrees":
+            assert found[0].value == pytest.approx(180 / np.pi, rel=1e-3)
+
+
+def test_unknown_columns_and_files(tmp_path):
+    path = write_experiment(tmp_path).with_name("log.csv")
+    with pytest.raises(UnknownColumn):
+        described_log(path, {"q": ["q1", "q9"], "tau": ["tau1", "tau2"]})
+    with pytest.raises(FileFormatError):
+        bare_log(tmp_path / "nothing.csv")
+    with pytest.raises(FileFormatError):
+        bare_log(Path(__file__))
+    text = EXPERIMENT.replace("tau2", "tau7")
+    (tmp_path / "bad.toml").write_text(text)
+    with pytest.raises(UnknownColumn, match="tau7"):
+        audit_file(tmp_path / "bad.toml")
+
+
+def test_fewer_samples_than_any_check_needs():
+    from tests.audit.logs import only_rows
+
+    for samples in (1, 2, 3, 10, 60):
+        audit = audit_log(only_rows(planar(), np.arange(samples)))
+        assert audit.model is None

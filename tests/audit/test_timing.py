@@ -1,0 +1,80 @@
+"""Clocks: every kind of irregularity, with its place."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.audit.timing import check_timing, unsteady_steps
+from tests.audit.logs import only_rows, planar
+
+
+def serious(log):
+    return [f for f in check_timing(log).findings if f.severity != "fine"]
+
+
+def clocked(t, **more):
+    return replace(planar(), clocks={"t": t}, **more)
+
+
+def test_gap():
+    rows = np.r_[:2000, 2030:5000]
+    (finding,) = serious(only_rows(planar(), rows))
+    assert (finding.kind, finding.severity, finding.sample) == ("gap", "wrong", 1999)
+    assert finding.value == 30.0
+
+
+def test_jitter():
+    t = np.arange(5000) * 1e-3
+    t[3000] += 0.4e-3
+    (finding,) = serious(clocked(t))
+    assert finding.kind == "jitter" and finding.sample in (2999, 3000)
+    assert finding.value == pytest.approx(40.0, abs=0.1) and finding.bound == pytest.approx(10.0)
+
+
+def test_repeated_backward_and_missing_stamps():
+    t = np.arange(5000) * 1e-3
+    t[100] = t[99]
+    t[200:] -= 0.5
+    t[4000] = np.nan
+    kinds = {f.kind: f.sample for f in serious(clocked(t))}
+    assert kinds["duplicate"] == 100 and kinds["backward"] == 200 and kinds["no stamp"] == 4000
+
+
+def test_unit_of_the_stamps():
+    kinds = [f.kind for f in serious(clocked(np.arange(5000) * 1.0))]
+    assert kinds == ["rate"]
+
+
+def test_drift_against_the_declared_rate():
+    t = np.arange(5000) * 1e-3
+    (finding,) = serious(clocked(t * 1.001, rate=1000.0))
+    assert finding.kind == "drift" and finding.severity == "look"
+    assert finding.value == pytest.approx(1000.0, rel=1e-3)
+    assert serious(clocked(t * 1.02, rate=1000.0))[0].severity == "wrong"
+    assert serious(clocked(t * (1 + 5e-5), rate=1000.0)) == []
+
+
+def test_two_clocks():
+    t = np.arange(5000) * 1e-3
+    late = 1.0005 * t
+    late[2500:] += 0.02
+    found = {f.kind: f for f in serious(replace(planar(), clocks={"t": t, "host": late}))}
+    assert found["clocks jump"].sample == 2500
+    assert found["clocks jump"].value == pytest.approx(20.0, rel=0.01)
+    drift = serious(replace(planar(), clocks={"t": t, "host": 1.0005 * t}))
+    assert [f.where for f in drift] == ["host"]
+    assert drift[0].value == pytest.approx(500.0, rel=1e-6)
+
+
+def test_no_clock():
+    assert serious(replace(planar(), clocks={}))[0].kind == "no clock"
+    assert serious(replace(planar(), clocks={}, rate=1000.0)) == []
+
+
+def test_steps_of_smooth_motion_are_steady():
+    t = np.linspace(0, 3, 3000)
+    q = np.column_stack([np.sin(2 * t), np.cos(5 * t)])
+    assert len(unsteady_steps(q)) == 0
+    assert len(unsteady_steps(np.round(q / 1e-4) * 1e-4)) == 0
+    assert unsteady_steps(np.delete(q, [1000, 1001], axis=0)).tolist() == [[999.0, 2.0]]
