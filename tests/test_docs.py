@@ -29,6 +29,7 @@ TABLES = {
     "bandpass": (schema.BandpassEntry, (Bandpass,)),
     "random_walk": (schema.RandomWalkEntry, (RandomWalk,)),
     "noise": (schema.NoiseEntry, (AutoRegressive, Arma)),
+    "`[validation]`": (schema.ValidationEntry, ()),
     "`[output]`": (schema.OutputEntry, ()),
 }
 

@@ -18,6 +18,7 @@ from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.signals.instants import derivatives_at_instants
 from pivident.signals.random_walk import smooth_channels
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.feed_forward import (
@@ -36,7 +37,7 @@ class SimulatedMotion:
 
     Attributes:
         q: positions [rad or m], shape (joints, samples).
-        dq: speeds; with ``differences`` they are central differences of q, as the smoother's.
+        dq: speeds; with ``differences`` they come from those of q, as the smoother's.
         ddq: accelerations, likewise.
         tau: torque held from each sample on [N m or N].
         command: controller output [its own unit].
@@ -54,9 +55,9 @@ class AuxiliaryModel:
 
     Args:
         problem: robot, recordings and loop.
-        differences: replace dq and ddq by central differences of q. A torque held over a
-            sampling period and averaged over the two that adjoin an instant belongs to exactly
-            these differences.
+        differences: take dq and ddq from differences of q, as the smoother's. With a torque that
+            is held over each period the acceleration has no value at an instant; this is its mean
+            over the two periods that adjoin it.
         kinematics: motions already smoothed at full rate, one per recording; None: smooth here.
     """
 
@@ -103,7 +104,8 @@ class AuxiliaryModel:
             channels = (made.q, made.dq, made.ddq, made.tau, made.command)
             motion = [resample(x, signals.rate, recording) for x in channels]
             if self.differences:
-                motion[1:3] = central_differences(motion[0], recording.rate)
+                differences = central_differences(motion[0], recording.rate)
+                motion[1:3] = derivatives_at_instants(*differences)
             motions[k] = SimulatedMotion(*(np.ascontiguousarray(x.T) for x in motion))
 
         run_in_threads(run, range(len(self.signals)))

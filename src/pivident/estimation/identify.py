@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.estimation.didim import identify_didim
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
 from pivident.estimation.kinematics import estimate_kinematics
@@ -60,6 +61,8 @@ def identify(
         return identify_ls(problem, method, say)
     if isinstance(method, InstrumentalVariables):
         return identify_iv(problem, method, say)
+    if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
+        return identify_didim(problem, method, say)
     if isinstance(method, PrefilteredIV):
         return identify_piv(problem, method, say)
     raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")

@@ -28,7 +28,7 @@ from pivident.estimation.signs import sign_warnings
 LARGE_CONDITION = 200.0
 
 #: Methods whose instruments come from the simulated loop.
-_WITH_LOOP = ("IDIM-IV", "IDIM-PIV")
+_WITH_LOOP = ("IDIM-IV", "IDIM-PIV", "DIDIM")
 
 #: A parameter smaller than so many deviations is near zero: its change is compared with them.
 NEAR_ZERO = 5.0

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,7 +12,12 @@ from pivident.estimation.methods import Bandpass, RandomWalk
 from pivident.recording.recording import Recording
 from pivident.signals.alignment import align_torque
 from pivident.signals.bandpass import EDGE, bandpass
-from pivident.signals.random_walk import smooth_channels
+from pivident.signals.coloured_walk import smooth_with_lines
+from pivident.signals.counted_positions import has_visible_counts, nvr_of_counts
+from pivident.signals.instants import derivatives_at_instants, torque_at_instants
+from pivident.signals.random_walk import SmoothedSignal, smooth_channels
+from pivident.signals.spectral_lines import SpectralLine
+from pivident.threads import run_in_threads
 
 #: Samples that must remain between the ends that the filters spoil.
 SHORTEST_RUN = 100
@@ -31,6 +37,8 @@ class Kinematics:
         stop: one past the last.
         f50: half-power frequency of the smoother [Hz], shape (joints,); NaN with a band-pass.
         encoder_std: measurement noise found [rad or m], shape (joints,); NaN with a band-pass.
+            Where there are lines, its white floor.
+        lines: spectral lines found in each joint's measurement noise; empty where not searched.
     """
 
     recording: Recording
@@ -42,6 +50,7 @@ class Kinematics:
     stop: int
     f50: np.ndarray
     encoder_std: np.ndarray
+    lines: tuple[tuple[SpectralLine, ...], ...] = ()
 
 
 def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) -> Kinematics:
@@ -66,6 +75,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         delay=recording.delay,
     )
     unknown = np.full(recording.joints, np.nan)
+    lines: tuple[tuple[SpectralLine, ...], ...] = ()
     if isinstance(signals, Bandpass):
         passed = bandpass(
             recording.q,
@@ -78,14 +88,12 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         motion = (passed.q, passed.dq, passed.ddq)
         ends, f50, encoder_std = signals.ends(recording.rate), unknown, unknown
     else:
-        smoothed = smooth_channels(
-            recording.q,
-            recording.rate,
-            signals.order,
-            passes=signals.passes,
-            f50_max=signals.f50_max,
-        )
+        smoothed, lines = _random_walk(recording, signals)
         motion = (smoothed.q, smoothed.dq, smoothed.ddq)
+        if signals.align:
+            motion = (smoothed.q, *derivatives_at_instants(smoothed.dq, smoothed.ddq))
+            if torque.is_average:
+                torque = replace(torque, tau=torque_at_instants(torque.tau))
         ends = (smoothed.edge, smoothed.edge)
         f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
     start = max(ends[0], torque.lost_start)
@@ -105,4 +113,43 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         stop,
         f50,
         encoder_std,
+        lines,
     )
+
+
+def _random_walk(
+    recording: Recording, signals: RandomWalk
+) -> tuple[SmoothedSignal, tuple[tuple[SpectralLine, ...], ...]]:
+    """Smoothed positions, and the lines of their noise where the recipe has them searched.
+
+    Rounding noise has a recipe of its own, and no lines are looked for beside it.
+    """
+    searched = signals.measurement_noise == "auto" and signals.passes == 1
+    counts = _nvr_of_counts(recording, signals) if searched else None
+    if searched and counts is None:
+        coloured = smooth_with_lines(
+            recording.q, recording.rate, signals.order, f50_max=signals.f50_max
+        )
+        return coloured.signal, coloured.lines
+    smoothed = smooth_channels(
+        recording.q,
+        recording.rate,
+        signals.order,
+        counts,
+        passes=signals.passes,
+        f50_max=signals.f50_max,
+    )
+    return smoothed, ()
+
+
+def _nvr_of_counts(recording: Recording, signals: RandomWalk) -> list[float] | None:
+    """NVR of the channels whose counts are visible, NaN for the others; None if none are."""
+    found = [math.nan] * recording.joints
+
+    def work(j: int) -> None:
+        if has_visible_counts(recording.q[:, j]):
+            nvr = nvr_of_counts(recording.q[:, j], recording.rate, signals.order, signals.f50_max)
+            found[j] = math.nan if nvr is None else nvr
+
+    run_in_threads(work, range(recording.joints))
+    return None if all(math.isnan(nvr) for nvr in found) else found

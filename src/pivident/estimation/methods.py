@@ -79,12 +79,21 @@ class RandomWalk:
         passes: how often it is applied (2 with m = 2: the paper's ``irwsm`` twice).
         f50_max: cap of the half-power frequency [Hz]; None: none.
         align: whether the torque is moved to the instants of the central differences.
+        measurement_noise: ``auto``: visible counts and spectral lines of the encoders are searched,
+            and where there are any the smoother knows them. ``white``, or two passes: no search.
     """
 
     order: int = 3
     passes: int = 1
     f50_max: float | None = None
     align: bool = True
+    measurement_noise: Literal["white", "auto"] = "auto"
+
+    def __post_init__(self) -> None:
+        if self.measurement_noise not in ("white", "auto"):
+            raise ExperimentError(
+                f"measurement_noise is {self.measurement_noise!r}; choose 'white' or 'auto'"
+            )
 
 
 @dataclass(frozen=True)
@@ -199,6 +208,10 @@ class PrefilteredIV:
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
             deviations by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
             the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 unless told otherwise.
+        start: what the first simulation is made with: ``least-squares`` on the record, or the
+            problem's ``initial`` values, as the paper does.
+        regressor: what the observation matrix is made of: ``measured``, smoothed positions, or
+            ``simulated``, the motion of the simulated loop, which is DIDIM (for coarse encoders).
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
     """
@@ -208,6 +221,8 @@ class PrefilteredIV:
     prefilter: Literal["controller", "direct"] = "controller"
     covariance: CovarianceKind = "sandwich"
     as_printed: bool = False
+    start: Literal["least-squares", "initial"] = "least-squares"
+    regressor: Literal["measured", "simulated"] = "measured"
     tolerance: float = 1e-2
     max_iterations: int = 20
 
@@ -221,6 +236,14 @@ class PrefilteredIV:
             raise ExperimentError(
                 f"covariance is {self.covariance!r}; choose 'sandwich' or 'formula'"
             )
+        if self.start not in ("least-squares", "initial"):
+            raise ExperimentError(f"start is {self.start!r}; choose 'least-squares' or 'initial'")
+        if self.regressor not in ("measured", "simulated"):
+            raise ExperimentError(
+                f"regressor is {self.regressor!r}; choose 'measured' or 'simulated'"
+            )
+        if self.as_printed and self.regressor == "simulated":
+            raise ExperimentError("as_printed is the paper to the letter: regressor is 'measured'")
         if self.as_printed:
             object.__setattr__(self, "signals", RandomWalk(order=2, passes=2, align=False))
             if isinstance(self.noise, Arma):
@@ -229,10 +252,13 @@ class PrefilteredIV:
                 noise = replace(self.noise, on_unmasked=False, motion_band=None)
             object.__setattr__(self, "noise", noise)
             object.__setattr__(self, "covariance", "formula")
+            object.__setattr__(self, "start", "initial")
 
     @property
     def label(self) -> str:
         """Name as in the literature."""
+        if self.regressor == "simulated":
+            return "DIDIM (prefiltered)"
         return "IDIM-PIV (as printed)" if self.as_printed else "IDIM-PIV"
 
 
@@ -246,5 +272,6 @@ METHODS: dict[str, Method] = {
     "iv": InstrumentalVariables(),
     "iv-full-rate": InstrumentalVariables(signals=RandomWalk()),
     "piv": PrefilteredIV(),
+    "didim": PrefilteredIV(regressor="simulated"),
     "piv-as-printed": PrefilteredIV(as_printed=True),
 }

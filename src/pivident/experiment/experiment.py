@@ -93,6 +93,19 @@ class Experiment:
                 read.append(recording_of(entry, self.robot, self.path.parent))
         return tuple(read)
 
+    def unseen_recordings(self) -> tuple[Recording, ...]:
+        """Recordings of ``[[validation.recording]]``, on which the fits are judged.
+
+        Raises:
+            RecordingError: a file or its content cannot be used.
+            DatasetUnavailable: a public record is not here and cannot be fetched.
+        """
+        read = []
+        for number, entry in enumerate(self.content.validation.recording, start=1):
+            with errors_name(self.path, f"[[validation.recording]] {number}:"):
+                read.append(recording_of(entry, self.robot, self.path.parent))
+        return tuple(read)
+
     def problem(self, progress: Callable[[str], None] | None = None) -> Problem:
         """Robot, recordings, loop, parameters and mask: what `identify` takes.
 

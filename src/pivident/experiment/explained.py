@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
 
 from pivident.errors import ExperimentError
 from pivident.experiment.schema import ExperimentFile
@@ -31,6 +31,8 @@ MEANT = {
 #: Texts longer than this are not repeated in a message.
 LONGEST_VALUE = 60
 
+Root = TypeVar("Root", bound=BaseModel)
+
 
 def validated(content: dict[str, Any]) -> ExperimentFile:
     """The content of a file as a checked object.
@@ -39,13 +41,25 @@ def validated(content: dict[str, Any]) -> ExperimentFile:
         ExperimentError: table, key, value and what was expected; of several problems the first,
             and how many more there are.
     """
-    plain = _plain(content)
+    return checked(plain_form(content), ExperimentFile)
+
+
+def checked(plain: dict[str, Any], root: type[Root]) -> Root:
+    """A file's content, its short forms written out, as a checked object.
+
+    Args:
+        plain: the content.
+        root: what the file holds.
+
+    Raises:
+        ExperimentError: as of ``validated``.
+    """
     try:
-        return ExperimentFile.model_validate(plain)
+        return root.model_validate(plain)
     except ValidationError as error:
         problems = _causes(error.errors())
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise ExperimentError(f"{explained(problems[0], plain)}{more}") from None
+        raise ExperimentError(f"{explained(problems[0], plain, root)}{more}") from None
 
 
 def _causes(problems: Sequence[Any]) -> list[Any]:
@@ -59,17 +73,18 @@ def _causes(problems: Sequence[Any]) -> list[Any]:
     ]
 
 
-def explained(details: Any, content: dict[str, Any]) -> str:
+def explained(details: Any, content: dict[str, Any], root: type[BaseModel] = ExperimentFile) -> str:
     """One problem that pydantic has found, in words.
 
     Args:
         details: an entry of ``ValidationError.errors()``.
         content: the content of the file, short forms written out.
+        root: what the file holds.
     """
     table, key = _place(details["loc"], content)
     if details["type"] == "extra_forbidden":
         *above, last = details["loc"]
-        known = keys_at(ExperimentFile, above)
+        known = keys_at(root, above)
         meant = [key for key in MEANT.get(str(last).lower(), ()) if key in known]
         hint = f"did you mean {meant[0]!r}?" if meant else nearest(str(last), known)
         if not above:
@@ -78,7 +93,7 @@ def explained(details: Any, content: dict[str, Any]) -> str:
     if details["type"] == "missing":
         if not table:
             return f"there is no {key}; add the table [{key}]"
-        return f"{table}key {key!r} is missing; {addition(ExperimentFile, details['loc'])}"
+        return f"{table}key {key!r} is missing; {addition(root, details['loc'])}"
     if details["type"] == "model_type":
         return f"{table}{key or 'this entry'} must be a table of keys, not {details['input']!r}"
     message = details["msg"].removeprefix("Value error, ")
@@ -91,7 +106,7 @@ def explained(details: Any, content: dict[str, Any]) -> str:
     return f"{table}key {key!r} = {value}: {message}"
 
 
-def _plain(content: dict[str, Any]) -> dict[str, Any]:
+def plain_form(content: dict[str, Any]) -> dict[str, Any]:
     """The content with its short forms written out, as the schema has them."""
     plain = dict(content)
     if isinstance(plain.get("robot"), str):

@@ -20,6 +20,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
 )
+from pivident.estimation.repetition import Repetition
 from pivident.experiment.schema import Entry, IdentifyEntry, MethodEntry
 
 _ITERATION = {"tolerance", "max_iterations"}
@@ -28,7 +29,7 @@ _ITERATION = {"tolerance", "max_iterations"}
 _ARMA = {"ar_order", "ma_order", "largest_root"}
 
 #: Options of the noise model that the paper does not have.
-_NOT_PRINTED = {"on_unmasked", "motion_band"}
+_NOT_PRINTED = {"on_unmasked", "motion_band", "repetition", "period"}
 
 
 def method_of(name: str, entry: IdentifyEntry) -> Method:
@@ -58,7 +59,7 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
     noise = _noise(entry, own)
     if as_printed:
         return PrefilteredIV(noise=noise, as_printed=True, **options)
-    options |= _given(own, {"prefilter", "covariance"})
+    options |= _given(own, {"prefilter", "covariance", "start"}) | {"regressor": ready.regressor}
     return PrefilteredIV(signals=_random_walk(entry, own), noise=noise, **options)
 
 
@@ -70,7 +71,8 @@ def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
     elif isinstance(ready, InstrumentalVariables):
         known = {"bandpass" if isinstance(ready.signals, Bandpass) else "random_walk", *_ITERATION}
     else:
-        known = {"random_walk", "noise", "prefilter", "covariance", "as_printed", *_ITERATION}
+        known = {"random_walk", "noise", "prefilter", "covariance", "start", *_ITERATION}
+        known |= {"as_printed"} if ready.regressor == "measured" else set()
     foreign = sorted(own.model_fields_set - known)
     if foreign:
         raise ExperimentError(
@@ -78,7 +80,7 @@ def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
             f"{', '.join(sorted(known))}"
         )
     as_printed = own.as_printed is not False and (own.as_printed or name == "piv-as-printed")
-    fixed = sorted({"random_walk", "prefilter", "covariance"} & own.model_fields_set)
+    fixed = sorted({"random_walk", "prefilter", "covariance", "start"} & own.model_fields_set)
     fixed += [f"noise.{k}" for k in sorted(_NOT_PRINTED & own.noise.model_fields_set)]
     if as_printed and fixed:
         raise ExperimentError(
@@ -111,7 +113,10 @@ def _random_walk(entry: IdentifyEntry, own: MethodEntry) -> RandomWalk:
 def _noise(entry: IdentifyEntry, own: MethodEntry) -> AutoRegressive | Arma:
     given = _given(own.noise) if own.noise.model_fields_set & _ARMA else {}
     given = given or _given(entry.noise) | _given(own.noise)
-    return Arma(**given) if given.keys() & _ARMA else replace(AutoRegressive(), **given)
+    if given.keys() & _ARMA:
+        return Arma(**given)
+    repeated = given.pop("repetition", False)
+    return replace(Repetition() if repeated else AutoRegressive(), **given)
 
 
 def _given(table: Entry, keys: set[str] | None = None) -> dict[str, Any]:

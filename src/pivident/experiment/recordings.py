@@ -84,7 +84,7 @@ def loop_of(
         given = {k: v for k in ("bandwidth", "damping") if (v := getattr(entry, k)) is not None}
         law = virtual_pd(robot, posture, **given)
     elif entry.type != "identify":
-        law = _control_law(entry, n)
+        law = control_law(entry, n)
     gain = _gains("drive_gain", entry.drive_gain, n)
     limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
     if law is None or entry.source == "reconstruct":
@@ -97,7 +97,7 @@ def loop_of(
     )
 
 
-def _control_law(entry: ControllerEntry, joints: int) -> Controller:
+def control_law(entry: ControllerEntry, joints: int) -> Controller:
     """PD, PID or cascade with the gains of the file."""
     gains = {
         key: _gains(key, value, joints)

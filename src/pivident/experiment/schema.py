@@ -287,6 +287,7 @@ class RandomWalkEntry(Entry):
     passes: Annotated[int, Field(ge=1, le=10)] | None = None
     f50_max: PositiveFloat | None = None
     align: bool | None = None
+    measurement_noise: Literal["white", "auto"] | None = None
 
 
 class NoiseEntry(Entry):
@@ -296,6 +297,8 @@ class NoiseEntry(Entry):
     criterion: Literal["aic", "aicc", "bic"] | None = None
     on_unmasked: bool | None = None
     motion_band: MotionBand | None = None
+    repetition: bool | None = None
+    period: Annotated[int, Field(ge=10)] | None = None
     ar_order: Annotated[int, Field(ge=1, le=200)] | None = None
     ma_order: Annotated[int, Field(ge=1, le=50)] | None = None
     largest_root: Annotated[float, Field(gt=0, lt=1)] | None = None
@@ -303,12 +306,15 @@ class NoiseEntry(Entry):
     @model_validator(mode="after")
     def _one_kind(self) -> NoiseEntry:
         arma = {"ar_order", "ma_order", "largest_root"} & self.model_fields_set
-        others = {"p_max", "criterion", "motion_band"} & self.model_fields_set
+        others = {"p_max", "criterion", "motion_band", "repetition", "period"}
+        others &= self.model_fields_set
         if arma and others:
             raise ValueError(
                 f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} belong "
                 "to an AR model; keep one of the two"
             )
+        if self.period is not None and not self.repetition:
+            raise ValueError("period belongs to noise from repetition; set repetition = true")
         return self
 
 
@@ -328,6 +334,7 @@ class MethodEntry(SharedOptions):
     signals: Literal["bandpass", "random_walk"] | None = None
     prefilter: Literal["controller", "direct"] | None = None
     covariance: Literal["sandwich", "formula"] | None = None
+    start: Literal["least-squares", "initial"] | None = None
     as_printed: bool | None = None
 
 
@@ -336,6 +343,7 @@ class IdentifyEntry(SharedOptions):
 
     methods: Methods | None = None
     parameters: Names | None = None
+    essential: bool = False
     mask: Mask = "auto"
     initial: dict[str, float] = Field(default_factory=dict)
     ols: MethodEntry = MethodEntry()
@@ -344,11 +352,26 @@ class IdentifyEntry(SharedOptions):
     iv: MethodEntry = MethodEntry()
     iv_full_rate: MethodEntry = Field(MethodEntry(), alias="iv-full-rate")
     piv: MethodEntry = MethodEntry()
+    didim: MethodEntry = MethodEntry()
     piv_as_printed: MethodEntry = Field(MethodEntry(), alias="piv-as-printed")
 
     def of(self, method: str) -> MethodEntry:
         """The table of one method."""
         return getattr(self, method.replace("-", "_"))
+
+
+class ValidationEntry(Entry):
+    """How results are judged on motion that was not fitted."""
+
+    folds: Annotated[int, Field(ge=0, le=100)] = 5
+    gap: Annotated[float, Field(ge=0)] | None = None
+    recording: list[RecordingEntry] = Field(default_factory=list)
+
+    @model_validator(mode="after")
+    def _one_block_is_none(self) -> ValidationEntry:
+        if self.folds == 1:
+            raise ValueError("folds = 1 leaves nothing to fit; use 2 or more, or 0 for none")
+        return self
 
 
 class OutputEntry(Entry):
@@ -366,4 +389,5 @@ class ExperimentFile(Entry):
     recording: Annotated[list[RecordingEntry], Field(min_length=1)]
     controller: ControllerEntry | None = None
     identify: IdentifyEntry = Field(default_factory=lambda: IdentifyEntry.model_validate({}))
+    validation: ValidationEntry = ValidationEntry()
     output: OutputEntry = OutputEntry()

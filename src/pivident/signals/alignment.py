@@ -39,11 +39,13 @@ class AlignedTorque:
             from outside the record repeat the nearest one.
         lost_start: number of such samples at the start.
         lost_end: number of such samples at the end.
+        is_average: whether it is the mean over the two sampling periods that adjoin the instant.
     """
 
     tau: np.ndarray
     lost_start: int
     lost_end: int
+    is_average: bool = False
 
 
 def align_torque(
@@ -85,7 +87,12 @@ def align_torque(
     aligned = (1 - part) * _moved(tau, whole)
     if part > 0:
         aligned += part * _moved(tau, whole + 1)
-    return AlignedTorque(aligned, lost_start, lost_end)
+    return AlignedTorque(
+        aligned,
+        lost_start,
+        lost_end,
+        timing != "sampled" and part == 0.5 and _covers(rate, control_rate),
+    )
 
 
 def torque_shift(
@@ -121,6 +128,11 @@ def torque_shift(
         raise RecordingError(f"torque timing {timing!r}; expected held, averaged or sampled")
     shift = halves[timing] - delay * rate
     return float(round(shift)) if abs(shift - round(shift)) < _WHOLE else shift
+
+
+def _covers(rate: float, control_rate: float | None) -> bool:
+    """Whether a sample stands for the whole sampling period: held by a loop that is not faster."""
+    return control_rate is None or control_rate <= rate * (1.0 + _WHOLE)
 
 
 def _moved(tau: np.ndarray, samples: int) -> np.ndarray:

@@ -76,7 +76,7 @@ class Verdict:
     def grade(self) -> Grade:
         """The worst grade of all statements."""
         grades = {s.grade for s in self.statements}
-        return next((g for g in ("bad", "caution") if g in grades), "good")  # type: ignore[return-value]
+        return next((g for g in ("bad", "caution") if g in grades), "good")
 
     @property
     def headline(self) -> str:

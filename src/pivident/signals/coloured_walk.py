@@ -1,0 +1,121 @@
+"""Integrated random walk smoothing of encoders whose noise has spectral lines.
+
+The smoother of ``random_walk`` takes the measurement noise for white. A line within reach of the
+motion, a mechanical resonance at 200 Hz, say, is then taken for motion: maximum likelihood opens
+the bandwidth until the line passes, and all noise below it passes with it. A line far above does
+not pass, but counts as floor and closes the bandwidth a little too far.
+
+Here each channel's lines are found first (``spectral_lines``). Its noise is then white plus an
+AR(2) process per line, the NVR is that of largest exact likelihood given this colour
+(``coloured_walk_likelihood``), and the smoother becomes a low-pass with notches. Channels without
+lines are smoothed as before.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.signals.coloured_walk_likelihood import coloured_fit, estimate_coloured_nvr
+from pivident.signals.random_walk import (
+    SmoothedSignal,
+    _check,
+    _differentiate,
+    smooth_channels,
+)
+from pivident.signals.random_walk_model import f50_from_nvr, log_nvr_std
+from pivident.signals.spectral_lines import LineSearch, SpectralLine, find_lines, noise_colour
+from pivident.threads import run_in_threads
+
+#: Fields of a smoothed signal that have an entry, or a column, per channel.
+_PER_CHANNEL = "q dq ddq nvr f50 noise_std on_bound log_nvr_std log_likelihood".split()
+
+
+@dataclass(frozen=True, eq=False)
+class ColouredSmoothing:
+    """A record smoothed with the colour of its noise.
+
+    Attributes:
+        signal: the smoothed record. ``noise_std``, ``nvr`` and ``f50`` refer to the white floor
+            of the noise, without the lines; ``log_nvr_std`` takes the noise for white.
+        lines: of each channel, the strongest first; empty for a channel with white noise.
+    """
+
+    signal: SmoothedSignal
+    lines: tuple[tuple[SpectralLine, ...], ...]
+
+
+def smooth_with_lines(
+    y: np.ndarray, rate: float, order: int = 3, *, f50_max: float | None = None
+) -> ColouredSmoothing:
+    """Smooth several channels, each with the colour that its noise has.
+
+    Args:
+        y: measured positions [rad or m], shape (samples, channels).
+        rate: sampling rate [Hz].
+        order: order m of the random walk, 1 to 4.
+        f50_max: cap of the searched bandwidth [Hz].
+
+    Returns:
+        The smoothed record and the lines.
+
+    Raises:
+        RecordingError: too few samples, or an order that is not offered.
+        NonFiniteSamples: a channel holds NaN or infinite samples.
+    """
+    y = np.asarray(y, dtype=float)
+    _check(y, rate, order, passes=1)
+    channels = range(y.shape[1])
+    searches: dict[int, LineSearch] = {}
+
+    def search(channel: int) -> None:
+        searches[channel] = find_lines(y[:, channel], rate, order)
+
+    run_in_threads(search, channels)
+    lines = tuple(searches[channel].lines for channel in channels)
+    white = [channel for channel in channels if not lines[channel]]
+    if len(white) == len(channels):
+        return ColouredSmoothing(smooth_channels(y, rate, order, f50_max=f50_max), lines)
+    parts: dict[int, SmoothedSignal] = {}
+    if white:
+        together = smooth_channels(y[:, white], rate, order, f50_max=f50_max)
+        parts = {channel: together.channel(i) for i, channel in enumerate(white)}
+
+    def smooth(channel: int) -> None:
+        parts[channel] = _smooth_channel(y[:, channel], rate, order, searches[channel], f50_max)
+
+    run_in_threads(smooth, [channel for channel in channels if lines[channel]])
+    columns = {
+        name: np.stack([getattr(parts[channel], name) for channel in channels], axis=-1)
+        for name in _PER_CHANNEL
+    }
+    return ColouredSmoothing(SmoothedSignal(**columns, order=order, rate=rate), lines)
+
+
+def _smooth_channel(
+    y: np.ndarray, rate: float, order: int, found: LineSearch, f50_max: float | None
+) -> SmoothedSignal:
+    """One channel with lines."""
+    colour = noise_colour(found, rate)
+    mean = float(np.mean(y))
+    centred = y - mean
+    estimate = estimate_coloured_nvr(centred, rate, order, colour, f50_max)
+    fit = coloured_fit(centred, estimate.nvr, order, colour)
+    dq, ddq = np.empty(y.size), np.empty(y.size)
+    _differentiate(np.diff(fit.level), rate, dq, ddq)
+    std = math.nan if estimate.on_bound else log_nvr_std(estimate.nvr, order, y.size)
+    return SmoothedSignal(
+        q=fit.level + mean,
+        dq=dq,
+        ddq=ddq,
+        nvr=np.array(estimate.nvr),
+        f50=np.array(f50_from_nvr(estimate.nvr, order, rate)),
+        noise_std=np.array(math.sqrt(fit.noise_variance)),
+        on_bound=np.array(estimate.on_bound),
+        log_nvr_std=np.array(std),
+        log_likelihood=np.array(fit.log_likelihood),
+        order=order,
+        rate=rate,
+    )

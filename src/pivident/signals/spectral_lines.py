@@ -1,0 +1,275 @@
+"""Lines in the spectrum of an encoder's noise, told from the motion by their width.
+
+Above the motion's band a measured position has a spectrum that falls until it meets the floor of
+the noise, and never rises again, unless the noise is coloured. A line (an interpolation error, a
+mechanical resonance, mains) stands out from the running median of its neighbourhood, which
+follows a slope of any steepness without bias. What is as wide as the motion's own slope cannot be
+told from motion this way: a wide line is looked for where motion has ended.
+
+A line is modelled as an AR(2) process. Its spectrum near the peak is Lorentz's curve
+
+    S(f) = peak / (1 + ((f - f0)/width)²),    variance = 2π · width · peak / rate
+
+whose three numbers come from the likelihood of the periodogram (Whittle 1953), bins P_k being
+exponentially distributed around the spectrum:
+
+    -log L = Σ_k ln(B_k + S(f_k)) + P_k / (B_k + S(f_k)),    B the background.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.signals.binned_spectrum import (
+    FEWEST_SAMPLES,
+    Bins,
+    even_bins,
+    octave_bins,
+    tapered_periodogram,
+)
+from pivident.signals.coloured_walk_likelihood import NoiseColour
+
+#: Lowest frequency of a narrow line [Hz]: below, periods of the motion make lines of their own.
+LOWEST_FREQUENCY = 40.0
+
+#: Lowest frequency of a wide line [Hz]: below, the machine's own vibrations look like one.
+LOWEST_WIDE_FREQUENCY = 80.0
+
+#: Most peaks of one channel: a spectrum with more is a comb, which periodic motion makes.
+MOST_LINES = 4
+
+#: Bins between two peaks, at least: the spectrum of a single line is ragged.
+_GAP = 4
+
+#: Independent samples among neighbours of a periodogram behind Hann's window, per sample.
+_INDEPENDENT = 2.0 / 3.0
+
+#: Smallest ratio of a peak to its neighbourhood. Chance does not get there (the largest of 300
+#: white records was 5.9), and what is weaker hardly changes the smoother. Where the neighbourhood
+#: is above so many floors, the motion's, narrow peaks must be higher: its last lobes reach 12.
+_SMALLEST_PEAK, _SMALLEST_ON_MOTION, _MOTION = 10.0, 20.0, 3.0
+
+#: Widest line, as a share of the half length: what is wider is no line of that neighbourhood.
+_WIDEST = 0.4
+
+#: Rounds of fitting a line and its background in turn, and steps of a fit.
+_ROUNDS = 3
+_STEPS = 30
+
+
+@dataclass(frozen=True)
+class SpectralLine:
+    """One line of a noise spectrum.
+
+    Attributes:
+        frequency: of the peak [Hz].
+        width: half its width at half its height [Hz].
+        std: standard deviation of the noise in the line [rad or m].
+    """
+
+    frequency: float
+    width: float
+    std: float
+
+    def peak(self, rate: float) -> float:
+        """Spectrum at the peak, in units in which white noise has its variance everywhere."""
+        return self.std**2 * rate / (2.0 * math.pi * self.width)
+
+    def spectrum(self, frequency: np.ndarray, rate: float) -> np.ndarray:
+        """Lorentz's curve at the frequencies [Hz], same units."""
+        return self.peak(rate) / (1.0 + ((frequency - self.frequency) / self.width) ** 2)
+
+    def autoregressive(self, rate: float) -> tuple[np.ndarray, float]:
+        """AR(2) model: its monic polynomial and the variance of its innovations."""
+        radius = math.exp(-2.0 * math.pi * self.width / rate)
+        angle = 2.0 * math.pi * self.frequency / rate
+        a = np.array([1.0, -2.0 * radius * math.cos(angle), radius**2])
+        a1, a2 = a[1:]
+        gain = (1.0 + a2) / ((1.0 - a2) * ((1.0 + a2) ** 2 - a1**2))
+        return a, self.std**2 / gain
+
+
+@dataclass(frozen=True)
+class LineSearch:
+    """Lines of a channel and what they stand on.
+
+    Attributes:
+        lines: the strongest first; empty: the noise has none.
+        floor: variance of the white noise that has the level of the spectrum's upper half,
+            in squared units of the channel.
+    """
+
+    lines: tuple[SpectralLine, ...]
+    floor: float
+
+
+def find_lines(y: np.ndarray, rate: float, order: int) -> LineSearch:
+    """Lines of one channel, first the narrow ones, then the wide ones.
+
+    Args:
+        y: measured positions, shape (samples,).
+        rate: sampling rate [Hz].
+        order: of the differences that flatten the spectrum before the transform.
+    """
+    frequency, periodogram = tapered_periodogram(y, rate, order)
+    if len(periodogram) < FEWEST_SAMPLES or not np.all(periodogram > 0.0):
+        return LineSearch((), 0.0)
+    even = even_bins(frequency, periodogram)
+    background = even.background()
+    upper = slice(even.centre.size // 2, int(0.9 * even.centre.size))
+    floor = float(np.median(background[upper]))
+    smallest = np.where(background < _MOTION * floor, _SMALLEST_PEAK, _SMALLEST_ON_MOTION)
+    lines: list[SpectralLine] = []
+    comb = _search(even, LOWEST_FREQUENCY, smallest, lines, frequency, periodogram, rate)
+    if not comb and rate > 8.0 * LOWEST_WIDE_FREQUENCY:
+        wide = octave_bins(frequency, periodogram, LOWEST_WIDE_FREQUENCY)
+        lowest, smallest = LOWEST_WIDE_FREQUENCY, np.full(wide.centre.size, _SMALLEST_PEAK)
+        _search(wide, lowest, smallest, lines, frequency, periodogram, rate)
+    lines.sort(key=lambda line: -line.std)
+    left = even.spectrum[upper] - _total(lines, even.centre[upper], rate)
+    return LineSearch(tuple(lines), float(np.median(left)))
+
+
+def noise_colour(found: LineSearch, rate: float) -> NoiseColour:
+    """ARMA model of a white floor and lines, r being the floor.
+
+    With a the product of the lines' polynomials, b is the spectral factor of the numerator,
+
+        g |b|² = |a|² + Σ_i (s_i/r) Π_{j≠i} |a_j|².
+
+    Args:
+        found: lines of a channel.
+        rate: sampling rate [Hz].
+    """
+    parts = [line.autoregressive(rate) for line in found.lines]
+    ar = np.ones(1)
+    for a, _ in parts:
+        ar = np.convolve(ar, a)
+    numerator = np.convolve(ar, ar[::-1])
+    for i, (_, variance) in enumerate(parts):
+        others = np.ones(1)
+        for j, (a, _) in enumerate(parts):
+            if j != i:
+                others = np.convolve(others, a)
+        share = variance / found.floor * np.convolve(others, others[::-1])
+        numerator[2:-2] += share
+    roots = np.roots(numerator)
+    inside = roots[np.argsort(np.abs(roots))][: len(ar) - 1]
+    ma = np.atleast_1d(np.real(np.poly(inside)))
+    return NoiseColour(ar, ma, float(numerator[len(ar) - 1] / np.dot(ma, ma)))
+
+
+def _search(
+    bins: Bins,
+    lowest: float,
+    smallest: np.ndarray,
+    lines: list[SpectralLine],
+    frequency: np.ndarray,
+    periodogram: np.ndarray,
+    rate: float,
+) -> bool:
+    """Add the lines that stand out ``smallest`` times; or is the spectrum a comb?"""
+    searched = (bins.centre > lowest) & (bins.centre < bins.centre[-1 - bins.half])
+    background = bins.background(_total(lines, bins.centre, rate) if lines else None)
+    above = np.flatnonzero(searched & (bins.spectrum > smallest * background))
+    if above.size and 1 + np.count_nonzero(np.diff(above) > _GAP) > MOST_LINES:
+        return True
+    for _ in range(MOST_LINES):
+        total = _total(lines, bins.centre, rate)
+        ratio = np.where(searched, bins.spectrum / (background + total) / smallest, 0.0)
+        highest = int(np.argmax(ratio))
+        if ratio[highest] < 1.0:
+            break
+        found = _measure(highest, bins, lines, frequency, periodogram, rate)
+        if found is None:
+            searched[max(highest - bins.half, 0) : highest + bins.half] = False
+        else:
+            lines.append(found)
+            background = bins.background(_total(lines, bins.centre, rate))
+    return False
+
+
+def _total(lines: Sequence[SpectralLine], frequency: np.ndarray, rate: float) -> np.ndarray:
+    total = np.zeros(len(frequency))
+    for line in lines:
+        total += line.spectrum(frequency, rate)
+    return total
+
+
+def _measure(
+    highest: int,
+    bins: Bins,
+    others: Sequence[SpectralLine],
+    frequency: np.ndarray,
+    periodogram: np.ndarray,
+    rate: float,
+) -> SpectralLine | None:
+    """The line at a bin, found with its background in turn; None where it is no line."""
+    guess, bin_width = float(bins.centre[highest]), bins.width(highest)
+    low, high = np.searchsorted(frequency, bins.around(highest))
+    near, samples = frequency[low:high], periodogram[low:high]
+    known = _total(others, bins.centre, rate)
+    total = known
+    line = None
+    for _ in range(_ROUNDS):
+        level = bins.background(total) + known
+        below = np.exp(np.interp(near, bins.centre, np.log(level)))
+        (f0, width, peak), gain = _fit_line(guess, bin_width, near, samples, below)
+        significant = _INDEPENDENT * gain > 1.5 * math.log(periodogram.size)
+        inside = abs(f0 - guess) < 3.0 * bin_width
+        if not (significant and inside and width < _WIDEST * bins.half * bin_width):
+            return None
+        line = SpectralLine(f0, width, math.sqrt(2.0 * math.pi * width * peak / rate))
+        total = known + line.spectrum(bins.centre, rate)
+    return line
+
+
+def _fit_line(
+    guess: float,
+    bin_width: float,
+    frequency: np.ndarray,
+    periodogram: np.ndarray,
+    background: np.ndarray,
+) -> tuple[tuple[float, float, float], float]:
+    """f0, width and peak by Fisher's scoring of Whittle's likelihood, and its gain over none."""
+    sample = frequency[1] - frequency[0]
+    close = np.abs(frequency - guess) < bin_width
+    x = np.array([guess, math.log(bin_width), math.log(periodogram[close].mean())])
+
+    def cost(x: np.ndarray) -> float:
+        model = background + math.exp(x[2]) / (1.0 + ((frequency - x[0]) / math.exp(x[1])) ** 2)
+        return float(np.sum(np.log(model) + periodogram / model))
+
+    none = float(np.sum(np.log(background) + periodogram / background))
+    lowest = cost(x)
+    for _ in range(_STEPS):
+        width = math.exp(x[1])
+        offset = (frequency - x[0]) / width
+        shape = 1.0 / (1.0 + offset**2)
+        curve = math.exp(x[2]) * shape
+        model = background + curve
+        slopes = np.array(
+            [2.0 * offset * shape / width, 2.0 * offset**2 * shape, np.ones(shape.size)]
+        )
+        slopes *= curve / model
+        gradient = slopes @ (1.0 - periodogram / model)
+        step = np.linalg.solve(slopes @ slopes.T + 1e-9 * np.eye(3), gradient)
+        step = np.clip(step, [-bin_width, -1.0, -1.0], [bin_width, 1.0, 1.0])
+        for _ in range(8):
+            tried = x - step
+            tried[1] = max(tried[1], math.log(sample))
+            now = cost(tried)
+            if now < lowest:
+                break
+            step = step / 2.0
+        else:
+            break
+        done = lowest - now < 1e-3
+        x, lowest = tried, now
+        if done:
+            break
+    return (float(x[0]), math.exp(x[1]), math.exp(x[2])), none - lowest
