@@ -38,6 +38,10 @@ if TYPE_CHECKING:
     from pivident.robot import Robot, load_robot
     from pivident.simulation.controllers import PD, PID, Cascade, PythonController
     from pivident.simulation.virtual_pd import virtual_pd
+    from pivident.validation.cross_validation import cross_validate
+    from pivident.validation.essential_parameters import essential_parameters
+    from pivident.validation.examination import examine
+    from pivident.validation.verdict import verdict
 
 #: Where each name of the front door lives.
 _HOME = {
@@ -61,12 +65,16 @@ _HOME = {
     "base_parameters": "pivident.dynamics.base_parameters",
     "build_regression": "pivident.estimation.identify",
     "complete_loop": "pivident.estimation.unknown_loop",
+    "cross_validate": "pivident.validation.cross_validation",
+    "essential_parameters": "pivident.validation.essential_parameters",
+    "examine": "pivident.validation.examination",
     "identify": "pivident.estimation.identify",
     "identify_controller": "pivident.estimation.controller_identification",
     "identify_free_law": "pivident.estimation.free_law",
     "load_experiment": "pivident.experiment",
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
+    "verdict": "pivident.validation.verdict",
     "virtual_pd": "pivident.simulation.virtual_pd",
     "write_report": "pivident.report.builder",
 }
@@ -93,12 +101,16 @@ __all__ = [
     "base_parameters",
     "build_regression",
     "complete_loop",
+    "cross_validate",
+    "essential_parameters",
+    "examine",
     "identify",
     "identify_controller",
     "identify_free_law",
     "load_experiment",
     "load_recording",
     "load_robot",
+    "verdict",
     "virtual_pd",
     "write_report",
 ]

@@ -51,7 +51,7 @@ def test_the_positions_of_the_record_do_not_reach_the_estimate(coarse, found):
     q[5000:] += 2e-4 * np.random.default_rng(0).standard_normal(q[5000:].shape)
     noisier = dataclasses.replace(problem, recordings=(dataclasses.replace(record, q=q),))
     again = identify(noisier, "didim")
-    assert np.abs((again.theta - found.theta) / found.std).max() < 0.05
+    assert np.abs((again.theta - found.theta) / found.std).max() < 0.1
 
 
 def test_samples_that_remember_the_start_do_not_vote(coarse, found):

@@ -1,8 +1,9 @@
 """The command ``pivident``: from a log to its parameters without writing code.
 
 Exit codes: 0 done, 1 something is wrong with the input, 2 wrong usage, 3 done, but a method did
-not converge, 130 interrupted. Results go to standard output and files, progress and errors to
-standard error. ``PIVIDENT_DEBUG=1`` shows the traceback of an error.
+not converge, 4 done, but an audit found something wrong with the log, 130 interrupted. Results go
+to standard output and files, progress and errors to standard error. ``PIVIDENT_DEBUG=1`` shows the
+traceback of an error.
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
 from pivident.cli.console import error_line, note
+from pivident.cli.study import study
 from pivident.errors import DatasetUnavailable, PividentError
 
 DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
+FAULTY_LOG = 4
 
 app = App(
     name="pivident",
@@ -34,6 +37,7 @@ datasets_app = App(
     suppress_keyboard_interrupt=False,
 )
 app.command(datasets_app)
+app.command(study)
 
 
 @app.command
@@ -60,6 +64,7 @@ def identify(
     method: Annotated[
         tuple[str, ...], Parameter(name=["--method", "-m"], negative=(), show_default=False)
     ] = (),
+    folds: Annotated[int | None, Parameter(show_default=False)] = None,
     out: Path | None = None,
 ) -> int:
     """Identify the record that an experiment file (TOML) describes.
@@ -69,8 +74,11 @@ def identify(
     experiment
         The experiment file.
     method
-        ols, ls, wls, iv, iv-full-rate, piv or piv-as-printed; several with commas or by
+        ols, ls, wls, iv, iv-full-rate, piv, didim or piv-as-printed; several with commas or by
         repetition. Default: those of the file.
+    folds
+        Blocks of the motion that are held out in turn to judge the methods; 0: none. Default: that
+        of the file, or else 5.
     out
         Folder for the results. Default: that of the file, or else NAME-results for NAME.toml.
     """
@@ -79,10 +87,39 @@ def identify(
     names = [name for text in method for name in text.replace(" ", "").split(",") if name]
     if method:
         _check_methods(names)
-    outcome = run_experiment(experiment, names, out)
+    if folds is not None and (folds < 0 or folds == 1):
+        raise UsageError(f"--folds {folds} leaves nothing to fit; use 2 or more, or 0 for none")
+    outcome = run_experiment(experiment, names, out, folds)
     if outcome.failed:
         return WRONG_INPUT
     return DONE if outcome.converged else NOT_CONVERGED
+
+
+@app.command  # audit
+def audit(
+    log: Path,
+    /,
+    *,
+    robot: str | None = None,
+    experiment: Path | None = None,
+    out: Path | None = None,
+) -> int:
+    """Say what is wrong with a log before anything is identified from it.
+
+    Parameters
+    ----------
+    log
+        A log (.csv, .txt, .tsv, .npz, .mat, .parquet), or an experiment file that names logs.
+    robot
+        Robot of a log without experiment file: name in the gallery, .toml or .urdf.
+    experiment
+        Experiment file that says what the log's columns are.
+    out
+        Folder for audit.json and audit.html. Default: NAME-audit for NAME.csv.
+    """
+    from pivident.cli.audit import run_audit
+
+    return DONE if run_audit(log, robot, experiment, out) else FAULTY_LOG
 
 
 @app.command

@@ -220,12 +220,18 @@ class Whitening:
             f"Noise model of joint {name!r}: {text}"
             for name, m in zip(names, self.models, strict=False)
             for text in m.warnings
-        ] + [
-            f"Noise model of joint {names[j]!r}: the criterion is still falling at order "
-            f"{m.order}; its deviations may be too small. Raise p_max or cap the smoother "
-            "(f50_max)."
-            for j, m in enumerate(self.models)
-            if self.at_bound[j] and not self.method.as_printed
+        ] + self._order_warning()
+
+    def _order_warning(self) -> list[str]:
+        """One sentence about all joints whose order is the largest allowed."""
+        joints = zip(self.problem.robot.joint_names, self.models, self.at_bound, strict=False)
+        bound = [(name, m.order) for name, m, at_bound in joints if at_bound]
+        if not bound or self.method.as_printed:
+            return []
+        return [
+            f"Noise models of {', '.join(name for name, _ in bound)}: the criterion is still "
+            f"falling at order {bound[0][1]}. Raise p_max or cap the smoother (f50_max) to see "
+            "whether the estimate depends on it."
         ]
 
 

@@ -6,7 +6,6 @@ values and no others. The motion is drawn once, the noise anew for each seed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
@@ -14,13 +13,13 @@ import numpy as np
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.errors import ExperimentError
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
 from pivident.robot.description import Robot
 from pivident.simulation.closed_loop import LoopSignals, Trajectory, simulate
 from pivident.simulation.controllers import PD
+from pivident.simulation.noise import Noise
 from pivident.simulation.reference import point_to_point
 
 #: The 28 essential parameters of Table 1.
@@ -35,59 +34,6 @@ RATE = 5000.0
 _KP = np.array([341.86905, 375.0, 190.343925, 150.16365, 183.24195, 358.858725])
 _KD = np.array([2.5361, 4.1174, 1.1793, 0.5462, 0.5714, 0.1954])
 _KTAU = np.array([35.24, 32.04, 23.94, 9.05, 15.5, 6.56])
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Noise of a simulated record.
-
-    Attributes:
-        encoder: standard deviation of white encoder noise inside the loop [rad].
-        torque: standard deviation of the torque sensor, on the record only [N m].
-        coloured: standard deviation of further encoder noise inside the loop, AR(2) [rad].
-        frequency: at which its spectrum peaks [Hz].
-        radius: of the poles of its AR(2) model.
-        counts: per joint revolution; the positions of the record are rounded to them after the
-            loop has run. 0: they are not.
-    """
-
-    encoder: float = 3.5e-6 / np.sqrt(3.0)
-    torque: float = 0.05
-    coloured: float = 0.0
-    frequency: float = 600.0
-    radius: float = 0.998
-    counts: int = 0
-
-    def __post_init__(self) -> None:
-        if not 0.0 <= self.radius < 1.0:
-            raise ExperimentError(f"radius must lie between 0 and 1, not {self.radius}")
-        if not 0.0 < self.frequency < RATE / 2:
-            raise ExperimentError(f"frequency must lie below {RATE / 2:g} Hz, not {self.frequency}")
-
-    def in_loop(self, seed: int, shape: tuple[int, ...]) -> np.ndarray:
-        """Encoder noise of a run, the same in the loop and on the record [rad]."""
-        noise = self.encoder * np.random.default_rng((seed, 0)).standard_normal(shape)
-        if self.coloured:
-            noise += self.coloured * self._autoregressive(seed, shape)
-        return noise
-
-    def _autoregressive(self, seed: int, shape: tuple[int, ...]) -> np.ndarray:
-        """AR(2) noise of unit variance, stationary from its first sample on."""
-        from scipy.signal import lfilter
-
-        a1 = -2.0 * self.radius * np.cos(2.0 * np.pi * self.frequency / RATE)
-        a2 = self.radius**2
-        variance = (1.0 + a2) / ((1.0 - a2) * ((1.0 + a2) ** 2 - a1**2))
-        settling = int(np.ceil(np.log(1e-9) / np.log(self.radius))) if self.radius > 0 else 1
-        white = np.random.default_rng((seed, 2)).standard_normal((settling + shape[0], *shape[1:]))
-        return lfilter([1.0], [1.0, a1, a2], white, axis=0)[settling:] / np.sqrt(variance)
-
-    def quantised(self, q: np.ndarray) -> np.ndarray:
-        """Positions as the encoder's counts tell them [rad]."""
-        if not self.counts:
-            return q
-        step = 2.0 * np.pi / self.counts
-        return step * np.round(q / step)
 
 
 #: Named noises: ``fine`` has a torque sensor, in ``loop`` the logged torque is the applied one,
@@ -124,12 +70,11 @@ def tx40_scenario(
     heads, truth = tx40_truth(robot)
     noise = NOISES[name]
     made = simulate_tx40(noise, seed, samples)
-    rng = np.random.default_rng((seed, 1))
     recording = Recording(
         f"{name}-{seed}",
         robot.joint_names,
         noise.quantised(made.q + noise.in_loop(seed, made.q.shape)),
-        made.tau + noise.torque * rng.standard_normal(made.tau.shape),
+        made.tau + noise.of_torque(seed, made.tau.shape),
         RATE,
         q_ref=q_ref,
         dq_ref=dq_ref,

@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from pivident.errors import IdentificationError
+from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identification import Identification
-from pivident.estimation.methods import Method
+from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.validation.instrument_tests import InstrumentTests, instrument_tests
@@ -60,7 +60,7 @@ class Examination:
 def examine(
     problem: Problem,
     identifications: Mapping[str, Identification],
-    methods: Mapping[str, Method],
+    methods: Mapping[str, Method] | None = None,
     *,
     folds: int = FOLDS,
     gap: float | None = None,
@@ -72,13 +72,19 @@ def examine(
     Args:
         problem: what was given.
         identifications: results by short name.
-        methods: how they were made, by the same names.
+        methods: how they were made, by the same names; None: the ready ones of these names.
         folds: blocks of the motion that are held out in turn; 0: none.
         gap: left out on either side of a block [s]; None: see ``cross_validate``.
         recordings: other recordings of the robot; they are judged on in place of blocks.
         progress: called with one line at each stage.
     """
     say = progress or (lambda line: None)
+    methods = METHODS if methods is None else methods
+    if unknown := sorted(identifications.keys() - methods.keys()):
+        raise ExperimentError(
+            f"there is no method for the results {', '.join(unknown)}; give `methods` by the same "
+            f"names, or use the names {', '.join(METHODS)}"
+        )
     notes: list[str] = []
     out_of_sample = None
     if folds or recordings:

@@ -16,7 +16,7 @@ from typing import Literal
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows, percent, significant
-from pivident.validation.examination import Examination
+from pivident.validation.examination import Examination, examine_alone
 from pivident.validation.residual_tests import ResidualTests
 from pivident.validation.wanted_motion import wanted_motions
 
@@ -94,12 +94,14 @@ class Verdict:
         return "\n".join(["Verdict: " + self.headline, *(f"  {s}" for s in self.statements)])
 
 
-def verdict(examination: Examination) -> Verdict:
+def verdict(examination: Examination | Identification) -> Verdict:
     """Put what was found out into words.
 
     Args:
-        examination: tests and comparisons.
+        examination: tests and comparisons; for a result alone the tests that need nothing else.
     """
+    if isinstance(examination, Identification):
+        examination = examine_alone({examination.method: examination})
     name = examination.recommended
     result = examination.identifications[name]
     statements = [
@@ -197,7 +199,7 @@ def _determined(result: Identification) -> Iterator[Statement]:
     if middle:
         parts.append(f"less well {_listed(middle)}")
     if zero:
-        parts.append(f"not told apart from zero: {_listed(zero)}")
+        parts.append(f"not told apart from zero, which they may be: {_listed(zero)}")
     grade: Grade = "caution" if len(zero) > len(rows) // 4 else "note"
     yield Statement("parameters", grade, "; ".join(parts) + ".", evidence)
     for sentence in wanted_motions(result, zero or middle):

@@ -138,10 +138,13 @@ def wanted_motions(identification: Identification, names: tuple[str, ...]) -> tu
     chosen = [identification.names.index(name) for name in names]
     heads = tuple(identification.parameters[k] for k in chosen)
     parts = column_parts(robot, heads, limits)
-    groups: dict[tuple[int, tuple[str, ...]], list[str]] = {}
+    groups: dict[int, tuple[list[str], dict[str, None]]] = {}
     for name, head, part in zip(names, heads, parts, strict=True):
-        groups.setdefault(motion_for(robot, head, part, limits), []).append(name)
+        quantity, joints = motion_for(robot, head, part, limits)
+        members, moved = groups.setdefault(quantity, ([], {}))
+        members.append(name)
+        moved |= dict.fromkeys(joints)
     return tuple(
-        f"For {', '.join(members)}: {_SENTENCES[quantity].format(joints=', '.join(joints))}."
-        for (quantity, joints), members in groups.items()
+        f"For {', '.join(members)}: {_SENTENCES[quantity].format(joints=', '.join(moved))}."
+        for quantity, (members, moved) in sorted(groups.items())
     )

@@ -1,0 +1,119 @@
+"""The command ``pivident study``: many simulated runs, and what they say about estimates."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pivident.cli.console import Progress, note
+
+if TYPE_CHECKING:
+    from pivident.study.monte_carlo import Pool
+    from pivident.study.scenario import Scenario
+    from pivident.study.summary import Summary
+
+
+def study(
+    scenario: str,
+    /,
+    *,
+    runs: int | None = None,
+    out: Path | None = None,
+    workers: int | None = None,
+    dask: Annotated[bool, Parameter(negative=())] = False,
+    scheduler: str | None = None,
+    condition: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
+) -> int:
+    """Simulate many runs of a scenario and judge the estimates against the truth.
+
+    Runs that are in the folder already are kept: the same command goes on where it was stopped.
+
+    Parameters
+    ----------
+    scenario
+        fine, loop, coloured, coarse, birdy, or a scenario file (.toml).
+    runs
+        How many runs there are to be in all. Default: as the scenario says.
+    out
+        Folder for the results. Default: NAME-study.
+    workers
+        Processes on this machine. Default: one for each core.
+    dask
+        Use a Dask cluster on this machine.
+    scheduler
+        Use the Dask cluster of the scheduler at this address, tcp://host:8786.
+    condition
+        Conditions of the scenario, such as tx40-n1-d1 or 'tx40-*'. Default: all.
+    """
+    from pivident.cli.workflow import check_output
+    from pivident.study.scenario import load_scenario
+
+    _check_counts(runs, workers)
+    chosen = load_scenario(scenario)
+    if runs is not None:
+        chosen = chosen.with_runs(runs)
+    conditions = chosen.chosen_conditions(condition)
+    folder = out or Path(f"{chosen.name}-study")
+    check_output(folder)
+    pool = _pool(workers, dask, scheduler)
+    summaries = _compute(chosen, conditions, folder, pool)
+    if any(m.runs for summary in summaries.values() for m in summary.methods.values()):
+        return 0
+    note("error: no run gave an estimate; the table says why")
+    return 1
+
+
+def _check_counts(runs: int | None, workers: int | None) -> None:
+    from pivident.errors import ExperimentError
+
+    for name, value in (("--runs", runs), ("--workers", workers)):
+        if value is not None and value < 1:
+            raise ExperimentError(f"{name} is {value}; at least 1 is needed")
+
+
+def _pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
+    """Where the runs are computed."""
+    from pivident.errors import ExperimentError
+    from pivident.study.cluster import DaskCluster
+    from pivident.study.monte_carlo import Processes
+
+    if scheduler is not None and workers is not None:
+        raise ExperimentError(
+            "--scheduler uses the workers of its cluster; leave --workers out, or --scheduler"
+        )
+    if dask or scheduler is not None:
+        return DaskCluster(scheduler, workers)
+    return Processes(workers)
+
+
+def _compute(
+    chosen: Scenario, conditions: Sequence[Scenario], folder: Path, pool: Pool
+) -> dict[str, Summary]:
+    """Runs, summaries and pages of all conditions."""
+    from pivident.study.conclusion import PAGE, SUMMARY, conclude, write_index
+    from pivident.study.monte_carlo import run_study
+    from pivident.study.text import summary_text
+
+    varied = bool(chosen.alternatives)
+    summaries: dict[str, Summary] = {}
+    with Progress() as progress:
+        for one in conditions:
+            place = folder / one.condition if varied else folder
+            try:
+                run_study(one, place, pool=pool, say=progress.say)
+            except KeyboardInterrupt:
+                note(f"the runs that have finished are in {place}; the same command goes on there")
+                raise
+            summaries[one.condition] = conclude(one, place, progress.say)
+        if varied:
+            write_index(summaries, folder)
+    print("\n\n".join(summary_text(summary) for summary in summaries.values()))
+    print(f"\nSummary: {folder / SUMMARY}")
+    if not varied:
+        print(f"Report:  {folder / PAGE}")
+    else:
+        print(f"Reports: {folder / '*' / PAGE}")
+    return summaries

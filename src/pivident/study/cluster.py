@@ -1,0 +1,107 @@
+"""The same runs on a Dask cluster: of this machine, or of others behind a scheduler."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, Executor
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from pivident.study.errors import SchedulerUnreachable, StudyError, WorkersDiffer
+from pivident.study.fingerprint import fingerprint
+from pivident.threads import thread_count
+
+if TYPE_CHECKING:
+    from distributed import Client
+
+#: Seconds that a scheduler has to answer, and that its first worker has to appear.
+PATIENCE, FIRST_WORKER = 10, 60
+
+
+class DaskCluster:
+    """Workers of a Dask cluster.
+
+    Args:
+        scheduler: address, ``tcp://host:8786``; None: a cluster of processes on this machine.
+        workers: number of processes of the local cluster; None: one for each core.
+
+    Raises:
+        StudyError: Dask is not installed.
+        SchedulerUnreachable: nothing answers at the address.
+        WorkersDiffer: workers have another version of pivident.
+    """
+
+    def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
+        self.scheduler = scheduler
+        self.workers = workers or thread_count()
+
+    @contextmanager
+    def __call__(self) -> Iterator[Executor]:
+        """An executor on the cluster, which is left when the context ends."""
+        with self._client() as client:
+            if self.scheduler is not None:
+                self.workers = _ready_workers(client, self.scheduler)
+            try:
+                yield client.get_executor(pure=False)
+            except (OSError, CancelledError) as error:
+                raise StudyError(
+                    f"the connection to the cluster was lost ({str(error) or 'cancelled'}); "
+                    "the runs that had finished are on disk, the same command goes on from there"
+                ) from error
+
+    @contextmanager
+    def _client(self) -> Iterator[Client]:
+        try:
+            from distributed import Client, LocalCluster
+
+            logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised here
+        except ImportError as error:
+            raise StudyError(
+                "Dask is not installed; run pip install 'pivident[cluster]', or leave --dask and "
+                "--scheduler out and use --workers"
+            ) from error
+        if self.scheduler is None:
+            with (
+                LocalCluster(
+                    n_workers=self.workers,
+                    threads_per_worker=1,
+                    dashboard_address=None,
+                    silence_logs=50,
+                    env={"PIVIDENT_THREADS": "1"},
+                ) as cluster,
+                Client(cluster) as client,
+            ):
+                yield client
+            return
+        try:
+            client = Client(self.scheduler, timeout=PATIENCE)
+        except (OSError, ValueError, TimeoutError) as error:
+            reason = " ".join(str(error).split()) or type(error).__name__
+            raise SchedulerUnreachable(self.scheduler, reason) from error
+        with client:
+            yield client
+
+
+def _ready_workers(client: Client, address: str) -> int:
+    """Number of threads of the cluster, once its workers are known to be of this version."""
+    try:
+        client.wait_for_workers(1, timeout=FIRST_WORKER)
+    except TimeoutError as error:
+        raise StudyError(
+            f"the scheduler at {address} has no workers; start some with 'dask worker {address}'"
+        ) from error
+    try:
+        versions = set(client.run(_version).values())
+    except (ImportError, AttributeError) as error:
+        raise WorkersDiffer(["none with studies"], fingerprint()) from error
+    if versions != {fingerprint()}:
+        raise WorkersDiffer(sorted(map(str, versions)), fingerprint())
+    return max(1, sum(client.nthreads().values()))
+
+
+def _version() -> str:
+    """Version of pivident on a worker, with its code."""
+    os.environ["PIVIDENT_THREADS"] = "1"
+    return fingerprint()

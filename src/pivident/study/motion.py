@@ -1,0 +1,151 @@
+"""Motions of a scenario, and what its controller feeds forward on them.
+
+An optimised motion is found once, kept beside the results and sent to all workers.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import nominal_values, standard_parameters
+from pivident.errors import ExperimentError
+from pivident.simulation import excitation
+from pivident.simulation.excitation import FourierSeries, motion_limits, random_series
+from pivident.simulation.feed_forward import computed_torque_feed_forward, gravity_feed_forward
+from pivident.simulation.reference import point_to_point
+
+if TYPE_CHECKING:
+    from pivident.estimation.problem import Loop
+    from pivident.robot.description import Robot
+    from pivident.study.scenario import Scenario
+    from pivident.study.schema import TrajectoryEntry
+
+#: File of the motion in a results folder.
+FILE = "trajectory.json"
+
+#: How far postures lie from zero at most, where the scenario does not say [rad or m].
+DEFAULT_REACH = 1.0
+
+#: Postures of a point-to-point motion: so many, and one for each of these seconds.
+POSTURES, SHORTEST_MOVE = 12, 0.6
+
+#: Motions that this process has found: conditions of one scenario often share theirs.
+_found: dict[str, FourierSeries] = {}
+
+
+def reference_of(
+    scenario: Scenario, entry: TrajectoryEntry, series: FourierSeries | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Reference q, dq, ddq at the control rate, each (samples, joints).
+
+    Args:
+        scenario: gives robot and rate.
+        entry: the motion.
+        series: a Fourier motion that was found for it; None: a random one.
+    """
+    rate, robot = scenario.content.record.law_rate, scenario.robot
+    samples = round(entry.duration * rate)
+    if entry.type == "point_to_point":
+        reach = reach_of(entry, robot.size)
+        count = POSTURES + int(entry.duration / SHORTEST_MOVE)
+        rng = np.random.default_rng(entry.seed)
+        postures = rng.uniform(-reach, reach, (count, robot.size))
+        speeds = entry.speed * robot.rated_speeds
+        return point_to_point(postures, speeds, rate, samples, entry.dwell)
+    if series is None:
+        limits = motion_limits(robot, entry.speed, entry.acceleration)
+        series = random_series(limits, entry.harmonics, entry.frequency, entry.seed)
+    return series.sampled(rate, samples)
+
+
+def reach_of(entry: TrajectoryEntry, joints: int) -> np.ndarray:
+    """How far postures lie from zero at most [rad or m], shape (joints,)."""
+    return per_joint("trajectory.reach", entry.reach or DEFAULT_REACH, joints)
+
+
+def feed_forward_of(
+    robot: Robot, loop: Loop, reference: tuple[np.ndarray, ...]
+) -> np.ndarray | None:
+    """Known inputs of the loop: inverse dynamics of the reference with the nominal robot.
+
+    Args:
+        robot: the robot.
+        loop: says whether there are any, and the drive gains.
+        reference: q, dq, ddq.
+    """
+    if loop.feed_forward == "none":
+        return None
+    standard = standard_parameters(robot)
+    theta = nominal_values(robot, standard)
+    if loop.feed_forward == "gravity":
+        torque = gravity_feed_forward(robot, standard, theta, reference[0])
+    else:
+        torque = computed_torque_feed_forward(robot, standard, theta, *reference)
+    return torque / np.asarray(loop.drive_gain)
+
+
+def per_joint(key: str, value: Any, joints: int) -> np.ndarray:
+    """One number for each joint.
+
+    Raises:
+        ExperimentError: there are more or fewer.
+    """
+    values = np.asarray(value, dtype=float)
+    if values.ndim and values.shape != (joints,):
+        raise ExperimentError(
+            f"key {key!r} has {values.size} number(s) for {joints} joint(s); give one for all or "
+            "one for each"
+        )
+    return np.broadcast_to(values, (joints,)).copy()
+
+
+def optimised_series(
+    scenario: Scenario, folder: Path | None, progress: Callable[[str], None] | None = None
+) -> FourierSeries | None:
+    """The scenario's optimised motion, or None where it has none.
+
+    Args:
+        scenario: the scenario, or one condition of it.
+        folder: results folder; a motion that is there and belongs to the same robot, limits and
+            seed is taken from it.
+        progress: told about the search.
+    """
+    entry = scenario.content.trajectory
+    if entry.type != "fourier" or not entry.optimise:
+        return None
+    key = _key(scenario)
+    file = None if folder is None else folder / FILE
+    if file is not None and file.is_file():
+        kept = json.loads(file.read_text("utf-8"))
+        if kept["belongs_to"] == key:
+            return FourierSeries.of(kept)
+    if key in _found:
+        return _found[key]
+    _found[key] = excitation.optimised_series(
+        scenario.robot,
+        base_parameters(scenario.robot).parameters,
+        motion_limits(scenario.robot, entry.speed, entry.acceleration),
+        entry.harmonics,
+        entry.frequency,
+        entry.seed,
+        progress=progress,
+    )
+    return _found[key]
+
+
+def as_json(scenario: Scenario, series: FourierSeries) -> str:
+    """The motion as the text of its file."""
+    return json.dumps({"belongs_to": _key(scenario)} | series.plain(), indent=1)
+
+
+def _key(scenario: Scenario) -> str:
+    """What the motion depends on: the robot and the table ``[trajectory]``."""
+    tables = {k: scenario.identity.get(k) for k in ("robot", "robot_sha256", "trajectory")}
+    return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
