@@ -10,6 +10,12 @@ from pivident.robot import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 
+_W = np.linspace(0.0, np.pi, 10001)
+
+#: White torque noise of unit deviation after alignment: cos(ω/2) of the average over two periods,
+#: over Numerov's (10 + 2 cos ω)/12.
+ALIGNED_NOISE = float(np.sqrt(np.mean((np.cos(_W / 2) * 12 / (10 + 2 * np.cos(_W))) ** 2)))
+
 RATE, PERIOD = 500.0, 1000
 TRUTH = {"m1": 95.0, "fv1": 200.0, "fc1": 20.0, "off1": -3.0}
 CONTROLLER = PD(kp=[9e5], kd=[2.4e4])

@@ -109,8 +109,8 @@ def test_prediction_error_of_the_true_model_is_the_noise(made):
     noise = 2.0
     problem = axis.problem(axis.recording(made, noise))
     error = cross_validate(problem, FULL_RATE, folds=3).prediction
-    # the torque of two neighbouring samples is averaged
-    assert error.rms[0] == pytest.approx(noise / np.sqrt(2), rel=0.1)
+    # the torque of two neighbouring samples is averaged, and brought back to the instant
+    assert error.rms[0] == pytest.approx(noise * axis.ALIGNED_NOISE, rel=0.1)
     assert error.relative[0] == pytest.approx(100 * error.rms[0] / error.torque[0])
     assert error.total == pytest.approx(error.relative[0])
 

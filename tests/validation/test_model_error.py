@@ -118,8 +118,8 @@ def test_repetition_measures_noise_and_model_error(made):
     assert joint.noise == pytest.approx(np.sqrt(2 / axis.RATE * 17.96), rel=0.15)
     # the force that depends on the place, but for what the parameters took of it
     assert joint.model == pytest.approx(error / np.sqrt(2), rel=0.15)
-    # over all frequencies the noise keeps half its variance
-    assert joint.noise_share_all == pytest.approx(0.5 / (0.5 + joint.model**2), rel=0.1)
+    kept = axis.ALIGNED_NOISE**2
+    assert joint.noise_share_all == pytest.approx(kept / (kept + joint.model**2), rel=0.1)
     assert found.mostly_model_error
     text = str(found)
     assert "it is model error" in text and "Repeatability" in text and "repeats ±2σ" in text
