@@ -138,13 +138,17 @@ def wanted_motions(identification: Identification, names: tuple[str, ...]) -> tu
     chosen = [identification.names.index(name) for name in names]
     heads = tuple(identification.parameters[k] for k in chosen)
     parts = column_parts(robot, heads, limits)
-    groups: dict[int, tuple[list[str], dict[str, None]]] = {}
+
+    def in_order(joints: set[str]) -> str:
+        return ", ".join(name for name in robot.joint_names if name in joints)
+
+    groups: dict[int, tuple[list[str], set[str]]] = {}
     for name, head, part in zip(names, heads, parts, strict=True):
         quantity, joints = motion_for(robot, head, part, limits)
-        members, moved = groups.setdefault(quantity, ([], {}))
+        members, moved = groups.setdefault(quantity, ([], set()))
         members.append(name)
-        moved |= dict.fromkeys(joints)
+        moved.update(joints)
     return tuple(
-        f"For {', '.join(members)}: {_SENTENCES[quantity].format(joints=', '.join(moved))}."
+        f"For {', '.join(members)}: {_SENTENCES[quantity].format(joints=in_order(moved))}."
         for quantity, (members, moved) in sorted(groups.items())
     )
