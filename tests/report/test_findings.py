@@ -2,14 +2,19 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.report.findings import disagreements, findings
-from pivident.report.whiteness import whiteness
+from pivident.report.findings import disagreements
+from pivident.report.findings import findings as remarks
+from pivident.validation.residual_tests import residual_tests
 from tests.synthetic_identification import synthetic_identification
 
 
-def good():
+def findings(identification):
+    return remarks(identification, residual_tests(identification))
+
+
+def good(**changes):
     """A result with parameters far from zero and, without a noise model, white residuals."""
-    identification = synthetic_identification()
+    identification = synthetic_identification(**changes)
     return replace(
         identification,
         covariance=identification.covariance * 1e-4,
@@ -63,27 +68,15 @@ def test_remarks_on_noise():
     assert "assume" not in text
 
 
-def test_verdicts_on_residuals():
-    identification = good()
-    recording = identification.recordings[0]
-    rng = np.random.default_rng(8)
-    white = rng.standard_normal((2000, 2))
-    long = rng.standard_normal((200_000, 2))
-
-    def verdict(residual):
-        return whiteness(identification, replace(recording, whitened=residual), 0).verdict
-
-    assert verdict(white) == "white"
-    assert verdict(np.cumsum(white, axis=0)) == "correlated"
-    assert verdict(long[1:] + 0.02 * long[:-1]) == "practically white"
-    assert verdict(np.vstack([white, np.full((50, 2), np.nan)])) == "white"
+def test_residuals_that_are_hardly_correlated_are_not_remarked_on():
+    long = np.random.default_rng(8).standard_normal((200_000, 2))
+    hardly = with_residual(good(samples=199_999), long[1:] + 0.02 * long[:-1])
+    assert not any("not white" in text for text in findings(hardly))
 
 
-def test_no_verdict_on_short_or_constant_residuals():
-    identification = good()
+def test_short_or_constant_residuals_are_not_tested():
     for residual in (np.zeros((2000, 2)), np.ones((20, 2)), np.full((2000, 2), np.nan)):
-        recording = replace(identification.recordings[0], whitened=residual)
-        assert whiteness(identification, recording, 0) is None
+        assert not any("not white" in text for text in findings(with_residual(good(), residual)))
 
 
 def test_disagreements_name_parameter_and_methods():

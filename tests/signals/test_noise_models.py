@@ -6,12 +6,12 @@ from scipy.signal import butter, lfilter
 
 from pivident.errors import IdentificationError
 from pivident.signals.noise_models import (
-    autocorrelation,
     fit_ar,
-    ljung_box,
     unmasked_stretches,
     whiten,
 )
+from pivident.validation.autocorrelation import ljung_box
+from pivident.validation.residual import JointResidual
 
 AR2 = [1.0, -1.5, 0.8]
 
@@ -127,8 +127,8 @@ def test_a_notch_in_the_spectrum_is_whitened():
     model = fit_ar(v, 200)
     white = whiten(model, v)[model.order :]
     assert model.innovation_variance == pytest.approx(0.0174, rel=0.02)
-    assert ljung_box(white, 40).statistic < 55.8
-    assert ljung_box(v, 40).p_value < 1e-6
+    assert ljung_box(JointResidual("white", (white,)), 40).statistic < 55.8
+    assert ljung_box(JointResidual("coloured", (v,)), 40).p_value < 1e-6
 
 
 def test_a_search_that_ends_at_its_largest_order_says_so():
@@ -155,27 +155,6 @@ def test_spectrum_integrates_to_the_variance():
     frequency = np.linspace(0, 500, 20_001)
     power = np.trapezoid(fit_ar(v, order=2).spectrum(frequency, 1000), frequency)
     assert power == pytest.approx(np.var(v), rel=0.01)
-
-
-def test_autocorrelation_is_that_of_the_definition():
-    x = np.random.default_rng(0).standard_normal(300)
-    centred = x - x.mean()
-    expected = [centred[: 300 - k] @ centred[k:] / (centred @ centred) for k in range(21)]
-    np.testing.assert_allclose(autocorrelation(x, 20), expected, atol=1e-12)
-
-
-def test_ljung_box_agrees_with_statsmodels():
-    from statsmodels.stats.diagnostic import acorr_ljungbox
-
-    x = coloured(800, denominator=[1.0, -0.05])
-    ours = ljung_box(x, 20, fitted=1)
-    theirs = acorr_ljungbox(x, [20], model_df=1)
-    assert ours.statistic == pytest.approx(theirs["lb_stat"].item(), rel=1e-10)
-    assert ours.p_value == pytest.approx(theirs["lb_pvalue"].item(), rel=1e-8)
-
-
-def test_more_parameters_than_lags_raise_the_lags():
-    assert ljung_box(coloured(2000), 40, fitted=100).degrees_of_freedom == 40
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.law_equations import START
 from pivident.estimation.parameter_rows import percent, significant
 from pivident.report.downsampling import kept_samples, stretches
-from pivident.report.whiteness import Whiteness
+from pivident.validation.residual_tests import JointResidualTests
 
 #: Colours of the methods, legible on white and on black; then they repeat.
 METHOD_COLOURS = ("#2f7fd1", "#e07b00", "#1f9d72", "#9a5fd0", "#c2528b", "#7d8a1e")
@@ -135,34 +135,33 @@ def reference_figure(
     return Figure(plot, height=320, title=name, label=f"{label}; {note}", note=note)
 
 
-def residual_figure(name: str, result: Whiteness, method: int) -> Figure:
+def residual_figure(tests: JointResidualTests, method: int) -> Figure:
     """Autocorrelation of one joint's residual with the band of white noise.
 
     Args:
-        name: name of the joint.
-        result: its autocorrelation and test.
+        tests: of the joint's residual.
         method: index of the method, for its colour.
     """
-    lags = np.arange(1, result.rho.size + 1)
+    found = tests.autocorrelation
+    lags = np.arange(1, found.rho.size + 1)
     plot = _empty("autocorrelation")
-    plot.update_xaxes(title_text=f"lag [samples of {significant(1e3 / result.rate)} ms]")
+    plot.update_xaxes(title_text=f"lag [samples of {significant(1e3 / found.rate)} ms]")
     plot.add_bar(
-        x=_packed(lags), y=_packed(result.rho), marker_color=colour(method), name="autocorrelation"
+        x=_packed(lags), y=_packed(found.rho), marker_color=colour(method), name="autocorrelation"
     )
     for sign in (-1.0, 1.0):
-        plot.add_hline(sign * result.band, line={"color": ERROR, "width": 1, "dash": "dash"})
-    reach = 1.15 * max(float(np.abs(result.rho).max()), 2.0 * result.band)
+        plot.add_scatter(
+            x=_packed(lags),
+            y=_packed(sign * found.band),
+            mode="lines",
+            line={"color": ERROR, "width": 1, "dash": "dash"},
+            name="±2/√n",
+        )
+    reach = 1.15 * max(float(np.nanmax(np.abs(found.rho))), 2.0 * float(np.median(found.band)))
     plot.update_yaxes(range=[-reach, reach])
-    test = result.test
-    p_value = "< 0.001" if test.p_value < 1e-3 else f"= {significant(test.p_value, 2)}"
-    note = (
-        f"{result.verdict}: largest |ρ| {significant(test.largest, 2)}, "
-        f"{percent(100.0 * result.outside)} outside ±2/√n; Ljung-Box Q = "
-        f"{significant(test.statistic)} on {test.degrees_of_freedom} degrees of freedom, "
-        f"p {p_value}"
-    )
-    label = f"Autocorrelation of the residual of {name} at lags 1 to {lags[-1]}: {note}"
-    return Figure(plot, height=220, title=name, label=label, note=note)
+    note = f"{percent(100.0 * found.outside)} outside ±2/√n. {tests.whiteness}"
+    label = f"Autocorrelation of the residual of {tests.name} at lags 1 to {lags[-1]}: {note}"
+    return Figure(plot, height=220, title=tests.name, label=label, note=note)
 
 
 def signal_figure(

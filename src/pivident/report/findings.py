@@ -12,7 +12,7 @@ from pivident.estimation.parameter_rows import (
     parameter_rows,
     percent,
 )
-from pivident.report.whiteness import whiteness
+from pivident.validation.residual_tests import ResidualTests
 
 #: Robust deviations larger than the method's own by this factor contradict them.
 _TOO_NARROW = 2.0
@@ -21,17 +21,18 @@ _TOO_NARROW = 2.0
 _LISTED = 8
 
 
-def findings(identification: Identification) -> tuple[str, ...]:
+def findings(identification: Identification, tests: ResidualTests) -> tuple[str, ...]:
     """Remarks on one result: the estimator's own warnings first.
 
     Args:
         identification: the result.
+        tests: of its residuals.
     """
     return (
         *identification.warnings,
         *_about_convergence(identification),
         *_about_parameters(identification),
-        *_about_noise(identification),
+        *_about_noise(identification, tests),
     )
 
 
@@ -89,22 +90,17 @@ def _about_parameters(identification: Identification) -> Iterator[str]:
         )
 
 
-def _about_noise(identification: Identification) -> Iterator[str]:
+def _about_noise(identification: Identification, tests: ResidualTests) -> Iterator[str]:
     bound = [joint.name for joint in identification.joints if joint.ar_at_bound]
     if bound:
         yield (
             f"Noise models of the largest order allowed: {_listed(bound)}; "
             "a larger one might fit better."
         )
-    correlated = dict.fromkeys(
-        joint.name
-        for recording in identification.recordings
-        for k, joint in enumerate(identification.joints)
-        if (test := whiteness(identification, recording, k)) and test.verdict == "correlated"
-    )
+    correlated = [joint for joint, test in tests.of("whiteness") if test.matters]
     if correlated:
         yield (
-            f"Residuals that are not white: {_listed(list(correlated))}. "
+            f"Residuals that are not white: {_listed(correlated)}. "
             f"{_about_deviations(identification)}"
         )
 

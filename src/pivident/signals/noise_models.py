@@ -82,24 +82,6 @@ class ArModel:
         )
 
 
-@dataclass(frozen=True)
-class LjungBox:
-    """Test of a residual for whiteness.
-
-    Attributes:
-        statistic: Q = n (n + 2) Σ_k ρ_k² / (n - k).
-        degrees_of_freedom: lags minus fitted parameters.
-        p_value: probability of a larger Q if the residual is white.
-        largest: largest |ρ_k|: with many samples tiny correlations are significant, so look at
-            their size as well.
-    """
-
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
-    largest: float
-
-
 def fit_ar(
     v: np.ndarray,
     p_max: int = 150,
@@ -229,43 +211,6 @@ def unmasked_stretches(mask: np.ndarray) -> np.ndarray:
     """Rows (start, stop) of the stretches where the mask is False, shape (stretches, 2)."""
     edges = np.flatnonzero(np.diff(np.r_[True, np.asarray(mask, dtype=bool), True]))
     return edges.reshape(-1, 2)
-
-
-def autocorrelation(residual: np.ndarray, lags: int) -> np.ndarray:
-    """ρ_k = Σ_i x_i x_{i+k} / Σ_i x_i² of the centred residual, k = 0 … lags, by FFT.
-
-    Args:
-        residual: shape (samples,).
-        lags: largest lag.
-    """
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    x = np.asarray(residual, dtype=float) - np.mean(residual)
-    length = next_fast_len(x.size + lags, real=True)
-    covariance = irfft(np.abs(rfft(x, length)) ** 2, length)[: lags + 1]
-    if covariance[0] == 0:
-        raise IdentificationError("the residual is constant and has no autocorrelation")
-    return covariance / covariance[0]
-
-
-def ljung_box(residual: np.ndarray, lags: int, fitted: int = 0) -> LjungBox:
-    """Ljung and Box's test: Q = n (n + 2) Σ_{k≤lags} ρ_k² / (n - k) against χ²(lags - fitted).
-
-    Args:
-        residual: shape (samples,).
-        lags: number of lags; raised to ``fitted + 40`` where it is not above ``fitted``.
-        fitted: number of noise parameters that were fitted to the residual.
-    """
-    from scipy.stats import chi2
-
-    lags = lags if lags > fitted else fitted + 40
-    n = len(residual)
-    rho = autocorrelation(residual, lags)[1:]
-    statistic = float(n * (n + 2) * np.sum(rho**2 / (n - np.arange(1, lags + 1))))
-    freedom = lags - fitted
-    return LjungBox(
-        statistic, freedom, float(chi2.sf(statistic, freedom)), float(np.abs(rho).max())
-    )
 
 
 def _information(variances: np.ndarray, samples: int, criterion: Criterion) -> np.ndarray:

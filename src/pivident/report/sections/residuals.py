@@ -4,29 +4,33 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.figures import Figure, residual_figure
-from pivident.report.sections.base import RecordingSection
-from pivident.report.whiteness import PRACTICAL, whiteness
+from pivident.report.figures import residual_figure
+from pivident.report.sections.base import Gallery, Section
+from pivident.validation.autocorrelation import PRACTICAL_CORRELATION
 
 
-class ResidualsSection(RecordingSection):
-    """One small figure per joint and recording."""
+class ResidualsSection(Section):
+    """One small figure per joint, over all recordings."""
 
     title = "Residuals"
     anchor = "residuals"
     template = "residuals.html"
 
-    def figures(
-        self, identification: Identification, recording: FittedRecording, method: int
-    ) -> tuple[Figure, ...]:
-        """One figure per joint whose residual is long enough to be tested."""
-        results = (
-            (joint.name, whiteness(identification, recording, k))
-            for k, joint in enumerate(identification.joints)
-        )
-        return tuple(residual_figure(name, result, method) for name, result in results if result)
+    @property
+    def applies(self) -> bool:
+        """Only where an identification kept its signals."""
+        return any(i.recordings for i in self.material.identifications)
 
     def context(self) -> dict[str, Any]:
         """The figures, and from which correlation on it matters."""
-        return super().context() | {"practical": PRACTICAL}
+        galleries = []
+        for k, tests in enumerate(self.material.examination.residuals.values()):
+            figures = tuple(residual_figure(joint, k) for joint in tests.joints)
+            groups = (("", figures),)
+            galleries.append(Gallery(self.material.labels[k], k, self.opened(k), groups))
+        return {
+            "galleries": galleries,
+            "left_out_names": (),
+            "several": self.material.several,
+            "practical": PRACTICAL_CORRELATION,
+        }

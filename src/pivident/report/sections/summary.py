@@ -32,8 +32,13 @@ class SummarySection(Section):
                 for label, i in zip(material.labels, material.identifications, strict=True)
             ],
             "remarks": [
-                (label, findings(i))
-                for label, i in zip(material.labels, material.identifications, strict=True)
+                (label, findings(i, tests))
+                for label, i, tests in zip(
+                    material.labels,
+                    material.identifications,
+                    material.examination.residuals.values(),
+                    strict=True,
+                )
             ],
             "disagreement": apart,
         }
