@@ -8,6 +8,7 @@ import pytest
 
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
+from pivident.signals.spectral_lines import SpectralLine
 from pivident.simulation.scenarios import tx40_fine
 from pivident.validation.examination import examine, examine_alone
 from pivident.validation.verdict import Statement, Verdict, save_verdict, verdict
@@ -119,3 +120,14 @@ def test_the_file_holds_the_statements(judged, tmp_path):
     assert content["schema"] == 1 and content["grade"] == judged.grade
     assert len(content["statements"]) == len(judged.statements)
     assert set(content["statements"][0]) == {"topic", "grade", "text", "evidence"}
+
+
+def test_spectral_lines_of_the_encoders_are_told(simulated):
+    piv = simulated[1]["piv"]
+    record = piv.equations.records[0]
+    lines = ((), (SpectralLine(99.8, 0.5, 1.2e-6),), (), (), (), ())
+    kinematics = dataclasses.replace(record.kinematics, lines=lines)
+    records = (dataclasses.replace(record, kinematics=kinematics),)
+    equations = dataclasses.replace(piv.equations, records=records)
+    found = verdict(dataclasses.replace(piv, equations=equations))
+    assert "joint_2 at 99.8 Hz, 1.2e-06 rad" in statement(found, "encoders").text

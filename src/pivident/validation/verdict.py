@@ -111,6 +111,7 @@ def verdict(examination: Examination | Identification) -> Verdict:
         *_signs(result),
         *_bias(examination, name),
         *_noise(result, examination.residuals[name]),
+        *_lines(result),
         *_instruments(examination, name),
         *_prediction(examination, name),
         *_model(examination),
@@ -300,6 +301,26 @@ def _noise(result: Identification, tests: ResidualTests) -> Iterator[Statement]:
         if matter and most is not None:
             text = sentence.format(joints=_listed(matter)) + "."
             yield Statement("noise", "note", text, f"{most[0]}: {most[1]}")
+
+
+def _lines(result: Identification) -> Iterator[Statement]:
+    """Spectral lines of the encoders, which the smoother has taken into account."""
+    records = () if result.equations is None else result.equations.records
+    units = dict(zip((j.name for j in result.joints), _position_units(result), strict=True))
+    found = {
+        f"{joint} at {significant(line.frequency)} Hz, {significant(line.std, 2)} {units[joint]}"
+        for r in records
+        if isinstance(r, FullRateRecord)
+        for joint, lines in zip(units, r.kinematics.lines, strict=False)
+        for line in lines
+    }
+    if found:
+        text = "The encoders' noise has spectral lines, which the smoother has taken into account"
+        yield Statement("encoders", "note", f"{text}: {_listed(sorted(found))}.")
+
+
+def _position_units(result: Identification) -> list[str]:
+    return ["rad" if joint.kind == "revolute" else "m" for joint in result.robot.joints]
 
 
 def _continues_level(result: Identification) -> bool:
