@@ -21,7 +21,7 @@ def interval_figure(audit: Audit) -> Figure | None:
     intervals = 1e3 * audit.timing.intervals
     if intervals.size < 3:
         return None
-    plot = _empty("intervals")
+    plot = empty_plot("intervals")
     counts, edges = np.histogram(intervals, bins=min(81, max(11, intervals.size // 50)))
     if np.ptp(intervals) < 1e-9 * abs(intervals[0]):
         counts, edges = np.array([intervals.size]), np.array([0.99, 1.01]) * intervals[0]
@@ -50,7 +50,7 @@ def clock_figure(audit: Audit) -> Figure | None:
         return None
     apart = 1e3 * (t - t[0] - (k - k[0]) * (t[-1] - t[0]) / (k[-1] - k[0]))
     kept = kept_samples(apart, POINTS)
-    plot = _empty("deviation [ms]")
+    plot = empty_plot("deviation [ms]")
     plot.add_scatter(
         x=k[kept], y=apart[kept], mode="lines", line={"color": METHOD_COLOURS[0], "width": 1.2}
     )
@@ -65,7 +65,7 @@ def grid_figure(audit: Audit) -> Figure | None:
     grids = [g for g in audit.quantisation.grids if np.isfinite(g.step)]
     if not grids:
         return None
-    plot = _empty("levels over the range")
+    plot = empty_plot("levels over the range")
     plot.add_bar(
         x=[g.name for g in grids], y=[g.levels for g in grids], marker_color=METHOD_COLOURS[2]
     )
@@ -87,7 +87,7 @@ def steps_figures(audit: Audit) -> list[Figure]:
             np.argmax(np.convolve(speed < 3 * grid.step, np.ones(50), "same") * (speed > 0))
         )
         part = slice(max(0, middle - 100), middle + 100)
-        plot = _empty("steps")
+        plot = empty_plot("steps")
         plot.add_scatter(
             x=np.arange(part.start, part.start + len(values[part])),
             y=(values[part] - np.nanmean(values[part])) / grid.step,
@@ -110,7 +110,7 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
     figures = []
     for j, joint in enumerate(model.robot.joints):
         revolute = joint.kind == "revolute"
-        plot = _empty(f"torque [{'N m' if revolute else 'N'}]")
+        plot = empty_plot(f"torque [{'N m' if revolute else 'N'}]")
         plot.add_scatter(
             x=model.dq[kept, j].astype(np.float32),
             y=tau[kept, j].astype(np.float32),
@@ -133,7 +133,7 @@ def shift_figure(audit: Audit) -> Figure | None:
     if delay is None:
         return None
     assert audit.log.robot is not None
-    plot = _empty("relative error [%]")
+    plot = empty_plot("relative error [%]")
     for j, joint in enumerate(audit.log.robot.joints):
         if not np.isfinite(delay.errors[:, j]).all():
             continue
@@ -164,7 +164,7 @@ def order_figure(audit: Audit) -> Figure | None:
         return None
     assert audit.log.robot is not None
     names = list(audit.log.robot.joint_names)
-    plot = _empty("joint")
+    plot = empty_plot("joint")
     plot.add_heatmap(
         x=names,
         y=names,
@@ -191,7 +191,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
         return []
     share = 100 * np.minimum(excitation.open_torque, 10.0)
     worst = np.argsort(-share)[:MOST_PARAMETERS]
-    plot = _empty("open share of the torque [%]")
+    plot = empty_plot("open share of the torque [%]")
     plot.add_bar(
         x=[excitation.names[k] for k in worst],
         y=share[worst],
@@ -203,7 +203,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
         "torque of full motion that each parameter alone leaves open, above 20 % in red"
     )
     first = Figure(plot, 320, "Parameters", f"Excitation: {note}", note)
-    ranges = _empty("used [%]")
+    ranges = empty_plot("used [%]")
     kinds = ("range", "rated speed", "acceleration")
     for k, kind in enumerate(kinds):
         ranges.add_bar(
@@ -220,7 +220,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     note = (
         "share of position limits, rated speed, and of the acceleration that reaches it in 0.15 s"
     )
-    spectrum = _empty("singular value")
+    spectrum = empty_plot("singular value")
     spectrum.add_scatter(
         x=np.arange(1, len(excitation.singular_values) + 1),
         y=np.maximum(excitation.singular_values, 1e-12),
@@ -243,7 +243,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     ]
 
 
-def _empty(y_title: str) -> go.Figure:
+def empty_plot(y_title: str) -> go.Figure:
     """Axes without decoration; the template stays out, it is 7 kB per figure."""
     return go.Figure(
         layout={

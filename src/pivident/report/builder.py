@@ -80,7 +80,7 @@ def render_report(
         names = method_labels(identifications)
         examination = examine_alone(dict(zip(names, identifications, strict=True)))
     material = Material(tuple(identifications), dict(truth or {}), title, examination)
-    environment = _environment()
+    environment = page_environment()
     sections = []
     for section in (cls(material) for cls in SECTIONS):
         if section.applies:
@@ -95,7 +95,7 @@ def render_report(
     )
 
 
-def _environment() -> Environment:
+def page_environment() -> Environment:
     """Templates that escape everything they are given, except what is marked as HTML."""
     environment = Environment(
         loader=PackageLoader("pivident.report"),

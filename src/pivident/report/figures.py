@@ -66,7 +66,7 @@ def torque_figure(
     fit = identification.joints[joint]
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
-    plot = _empty(f"torque [{fit.torque_unit}]" if fit.torque_unit != "N" else "force [N]")
+    plot = empty_plot(f"torque [{fit.torque_unit}]" if fit.torque_unit != "N" else "force [N]")
     plot.update_xaxes(title_text="time [s]")
     plot.add_traces(_compared(t, measured, model, points, "reconstructed", colour(method)))
     _shade(plot, _mask(recording, joint), t)
@@ -94,7 +94,7 @@ def law_figure(found: ControllerIdentification, joint: int, method: int, points:
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
-    plot = _empty(f"{found.compared} [{found.unit}]")
+    plot = empty_plot(f"{found.compared} [{found.unit}]")
     plot.update_xaxes(title_text="time [s]")
     plot.add_traces(_compared(t, measured, model, points, "law", colour(method)))
     rms = f"rms {significant(law.rms)} {found.unit}"
@@ -124,7 +124,7 @@ def reference_figure(
     name, unit = identification.joints[joint].name, position_unit(identification, joint)
     t = _time(recording)
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
-    plot = _empty("")
+    plot = empty_plot("")
     lines = _compared(t, measured, reference, points, "reference", colour(method))
     plot.add_traces([lines[0], lines[1], lines[2].update(yaxis="y2")])
     _stack(plot, [f"q [{unit}]", f"difference [{unit}]"])
@@ -144,7 +144,7 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
     """
     found = tests.autocorrelation
     lags = np.arange(1, found.rho.size + 1)
-    plot = _empty("autocorrelation")
+    plot = empty_plot("autocorrelation")
     plot.update_xaxes(title_text=f"lag [samples of {significant(1e3 / found.rate)} ms]")
     plot.add_bar(
         x=_packed(lags), y=_packed(found.rho), marker_color=colour(method), name="autocorrelation"
@@ -187,7 +187,7 @@ def signal_figure(
         ("dq", f"{unit}/s", recording.dq),
         ("ddq", f"{unit}/s²", recording.ddq),
     )
-    plot = _empty("")
+    plot = empty_plot("")
     plot.add_trace(
         _line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
     )
@@ -209,7 +209,7 @@ def distance_figure(identification: Identification) -> Figure:
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.abs(theta - identification.theta) / identification.std
     distance[~(np.isfinite(distance) & (distance > 0.0))] = np.nan
-    plot = _empty("distance from the estimate [σ]")
+    plot = empty_plot("distance from the estimate [σ]")
     plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
     plot.update_yaxes(type="log", exponentformat="power", dtick=1)
     columns = zip(identification.names, identification.parameters, distance.T, strict=True)
@@ -234,7 +234,7 @@ def distance_figure(identification: Identification) -> Figure:
 def change_figure(identification: Identification) -> Figure:
     """Largest relative change and relative error of the torque over the iterations."""
     history = identification.history
-    plot = _empty("%")
+    plot = empty_plot("%")
     plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
     plot.update_yaxes(type="log")
     for name, line_colour, values in (
@@ -262,7 +262,7 @@ def position_unit(identification: Identification, joint: int) -> str:
     return "rad" if identification.robot.joints[joint].kind == "revolute" else "m"
 
 
-def _empty(y_title: str) -> go.Figure:
+def empty_plot(y_title: str) -> go.Figure:
     """Axes without decoration; the template stays out, it is 7 kB per figure."""
     return go.Figure(
         layout={

@@ -21,8 +21,8 @@ import numpy as np
 from pivident.signals.coloured_walk_likelihood import coloured_fit, estimate_coloured_nvr
 from pivident.signals.random_walk import (
     SmoothedSignal,
-    _check,
-    _differentiate,
+    check_positions,
+    differentiate,
     smooth_channels,
 )
 from pivident.signals.random_walk_model import f50_from_nvr, log_nvr_std
@@ -66,7 +66,7 @@ def smooth_with_lines(
         NonFiniteSamples: a channel holds NaN or infinite samples.
     """
     y = np.asarray(y, dtype=float)
-    _check(y, rate, order, passes=1)
+    check_positions(y, rate, order, passes=1)
     channels = range(y.shape[1])
     searches: dict[int, LineSearch] = {}
 
@@ -104,7 +104,7 @@ def _smooth_channel(
     estimate = estimate_coloured_nvr(centred, rate, order, colour, f50_max)
     fit = coloured_fit(centred, estimate.nvr, order, colour)
     dq, ddq = np.empty(y.size), np.empty(y.size)
-    _differentiate(np.diff(fit.level), rate, dq, ddq)
+    differentiate(np.diff(fit.level), rate, dq, ddq)
     std = math.nan if estimate.on_bound else log_nvr_std(estimate.nvr, order, y.size)
     return SmoothedSignal(
         q=fit.level + mean,

@@ -202,7 +202,7 @@ def smooth_channels(
         The smoothed record, trajectories of shape (samples, channels).
     """
     y = np.asarray(y, dtype=float)
-    _check(y, rate, order, passes)
+    check_positions(y, rate, order, passes)
     samples, channels = y.shape
     given = np.broadcast_to(np.asarray(np.nan if nvr is None else nvr, dtype=float), channels)
     trajectories = np.empty((3, samples, channels))
@@ -216,7 +216,7 @@ def smooth_channels(
         if passes == 2:
             forward, _, _ = _smooth_channel(forward, rate, order, fixed, f50_max)
         trajectories[0, :, channel] = q
-        _differentiate(forward, rate, trajectories[1, :, channel], trajectories[2, :, channel])
+        differentiate(forward, rate, trajectories[1, :, channel], trajectories[2, :, channel])
 
     with ThreadPoolExecutor(max(1, min(channels, threads or os.cpu_count() or 1))) as pool:
         list(pool.map(work, range(channels)))
@@ -258,7 +258,7 @@ def _smooth_channel(
     return fit.level + mean, np.diff(fit.level), figures
 
 
-def _differentiate(forward: np.ndarray, rate: float, dq: np.ndarray, ddq: np.ndarray) -> None:
+def differentiate(forward: np.ndarray, rate: float, dq: np.ndarray, ddq: np.ndarray) -> None:
     """Central dq and ddq from the forward differences; the outermost samples repeat a neighbour."""
     dq[1:-1] = (forward[1:] + forward[:-1]) * (rate / 2)
     ddq[1:-1] = (forward[1:] - forward[:-1]) * rate**2
@@ -266,7 +266,7 @@ def _differentiate(forward: np.ndarray, rate: float, dq: np.ndarray, ddq: np.nda
     dq[0], dq[-1] = dq[1] - ddq[1] / rate, dq[-2] + ddq[-2] / rate
 
 
-def _check(y: np.ndarray, rate: float, order: int, passes: int) -> None:
+def check_positions(y: np.ndarray, rate: float, order: int, passes: int) -> None:
     """Refuse what cannot be smoothed."""
     if y.ndim != 2 or y.shape[0] < SHORTEST_RECORD or y.shape[1] == 0:
         raise RecordingError(

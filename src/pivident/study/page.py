@@ -14,9 +14,9 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from pivident import __version__
-from pivident.report.builder import _environment as report_environment
+from pivident.report.builder import page_environment
 from pivident.report.figures import ERROR, METHOD_COLOURS, SHADE, Figure, colour
-from pivident.report.figures import _empty as empty_plot
+from pivident.report.figures import empty_plot as empty_plot
 from pivident.study.bench import Bench
 from pivident.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
 from pivident.study.text import number, percent
@@ -39,7 +39,7 @@ def render_page(
         rows: all rows of the study, for the figures.
         programs: states of the program that computed them.
     """
-    environment = report_environment()
+    environment = page_environment()
     environment.loader = ChoiceLoader(
         [PackageLoader("pivident.study"), PackageLoader("pivident.report")]
     )
