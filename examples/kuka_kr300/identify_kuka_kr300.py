@@ -22,8 +22,8 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.unknown_loop import feedback_from_noise
 from pivident.recording.recording import Recording
-from pivident.report.findings import findings
 from pivident.signals.bandpass import butterworth
+from pivident.validation.verdict import verdict
 
 HERE = Path(__file__).parent
 
@@ -92,7 +92,7 @@ def main(folder: Path = HERE) -> dict[str, object]:
     alone = identify(Problem(problem.robot, (first,)), "ls")
     errors = unseen_error(alone, second)
     print(f"motion A alone, on motion B: {', '.join(f'{e:.0f} %' for e in errors)}")
-    print("\n".join(f"  {text}" for text in findings(alone)))
+    print(verdict(alone))
     try:
         identify(replace(problem, recordings=(first,), parameters=None), experiment.methods()["iv"])
     except IdentificationError as error:
