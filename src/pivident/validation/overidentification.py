@@ -37,8 +37,30 @@ FURTHER = {
 }
 
 
+class ShiftTest:
+    """A test that compares two estimates of the same parameters."""
+
+    p_value: float
+    shift: np.ndarray
+
+    @property
+    def practical_size(self) -> float:
+        """Largest change of a parameter, in robust deviations of the IV estimate."""
+        return float(np.abs(self.shift).max())
+
+    @property
+    def rejects(self) -> bool:
+        """Whether the two estimates differ, at 5 %."""
+        return self.p_value < LEVEL
+
+    @property
+    def matters(self) -> bool:
+        """Whether they do, and by a noticeable shift of a parameter."""
+        return self.rejects and self.practical_size > PRACTICAL_SHIFT
+
+
 @dataclass(frozen=True, eq=False)
-class DurbinWuHausmanTest:
+class DurbinWuHausmanTest(ShiftTest):
     """Durbin, Wu and Hausman: do least squares and instruments differ significantly?
 
     Attributes:
@@ -75,21 +97,6 @@ class DurbinWuHausmanTest:
         std = np.maximum(self.difference_std, 1e-300)
         return np.where(self.difference == 0.0, 0.0, self.difference / std)
 
-    @property
-    def practical_size(self) -> float:
-        """Largest shift by least squares, in robust deviations of the IV estimate."""
-        return float(np.abs(self.shift).max())
-
-    @property
-    def rejects(self) -> bool:
-        """Whether least squares and instruments differ, at 5 %."""
-        return self.p_value < LEVEL
-
-    @property
-    def matters(self) -> bool:
-        """Whether they do, and least squares would shift an estimate noticeably."""
-        return self.rejects and self.practical_size > PRACTICAL_SHIFT
-
     def __str__(self) -> str:
         k = int(np.argmax(np.abs(self.shift)))
         verdict = (
@@ -107,7 +114,7 @@ class DurbinWuHausmanTest:
 
 
 @dataclass(frozen=True, eq=False)
-class OveridentificationTest:
+class OveridentificationTest(ShiftTest):
     """Sargan and Hansen: do further instruments contradict the estimate?
 
     Attributes:
@@ -134,21 +141,6 @@ class OveridentificationTest:
     j_p_value: float
     shift: np.ndarray
     relative: np.ndarray
-
-    @property
-    def practical_size(self) -> float:
-        """Largest change of a parameter, in robust deviations of the estimate."""
-        return float(np.abs(self.shift).max())
-
-    @property
-    def rejects(self) -> bool:
-        """Whether some instruments are contradicted, at 5 %."""
-        return self.p_value < LEVEL
-
-    @property
-    def matters(self) -> bool:
-        """Whether they are, and all instruments together would shift an estimate noticeably."""
-        return self.rejects and self.practical_size > PRACTICAL_SHIFT
 
     def __str__(self) -> str:
         k = int(np.argmax(np.abs(self.shift)))
