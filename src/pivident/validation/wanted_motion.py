@@ -27,7 +27,7 @@ SAMPLES = 400
 
 _SENTENCES = (
     "let {joints} hold and slowly change more postures against gravity",
-    "move {joints} faster and in both directions, the joints before it meanwhile",
+    "move {joints} faster and in both directions",
     "accelerate {joints} harder, in different postures",
 )
 
