@@ -20,6 +20,7 @@ from pivident.estimation.methods import (
 from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
 from pivident.estimation.sandwich import sandwich
+from pivident.estimation.stationary_noise import stationary_covariance
 from pivident.estimation.whitening import NoiseModel
 from pivident.signals.prefilter import Prefilter
 
@@ -103,11 +104,15 @@ def full_rate_answer(
                 None if k.recording.q_ref is None else k.recording.q_ref[part],
             )
         )
+    if _is_stationary(problem, reported, weight_power):
+        robust = stationary_covariance(regressor, records, filters, sums, variance, whitened)
+    else:
+        robust = sandwich(sums, theta, variance, weight_power)
     answer = make_identification(
         problem,
         method,
         solution,
-        sandwich(sums, theta, variance, weight_power),
+        robust,
         reported,
         history,
         converged,
@@ -120,3 +125,10 @@ def full_rate_answer(
         regressor, tuple(records), tuple(filters), np.asarray(variance), weight_power
     )
     return replace(answer, equations=equations)
+
+
+def _is_stationary(problem: Problem, reported: CovarianceKind, weight_power: float) -> bool:
+    """Whether the residual is taken for stationary noise, which it is on simulated records."""
+    if reported in ("stationary", "sandwich"):
+        return reported == "stationary"
+    return weight_power == 1.0 and all(r.simulated for r in problem.recordings)

@@ -16,7 +16,7 @@ import numpy as np
 from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
 from pivident.estimation.decimated import decimate_record, decimated_sums
 from pivident.estimation.decimated_answer import decimated_answer
-from pivident.estimation.full_rate import accumulate, records_with_instruments
+from pivident.estimation.full_rate import accumulate, records_with_instruments, torque_of
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import iterate, loop_warnings, torque_units
@@ -24,6 +24,11 @@ from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.standstill import (
+    decided_by_residual,
+    noisy_standstill,
+    slow_samples,
+)
 from pivident.signals.prefilter import Prefilter
 
 
@@ -92,13 +97,20 @@ def _full_rate(
     auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
     filters = [Prefilter()] * problem.robot.size
     made: dict[str, list] = {}
+    without_standstill = np.zeros(problem.robot.size, bool)
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        made["records"] = records_with_instruments(kinematics, motions, limits)
-        return accumulate(problem.regressor, made["records"], filters)
+        records = records_with_instruments(kinematics, motions, limits)
+        if k == 1 and decided_by_residual(problem):
+            residuals = [kin.tau - torque_of(problem.regressor, kin, theta) for kin in kinematics]
+            without_standstill[:] = noisy_standstill(problem, filters, records, residuals)
+        for record in records:
+            record.votes[slow_samples(problem, record) & without_standstill[:, None]] = False
+        made["records"] = records
+        return accumulate(problem.regressor, records, filters)
 
     sums, solution, variance, history, converged = iterate(
-        problem, auxiliary, stage, method.tolerance, method.max_iterations, say
+        problem, auxiliary, stage, method.tolerance, method.max_iterations, say, earliest=3
     )
     return full_rate_answer(
         problem, method, made["records"], filters, sums, solution, variance, history, converged,

@@ -128,7 +128,7 @@ def iterate(
         solution, variance = weighted_solution(sums, problem.names, theta, weight_power)
         doubt = _poor_motion(solution)
         std = np.sqrt(np.diag(solution.covariance))
-        if covariance == "sandwich" and k + 1 >= earliest:
+        if covariance != "formula" and k + 1 >= earliest:
             robust = sandwich(sums, solution.theta, variance, weight_power)
             std = np.sqrt(np.diag(robust))
         step = np.abs(solution.theta - theta)
@@ -241,7 +241,7 @@ def make_identification(
     """Put the answer together; see :class:`Identification` for the fields."""
     from pivident import __version__
 
-    covariance = robust_covariance if reported == "sandwich" else solution.covariance
+    covariance = solution.covariance if reported == "formula" else robust_covariance
     std = np.sqrt(np.diag(covariance))
     parameters = problem.regressor.parameters
     signs = sign_warnings(problem.robot, parameters, problem.names, solution.theta, std)

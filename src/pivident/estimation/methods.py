@@ -6,7 +6,7 @@ The signal recipe belongs to the method, since methods are compared with differe
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from pivident.errors import ExperimentError
 from pivident.recording.recording import Recording
 from pivident.signals.decimation import Convention
 
-CovarianceKind = Literal["formula", "sandwich"]
+CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
 
 #: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
 MOTION_BAND = 20.0
@@ -202,9 +202,10 @@ class PrefilteredIV:
         noise: the noise model.
         prefilter: ``controller``: inverse of the law's proportional and derivative part, then
             the AR whitener; ``direct``: the AR whitener on the torque residual.
-        covariance: what the deviations come from: ``sandwich``, which allows the whitened
-            residual what is left of correlation and changing variance, or the paper's
-            ``formula`` (P-31).
+        covariance: what the deviations come from: ``stationary``, the autocovariance of the
+            residual; ``sandwich``, windows of time, which also holds where the residual comes in
+            bursts; ``auto``: stationary on simulated records, where the residual is noise,
+            sandwich on measured ones; or the paper's ``formula`` (P-31).
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
             deviations by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
             the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 unless told otherwise.
@@ -219,7 +220,7 @@ class PrefilteredIV:
     signals: RandomWalk = field(default_factory=RandomWalk)
     noise: AutoRegressive | Arma = field(default_factory=AutoRegressive)
     prefilter: Literal["controller", "direct"] = "controller"
-    covariance: CovarianceKind = "sandwich"
+    covariance: CovarianceKind = "auto"
     as_printed: bool = False
     start: Literal["least-squares", "initial"] = "least-squares"
     regressor: Literal["measured", "simulated"] = "measured"
@@ -232,10 +233,9 @@ class PrefilteredIV:
             raise ExperimentError(
                 f"prefilter is {self.prefilter!r}; choose 'controller' or 'direct'"
             )
-        if self.covariance not in ("sandwich", "formula"):
-            raise ExperimentError(
-                f"covariance is {self.covariance!r}; choose 'sandwich' or 'formula'"
-            )
+        if self.covariance not in get_args(CovarianceKind):
+            choices = ", ".join(map(repr, get_args(CovarianceKind)))
+            raise ExperimentError(f"covariance is {self.covariance!r}; choose one of {choices}")
         if self.start not in ("least-squares", "initial"):
             raise ExperimentError(f"start is {self.start!r}; choose 'least-squares' or 'initial'")
         if self.regressor not in ("measured", "simulated"):

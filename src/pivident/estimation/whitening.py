@@ -18,9 +18,15 @@ from pivident.errors import IdentificationError
 from pivident.estimation.full_rate import FullRateRecord, torque_of
 from pivident.estimation.iteration import position_units
 from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.methods import MOTION_BAND, Arma, PrefilteredIV
+from pivident.estimation.methods import Arma, PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import Repetition
+from pivident.estimation.standstill import (
+    decided_by_residual,
+    noisy_standstill,
+    slow_samples,
+    without_recent,
+)
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
@@ -30,13 +36,6 @@ from pivident.threads import run_in_threads
 #: changing the estimate. The models themselves are kept from the second one on: the residual
 #: hardly changes any more, and a filter that follows it only delays convergence.
 DECIDES_ORDERS, DECIDES_MODELS = 1, 2
-
-#: Ratio of variances, standstill to motion, from which on slow samples do not vote: their weight
-#: by inverse variance would be below a tenth, and most of what they tell is bias.
-NOISY_STANDSTILL = 10.0
-
-#: Samples that either side of that comparison needs.
-FEWEST_ROWS = 200
 
 
 class Whitening:
@@ -78,8 +77,10 @@ class Whitening:
         Args:
             records: all recordings with their instruments; their votes are changed.
         """
-        self._discard_standstill(records)
-        for votes in (r.votes for r in records):
+        for record in records:
+            votes = record.votes
+            slow = slow_samples(self.problem, record) & self.drop_standstill[:, None]
+            votes[slow] = False
             for j, prefilter in enumerate(self.filters):
                 votes[j, : prefilter.transient()] = False
                 if self.drop_standstill[j]:
@@ -124,61 +125,8 @@ class Whitening:
             Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
             for j, m in enumerate(self.models)
         ]
-        simulated = all(k.recording.simulated for k in self.kinematics)
-        if simulated and self.problem.mask == "auto" and not self.method.as_printed:
-            self.drop_standstill = self._noisy_standstill(residuals, records)
-
-    def _noisy_standstill(
-        self, residuals: Sequence[np.ndarray], records: Sequence[FullRateRecord]
-    ) -> np.ndarray:
-        """Joints whose whitened residual is much larger at standstill than in motion.
-
-        There the friction law is steep, Coulomb's term multiplies what noise the smoothed speed
-        has left, and the residual is not the encoder noise that the prefilter is made for. Only
-        frequencies of the motion count: the rest does not touch the estimate.
-
-        Args:
-            residuals: τ - Φθ of each recording, shape (joints, samples).
-            records: the recordings.
-
-        Returns:
-            True where the variances differ by more than ``NOISY_STANDSTILL``, shape (joints,).
-        """
-        from scipy.signal import butter, sosfiltfilt
-
-        sums = np.zeros((2, 2, len(self.filters)))  # standstill or motion; rows, squares
-        for record, residual in zip(records, residuals, strict=True):
-            kin, rate = record.kinematics, record.kinematics.recording.rate
-            low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
-            slow = self._slow(record)
-
-            def add(j: int, kin=kin, residual=residual, slow=slow, low_pass=low_pass) -> None:
-                usable = slice(kin.start, kin.stop)
-                whitened = self.filters[j].stream(1).process(residual[j : j + 1, usable])[0]
-                settled = slice(self.filters[j].transient(), None)
-                squares = sosfiltfilt(low_pass, whitened)[settled] ** 2
-                still = slow[j, usable][settled]
-                moving = without_recent(~still, self.filters[j].transient())
-                for i, group in enumerate((still, moving)):
-                    sums[i, :, j] += group.sum(), squares[group].sum()
-
-            run_in_threads(add, range(len(self.filters)))
-        rows, squares = sums[:, 0], sums[:, 1]
-        enough = (rows > FEWEST_ROWS).all(axis=0)
-        still, moving = squares / np.maximum(rows, 1.0)
-        return enough & (still > NOISY_STANDSTILL * moving)
-
-    def _slow(self, record: FullRateRecord) -> np.ndarray:
-        """Samples at which the instruments stand still, shape (joints, samples)."""
-        source = record.kinematics if record.motion is None else record.motion
-        limits = self.problem.low_speeds(record.kinematics.recording)
-        return np.abs(source.dq) < limits[:, None]
-
-    def _discard_standstill(self, records: Sequence[FullRateRecord]) -> None:
-        """Take the vote from slow samples of joints whose standstill is noisy."""
-        if self.drop_standstill.any():
-            for record in records:
-                record.votes[self._slow(record) & self.drop_standstill[:, None]] = False
+        if decided_by_residual(self.problem) and not self.method.as_printed:
+            self.drop_standstill = noisy_standstill(self.problem, self.filters, records, residuals)
 
     def _fit_joint(
         self,
@@ -233,18 +181,6 @@ class Whitening:
             f"falling at order {bound[0][1]}. Raise p_max or cap the smoother (f50_max) to see "
             "whether the estimate depends on it."
         ]
-
-
-def without_recent(votes: np.ndarray, length: int) -> np.ndarray:
-    """Votes of samples that have only voters among themselves and the ``length`` before them.
-
-    Args:
-        votes: shape (samples,); before the first sample nobody votes.
-        length: memory of a filter in samples.
-    """
-    index = np.arange(votes.size)
-    latest = np.maximum.accumulate(np.where(votes, -1, index))
-    return index - latest > length
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,94 @@
+"""Standstill that is noisier than motion, and loses its votes.
+
+Near standstill the friction law is steep, Coulomb's term multiplies what noise the smoothed speed
+has left, and the residual is not the encoder noise that prefilters and deviations are made for.
+Its weight by inverse variance would be small, and most of what it tells is bias. On measured
+records the mask takes those votes, for the sake of the friction model; on simulated ones, where
+standstill may be worth as much as motion, the residual decides joint by joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.methods import MOTION_BAND
+from pivident.estimation.problem import Problem
+from pivident.signals.prefilter import Prefilter
+from pivident.threads import run_in_threads
+
+#: Ratio of variances, standstill to motion, from which on slow samples do not vote: their weight
+#: by inverse variance would be below a tenth.
+NOISY_STANDSTILL = 10.0
+
+#: Samples that either side of that comparison needs.
+FEWEST_ROWS = 200
+
+
+def decided_by_residual(problem: Problem) -> bool:
+    """Whether the residual decides: on simulated records for which no mask is given."""
+    return problem.mask == "auto" and all(r.simulated for r in problem.recordings)
+
+
+def noisy_standstill(
+    problem: Problem,
+    filters: Sequence[Prefilter],
+    records: Sequence[FullRateRecord],
+    residuals: Sequence[np.ndarray],
+) -> np.ndarray:
+    """Joints whose filtered residual is much larger at standstill than in motion.
+
+    Only frequencies of the motion count: the rest does not touch the estimate.
+
+    Args:
+        problem: knows which speeds pass for standstill.
+        filters: prefilter of each joint.
+        records: the recordings.
+        residuals: τ - Φθ of each recording, shape (joints, samples).
+
+    Returns:
+        True where the variances differ by more than ``NOISY_STANDSTILL``, shape (joints,).
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    sums = np.zeros((2, 2, len(filters)))  # standstill or motion; rows, squares
+    for record, residual in zip(records, residuals, strict=True):
+        kin, rate = record.kinematics, record.kinematics.recording.rate
+        low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
+        slow = slow_samples(problem, record)
+
+        def add(j: int, kin=kin, residual=residual, slow=slow, low_pass=low_pass) -> None:
+            usable = slice(kin.start, kin.stop)
+            whitened = filters[j].stream(1).process(residual[j : j + 1, usable])[0]
+            settled = slice(filters[j].transient(), None)
+            squares = sosfiltfilt(low_pass, whitened)[settled] ** 2
+            still = slow[j, usable][settled]
+            moving = without_recent(~still, filters[j].transient())
+            for i, group in enumerate((still, moving)):
+                sums[i, :, j] += group.sum(), squares[group].sum()
+
+        run_in_threads(add, range(len(filters)))
+    rows, squares = sums[:, 0], sums[:, 1]
+    enough = (rows > FEWEST_ROWS).all(axis=0)
+    still, moving = squares / np.maximum(rows, 1.0)
+    return enough & (still > NOISY_STANDSTILL * moving)
+
+
+def slow_samples(problem: Problem, record: FullRateRecord) -> np.ndarray:
+    """Samples at which the instruments stand still, shape (joints, samples)."""
+    source = record.kinematics if record.motion is None else record.motion
+    return np.abs(source.dq) < problem.low_speeds(record.kinematics.recording)[:, None]
+
+
+def without_recent(votes: np.ndarray, length: int) -> np.ndarray:
+    """Votes of samples that have only voters among themselves and the ``length`` before them.
+
+    Args:
+        votes: shape (samples,); before the first sample nobody votes.
+        length: memory of a filter in samples.
+    """
+    index = np.arange(votes.size)
+    latest = np.maximum.accumulate(np.where(votes, -1, index))
+    return index - latest > length
