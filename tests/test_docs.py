@@ -31,6 +31,8 @@ TABLES = {
     "noise": (schema.NoiseEntry, (AutoRegressive, Arma)),
     "`[validation]`": (schema.ValidationEntry, ()),
     "`[output]`": (schema.OutputEntry, ()),
+    "`[gains]`": (schema.GainsEntry, ()),
+    "payload": (schema.PayloadEntry, ()),
 }
 
 #: Keys whose default the code finds out instead of reading it from a class.

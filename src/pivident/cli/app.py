@@ -19,6 +19,9 @@ from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
 from pivident.cli.console import error_line, note
+from pivident.cli.flexibility import flexibility
+from pivident.cli.friction import friction
+from pivident.cli.gains import gains
 from pivident.cli.study import study
 from pivident.errors import DatasetUnavailable, PividentError
 
@@ -38,6 +41,9 @@ datasets_app = App(
 )
 app.command(datasets_app)
 app.command(study)
+app.command(friction)
+app.command(flexibility)
+app.command(gains)
 
 
 @app.command

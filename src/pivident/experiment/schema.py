@@ -156,6 +156,7 @@ class ColumnsEntry(Entry):
     q_ref: Any = None
     dq_ref: Any = None
     ddq_ref: Any = None
+    q_link: Any = None  # flexible joints
     t: Any = None
     inputs: dict[str, Any] = Field(default_factory=dict)
 
@@ -168,6 +169,7 @@ class UnitsEntry(Entry):
     q_ref: Any = None
     dq_ref: Any = None
     ddq_ref: Any = None
+    q_link: Any = None  # flexible joints
     t: Any = None
     inputs: dict[str, Any] = Field(default_factory=dict)
 
@@ -333,7 +335,7 @@ class MethodEntry(SharedOptions):
 
     signals: Literal["bandpass", "random_walk"] | None = None
     prefilter: Literal["controller", "direct"] | None = None
-    covariance: Literal["sandwich", "formula"] | None = None
+    covariance: Literal["auto", "formula", "sandwich", "stationary"] | None = None
     start: Literal["least-squares", "initial"] | None = None
     as_printed: bool | None = None
 
@@ -382,6 +384,40 @@ class OutputEntry(Entry):
     report: bool = True
 
 
+class PayloadEntry(Entry):
+    """A body of known mass on a link; see `pivident.estimation.known_payload`."""
+
+    mass: PositiveFloat
+    mass_std: NonNegativeFloat = 0.0
+    center_of_mass: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+    inertia: Annotated[list[float], Field(min_length=6, max_length=6)] | None = None
+    joint: JointReference | None = None
+
+
+class GainsEntry(Entry):
+    """What `pivident gains` takes for known; see `pivident.estimation.drive_gains`."""
+
+    payload: PayloadEntry | None = None
+    recording: list[RecordingEntry] = Field(default_factory=list)
+    trusted: dict[str, float] = Field(default_factory=dict)
+    trusted_parameters: dict[str, float] = Field(default_factory=dict)
+    trusted_within: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    friction_under_load: bool = True
+    known_within: Annotated[float, Field(gt=0, lt=1)] = 0.25
+    temperature: str | list[str] | None = None
+    reference_temperature: float | None = None
+    friction_drift: bool = True
+
+    @model_validator(mode="after")
+    def _payload_has_recordings(self) -> GainsEntry:
+        if (self.payload is None) == bool(self.recording):
+            raise ValueError(
+                "payload and [[gains.recording]], the runs taken with it, belong together; give "
+                "both or neither"
+            )
+        return self
+
+
 class ExperimentFile(Entry):
     """The whole file, its short forms written out."""
 
@@ -391,3 +427,4 @@ class ExperimentFile(Entry):
     identify: IdentifyEntry = Field(default_factory=lambda: IdentifyEntry.model_validate({}))
     validation: ValidationEntry = ValidationEntry()
     output: OutputEntry = OutputEntry()
+    gains: GainsEntry = GainsEntry()  # drive gains

@@ -56,9 +56,9 @@ def load_recording(
     Args:
         files: the log's file, or several by key; a file whose key is a channel's name holds that
             channel (``{"q": "positions.csv", "tau": "currents.csv"}``).
-        columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``
-            where they were logged, in the notation of `pivident.recording.columns`; known inputs
-            by name under ``inputs``.
+        columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``,
+            ``q_link`` (encoders behind the gear) where they were logged, in the notation of
+            `pivident.recording.columns`; known inputs by name under ``inputs``.
         units: unit of each channel in the notation of `pivident.recording.units`, one for all
             joints or a list with one per joint; SI where it is not given. Under ``inputs``: unit
             or factor of each input.
@@ -220,12 +220,15 @@ def _sides(
     """Side of each channel that has one."""
     given = dict(side) if isinstance(side, Mapping) else dict.fromkeys(("q", "tau"), side)
     for channel, value in given.items():
+        if channel == "q_link" and value != "joint":  # flexible joints
+            raise RecordingError("q_link is the encoder behind the gear: its side is joint")
         if channel not in CHANNELS or value not in get_args(Side):
             raise RecordingError(f"side of {channel} is {value!r}; choose joint or motor")
     positions = given.get("q", "joint")
     sides = {channel: given.get(channel, positions) for channel in ("q", "q_ref")}
     sides |= {channel: given.get(channel, sides["q_ref"]) for channel in ("dq_ref", "ddq_ref")}
     sides["tau"] = given.get("tau", "joint")
+    sides["q_link"] = "joint"  # flexible joints
     if transmission is None and "motor" in {sides[c] for c in logged if c in sides}:
         raise RecordingError("channels are on the motor side; give a robot or a transmission")
     return sides
@@ -252,7 +255,7 @@ def _to_si(
                 f"{channel} has {len(per_joint)} units for {joints} joint(s); "
                 "give one for all or one for each"
             )
-        if robot is not None and channel in ("q", "q_ref") and sides[channel] == "joint":
+        if robot is not None and channel in ("q", "q_ref", "q_link") and sides[channel] == "joint":
             for joint, unit in zip(robot.joints, per_joint, strict=True):
                 check_kind(channel, unit, joint.name, joint.kind)
         quantity = channel.partition(".")[0]
@@ -332,5 +335,8 @@ def _to_joint_side(
                 logged[channel] = moved - transmission.position_offset
                 if position_offset is None:
                     offset = transmission.position_offset
-        if channel in ("q", "q_ref"):
+        if channel == "q_link" and position_offset is None and sides["q"] == "motor":
+            assert transmission is not None, "_sides has asked for it"
+            offset = transmission.position_offset  # both encoders in the model's coordinates
+        if channel in ("q", "q_ref", "q_link"):
             logged[channel] = logged[channel] + offset

@@ -153,7 +153,15 @@ def load_kuka_kr300(
     machine: dict[str, Any] = {"robot": robot} if robot else {"transmission": KR300_TRANSMISSION}
     axes = 6 if robot is None else robot.size
     facts = KUKA_KR300 if axes >= 6 else _first_axes(axes)
+    if robot is not None and robot.size <= 3:  # axes 4 to 6 have no encoder behind the gear
+        facts = _with_link_encoders(facts, robot.size)
     return load_recording(file, name=f"kuka_kr300_{motion}", **facts, **machine)
+
+
+def _with_link_encoders(facts: dict[str, Any], axes: int) -> dict[str, Any]:
+    """The same with the encoders behind the gears, for flexible joints."""
+    columns = facts["columns"] | {"q_link": f"rec__act_pos_se_deg[:{axes}, :]"}
+    return facts | {"columns": columns, "units": facts["units"] | {"q_link": "deg"}}
 
 
 def _first_axes(axes: int) -> dict[str, Any]:

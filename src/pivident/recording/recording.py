@@ -18,7 +18,7 @@ from pivident.recording.files import SourceFile
 from pivident.robot.transmission import Transmission
 
 #: Fields that hold samples, besides the inputs.
-CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref")
+CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexible joints
 
 #: Which instant a torque sample speaks of, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
@@ -42,6 +42,8 @@ class Recording:
         ddq_ref: reference accelerations, shape (samples, joints) [rad/s² or m/s²], or None.
         inputs: known inputs that were added to the controller's output, by name, each of shape
             (samples, joints) in the unit of that output (V, A or N m).
+        q_link: positions of second encoders behind the gear, shape (samples, joints) [rad or m],
+            or None; q is then the motor encoder over the gear ratio. See `pivident.flexibility`.
         control_rate: rate of the control loop [Hz]; zero stands for the sampling rate.
         torque_timing: ``held``: applied from its instant until the next control instant;
             ``averaged``: mean over the period before its instant; ``sampled``: value at its
@@ -72,6 +74,7 @@ class Recording:
     dq_ref: np.ndarray | None = None
     ddq_ref: np.ndarray | None = None
     inputs: dict[str, np.ndarray] = field(default_factory=dict)
+    q_link: np.ndarray | None = field(default=None, kw_only=True)  # flexible joints
     control_rate: float = 0.0
     torque_timing: TorqueTiming = "held"
     delay: float = 0.0

@@ -40,6 +40,7 @@ TIME = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 UNITS_OF = {
     "q": POSITION,
     "q_ref": POSITION,
+    "q_link": POSITION,  # flexible joints
     "dq_ref": SPEED,
     "ddq_ref": ACCELERATION,
     "tau": TORQUE | COMMAND,
@@ -84,7 +85,7 @@ def _named(channel: str, unit: object) -> float:
 def _scaled(channel: str, spec: dict[str, str | float]) -> tuple[float, bool]:
     """Factor of a unit that is given with its scale."""
     unit = spec.pop("unit", None)
-    if channel in ("q", "q_ref") and unit == "counts" and len(spec) == 1:
+    if channel in ("q", "q_ref", "q_link") and unit == "counts" and len(spec) == 1:
         scale, value = spec.popitem()
         if scale in ("per_revolution", "per_metre"):
             circle = 2.0 * math.pi if scale == "per_revolution" else 1.0

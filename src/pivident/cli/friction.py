@@ -1,0 +1,98 @@
+"""The friction of a record on the command line: what is seen, as sentences, a page and curves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pivident.cli.console import Progress
+from pivident.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from pivident.friction.examination import FrictionExamination
+
+
+def friction(
+    experiment: Path,
+    /,
+    *,
+    method: str | None = None,
+    standstill: float | None = None,
+    out: Path | None = None,
+) -> int:
+    """Show friction against speed, position, load and time before choosing a law for it.
+
+    Parameters
+    ----------
+    experiment
+        The experiment file.
+    method
+        Estimate whose rigid part is taken off the torque. Default: iv-full-rate where the file has
+        a controller, else ls.
+    standstill
+        Share of the rated speed that passes for standstill, 0 to 1. Default: 0.01.
+    out
+        Folder for friction.html, friction.json, curves.csv and curves.parquet. Default:
+        NAME-friction for NAME.toml.
+    """
+    run_friction(experiment, method, standstill, out)
+    return 0
+
+
+def run_friction(
+    path: Path, method: str | None, standstill: float | None, out: Path | None
+) -> FrictionExamination:
+    """Identify, take the rigid part off, see the friction, print what stands out, write the files.
+
+    Args:
+        path: the experiment file.
+        method: short name of the method, or None.
+        standstill: share of the rated speed that passes for standstill, or None.
+        out: folder for the results, or None.
+
+    Raises:
+        PividentError: the file, its data or the output folder cannot be used, the estimate
+            fails, or no joint moves enough.
+    """
+    from pivident.cli.workflow import check_output
+    from pivident.estimation.identify import identify
+    from pivident.experiment import load_experiment
+    from pivident.friction.curves import write_friction
+    from pivident.friction.examination import examine_friction
+
+    if standstill is not None and not 0.0 < standstill < 1.0:
+        raise ExperimentError(
+            f"--standstill {standstill:g} is not a share of the rated speed; give one between 0 "
+            "and 1, such as 0.01"
+        )
+    with Progress() as progress:
+        experiment = load_experiment(path)
+        folder = out or Path(f"{path.stem}-friction")
+        check_output(folder)
+        problem = experiment.problem(progress.say)
+        name = method or ("ls" if problem.loop is None else "iv-full-rate")
+        chosen = experiment.methods([name])[name]
+        found = identify(problem, chosen, progress.say)
+        examination = examine_friction(problem, found, standstill=standstill, progress=progress.say)
+        progress.say("writing the page")
+        page = write_friction(examination, folder, f"{experiment.title}: friction")
+    print_friction(examination)
+    print(f"\nPage: {page}")
+    return examination
+
+
+def print_friction(examination: FrictionExamination) -> None:
+    """What stands out for each joint, then the sentences behind it.
+
+    Args:
+        examination: the friction of a record.
+    """
+    from pivident.friction.findings import headline
+
+    for joint in examination.joints:
+        print(f"{joint.name}: {headline(joint.findings)}")
+        for finding in joint.findings:
+            terms = f" [{finding.terms}]" if finding.clear and finding.terms else ""
+            print(f"  {'!' if finding.clear and finding.brief else '·'} {finding.sentence}{terms}")
+    for name, reason in examination.left_out.items():
+        print(f"{name}: left out: {reason}")

@@ -1,0 +1,218 @@
+"""The command ``pivident gains``: drive gains, which ratios are known, and which scale is not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pivident.cli.console import Progress
+from pivident.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from pivident.estimation.gain_ratios import GainGroup
+    from pivident.estimation.log_units import MotorInLogUnits
+    from pivident.experiment import Experiment
+    from pivident.experiment.drive_gains import GainsOfExperiment
+
+
+def gains(experiment: Path, /, *, out: Path | None = None, in_log_units: bool = False) -> int:
+    """Find drive gains from a known payload or a trusted number, or ratios of gains without.
+
+    Parameters
+    ----------
+    experiment
+        The experiment file; its table [gains] holds what is known.
+    out
+        File to write the TOML lines with the gains to.
+    in_log_units
+        Also identify every motor's row in the unit of its own log.
+    """
+    from pivident.experiment import load_experiment
+    from pivident.experiment.drive_gains import gains_of, lines_for_file
+
+    if out is not None and out.exists():
+        raise ExperimentError(f"{out} is there already; name another file for the gains")
+    loaded = load_experiment(experiment)
+    with Progress() as progress:
+        found = gains_of(loaded, progress.say)
+        rows = _rows_in_log_units(loaded) if in_log_units else ()
+    print(gains_text(found))
+    lines = lines_for_file(found)
+    if lines:
+        print("\nFor the experiment file:\n\n" + "\n".join(lines))
+    if out is not None:
+        if not lines:
+            raise ExperimentError(f"no gain is known, so there is nothing to write to {out}")
+        out.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    for row in rows:
+        print("\n" + log_units_text(row))
+    return 0
+
+
+def gains_text(found: GainsOfExperiment) -> str:
+    """Table of the gains, sentences about ratios and scales, temperature coefficients.
+
+    Args:
+        found: the gains of an experiment file.
+    """
+    parts = [_gain_table(found)]
+    parts += _sentences(found)
+    if found.temperatures:
+        parts.append(_temperature_table(found))
+    return "\n\n".join(parts)
+
+
+def _gain_table(found: GainsOfExperiment) -> str:
+    """One line for each joint."""
+    from pivident.validation.plain_table import plain_table
+
+    result, known = found.gains, found.gains.anchored
+    group_of = {m: g for g in result.groups for m in g.motors}
+    gain, interval, unit, against, declared = [], [], [], [], []
+    for j in range(len(result.joints)):
+        name, reference = found.declared[j], group_of[j].reference
+        of_command = f"{found.torque_units[j]}/{name.base_unit}"
+        unit.append("× declared" if name.place == "dataset" else of_command)
+        if known[j]:
+            gain.append(f"{found.values[j]:.5g}")
+            interval.append(f"{2 * found.std[j]:.2g}")
+            declared.append(
+                f"{result.kappa[j]:.4f} ± {2 * result.std[j]:.2g}" if name.given else "none given"
+            )
+        else:
+            gain.append("not known")
+            interval.append("–")
+            declared.append("–" if name.given else "none given")
+        value, std = _ratio(found, j, reference)
+        if len(group_of[j].motors) == 1:
+            against.append("–")
+        elif j == reference:
+            against.append("reference")
+        else:
+            against.append(f"{value:.4g} ± {2 * std:.2g} × {result.joints[reference]}")
+    return plain_table(
+        [
+            ("joint", "<", list(result.joints)),
+            ("gain", ".", gain),
+            ("±2σ", ">", interval),
+            ("unit", "<", unit),
+            ("over the declared gain", "<", declared),
+            ("ratio", "<", against),
+            ("residual %", ".", [f"{100 * r:.1f}" for r in result.residual]),
+            ("of its own %", ".", [f"{100 * r:.1f}" for r in result.own_residual]),
+        ]
+    )
+
+
+def _ratio(found: GainsOfExperiment, joint: int, reference: int) -> tuple[float, float]:
+    """Ratio of two gains in the units of the file."""
+    value, std = found.gains.ratio(joint, reference)
+    scale = found.declared[joint].value / found.declared[reference].value
+    return value * scale, std * abs(scale)
+
+
+def _sentences(found: GainsOfExperiment) -> list[str]:
+    """What is known, what is not, and what would make it known."""
+    result = found.gains
+    share = f"{100 * result.known_within:.0f} %"
+    said = []
+    for group in result.groups:
+        names = [result.joints[m] for m in group.motors]
+        if group.anchored:
+            means = [] if found.payload is None else [f"the payload of {found.payload.mass:g} kg"]
+            means += [f"the trusted {name}" for name in found.trusted]
+            said.append(f"Known: the gains of {', '.join(names)}, by {' and '.join(means)}.")
+        elif len(names) == 1:
+            said.append(
+                f"Not known: the gain of {names[0]}. No other joint tells it to within ±{share}; "
+                f"{_remedy(found, names[0])}"
+            )
+        else:
+            said.append(
+                f"Known: {_known_ratios(found, group)}. "
+                f"Not known: the common scale of {', '.join(names)}; "
+                f"{_remedy(found, 'one of them')}"
+            )
+    worse = [
+        f"{result.joints[j]} {100 * result.residual[j]:.1f} % instead of {100 * own:.1f} %"
+        for j, own in enumerate(result.own_residual)
+        if result.residual[j] > 1.25 * own
+    ]
+    if worse:
+        said.append(
+            f"The rows do not agree well on common parameters: {', '.join(worse)}. Intervals do "
+            "not hold such model error in full; look for a wrong geometry, a load-dependent "
+            "friction or a payload that is not what it is said to be."
+        )
+    said += result.warnings
+    said.append(f"Estimated by {result.method}; intervals allow for correlated residuals.")
+    return said
+
+
+def _known_ratios(found: GainsOfExperiment, group: GainGroup) -> str:
+    """The ratios of a group with their intervals."""
+    joints, reference = found.gains.joints, group.reference
+    told = []
+    for m in group.motors:
+        if m != reference:
+            value, std = _ratio(found, m, reference)
+            share = 200.0 * std / abs(value)
+            told.append(f"k({joints[m]})/k({joints[reference]}) = {value:.4g} to ±{share:.2g} %")
+    return ", ".join(told)
+
+
+def _remedy(found: GainsOfExperiment, whose: str) -> str:
+    if found.payload is None:
+        return f"a run with a known payload, or one trusted gain or parameter of {whose}, fixes it."
+    return f"move {whose} more with the payload, hold it further from the axis, or trust a gain."
+
+
+def _temperature_table(found: GainsOfExperiment) -> str:
+    """Temperature coefficients, and whether they were worth it."""
+    from pivident.validation.plain_table import plain_table
+
+    rows = found.temperatures
+    scale, unit = (100.0, "%/K") if rows[0].unit == "1/K" else (100.0 * 3600.0, "%/h")
+    table = plain_table(
+        [
+            ("joint", "<", [r.joint for r in rows]),
+            (f"a [{unit}]", ".", [f"{scale * r.coefficient:.3g}" for r in rows]),
+            ("±2σ", ">", [f"{2 * scale * r.std:.2g}" for r in rows]),
+            ("F", ".", [f"{r.f_statistic:.1f}" for r in rows]),
+            ("p", ">", [f"{r.p_value:.2g}" for r in rows]),
+            ("taken", "<", ["yes" if r.worth else "no, not told from zero" for r in rows]),
+        ]
+    )
+    return f"Motor constants k = k₀ (1 + a (T - T₀)), gains are those at T₀:\n{table}"
+
+
+def _rows_in_log_units(experiment: Experiment) -> tuple[MotorInLogUnits, ...]:
+    """Every motor's row in the unit of its log."""
+    from pivident.estimation.log_units import identify_in_log_units
+    from pivident.experiment.drive_gains import declared_gains, with_unit_gains
+
+    declared = declared_gains(experiment.content.recording[0], experiment.robot)
+    bare = with_unit_gains(experiment)
+    content = bare.content.model_copy(update={"recording": experiment.content.recording})
+    problem = type(experiment)(experiment.path, content).problem()
+    return identify_in_log_units(problem, tuple(d.base_unit for d in declared))
+
+
+def log_units_text(row: MotorInLogUnits) -> str:
+    """Parameters of one motor, each divided by its gain.
+
+    Args:
+        row: the motor's own estimate.
+    """
+    from pivident.validation.plain_table import plain_table
+
+    table = plain_table(
+        [
+            (f"{row.joint}: θ/k", "<", list(row.names)),
+            ("value", ">", [f"{v:.4g}" for v in row.values]),
+            ("±2σ", ">", [f"{2 * s:.2g}" for s in row.std]),
+            ("unit", "<", list(row.units)),
+        ]
+    )
+    left = f"\nnot separate in this row: {', '.join(row.left_out)}" if row.left_out else ""
+    return f"{table}\nresidual {100 * row.relative_error:.1f} %{left}"

@@ -1,0 +1,99 @@
+"""A payload of known mass on a link, and what it adds to the base parameters.
+
+The ten inertial parameters π of a body fixed to link n add to those of the link, so that the base
+parameters change by B π with B the columns of the regrouping of Khalil and Gautier. What is not
+known of the payload is estimated along with everything else:
+
+    θ_loaded = θ + B (π_known + unknown parts).
+
+The mass alone is enough: the first moments follow from the motion in the unit of each joint, and
+the mass is what gives that unit its size. With a known centre of mass and inertia the same record
+tells more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters
+from pivident.errors import ExperimentError
+from pivident.robot.description import INERTIAL
+from pivident.robot.inertia import from_center_of_mass, tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Payload:
+    """A body of known mass fixed to a link.
+
+    Attributes:
+        mass: m [kg].
+        center_of_mass: c in the frame of the link (modified Denavit-Hartenberg, or the frame rule
+            for URDF links) [m], shape (3,); None: unknown.
+        inertia: xx, xy, xz, yy, yz, zz about the centre of mass, in axes parallel to that frame
+            [kg m²], shape (6,); None: unknown.
+        mass_std: standard deviation of the mass [kg]; zero: exact.
+        link: index of the link that carries it; -1: the last one.
+    """
+
+    mass: float
+    center_of_mass: Sequence[float] | None = None
+    inertia: Sequence[float] | None = None
+    mass_std: float = 0.0
+    link: int = -1
+
+    def __post_init__(self) -> None:
+        if not (np.isfinite(self.mass) and self.mass > 0):
+            raise ExperimentError(f"mass of the payload is {self.mass} kg; give a positive number")
+        if not 0 <= self.mass_std < self.mass:
+            raise ExperimentError(
+                f"mass_std of the payload is {self.mass_std} kg; it lies between 0 and the mass"
+            )
+        for key, size in (("center_of_mass", 3), ("inertia", 6)):
+            value = getattr(self, key)
+            if value is not None and np.shape(value) != (size,):
+                raise ExperimentError(f"{key} of the payload needs {size} numbers, not {value!r}")
+        if self.inertia is not None and self.center_of_mass is None:
+            raise ExperimentError(
+                "the payload's inertia is given without its center_of_mass; give that too, or "
+                "leave both out to have them estimated"
+            )
+        if self.inertia is not None:
+            smallest = np.linalg.eigvalsh(tensor(np.asarray(self.inertia, float)))[0]
+            if smallest < -1e-12:
+                raise ExperimentError(
+                    f"the payload's inertia has a negative principal moment, {smallest:.3g} kg m²; "
+                    "give the tensor about the centre of mass, products with the sign of -∫ x y dm"
+                )
+
+    def known(self) -> np.ndarray:
+        """Ten inertial parameters as far as they are known, zeros elsewhere, shape (10,)."""
+        centre = np.zeros(3) if self.center_of_mass is None else np.asarray(self.center_of_mass)
+        inertia = np.zeros(6) if self.inertia is None else np.asarray(self.inertia)
+        return from_center_of_mass(self.mass, centre, tensor(inertia))
+
+    def per_mass(self) -> np.ndarray:
+        """Derivative of `known` with respect to the mass, its inertia about c held, shape (10,)."""
+        return replace(self, mass=1.0, mass_std=0.0, inertia=None).known()
+
+    def unknown(self) -> list[str]:
+        """Names of the inertial parameters that have to be estimated."""
+        names = [] if self.inertia is not None else list(INERTIAL[:6])
+        return names + ([] if self.center_of_mass is not None else list(INERTIAL[6:9]))
+
+    def base_columns(self, base: BaseParameters) -> np.ndarray:
+        """B: change of the base parameters per inertial parameter of the link, (base, 10).
+
+        Args:
+            base: base parameters of the robot.
+        """
+        joint = range(base.robot.size)[self.link]
+        columns = np.zeros((len(base), len(INERTIAL)))
+        for k, p in enumerate(base.standard):
+            if p.is_inertial and p.joint == joint:
+                unit = np.zeros(len(base.standard))
+                unit[k] = 1.0
+                columns[:, INERTIAL.index(p.stem)] = base.values(unit)
+        return columns

@@ -1,0 +1,336 @@
+"""All that one recording tells about the flexibility of its joints, and its consequences."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.flexibility.compliance import Compliance, identify_compliances
+from pivident.flexibility.measured import Measured
+from pivident.flexibility.resonance import Resonance, find_resonance
+from pivident.flexibility.rigid_validity import RigidValidity, rigid_validity
+from pivident.flexibility.two_mass import TwoMassEstimate, identify_two_mass
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+
+#: What joints that slide are measured in.
+SLIDING = {
+    "N m s/rad": "N s/m",
+    "N m/rad": "N/m",
+    "kg m²": "kg",
+    "N m": "N",
+    "rad": "m",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class JointFlexibility:
+    """What is known about one joint from one recording.
+
+    Attributes:
+        recording: name of the run.
+        joint: name of the joint.
+        sliding: whether it is prismatic.
+        compliance: from both encoders in slow motion, or None.
+        two_mass: from both encoders with inertias, or None.
+        resonance: from the motor's encoder, or None.
+        rigid: what it does to a rigid model, or None where no stiffness is known.
+        notes: why something is missing.
+    """
+
+    recording: str
+    joint: str
+    sliding: bool
+    compliance: Compliance | None
+    two_mass: TwoMassEstimate | None
+    resonance: Resonance | None
+    rigid: RigidValidity | None
+    notes: tuple[str, ...]
+
+
+def study_flexibility(
+    robot: Robot, recordings: Sequence[Recording], bandwidth: float | None = None
+) -> tuple[JointFlexibility, ...]:
+    """Every joint of every recording.
+
+    Args:
+        robot: gives reduction and nominal inertias.
+        recordings: those with ``q_link`` or ``q_ref`` tell something.
+        bandwidth: of the control loop [Hz], where it is known.
+
+    Raises:
+        IdentificationError: no recording has a link encoder or a reference.
+    """
+    if all(r.q_link is None and r.q_ref is None for r in recordings):
+        raise IdentificationError(
+            "no recording has a link encoder (q_link) or a reference (q_ref); name the columns of "
+            "one of them"
+        )
+    return tuple(
+        joint for recording in recordings for joint in _of_recording(robot, recording, bandwidth)
+    )
+
+
+def _of_recording(
+    robot: Robot, recording: Recording, bandwidth: float | None
+) -> list[JointFlexibility]:
+    """All joints of one recording."""
+    reduction = np.abs(np.diag(robot.transmission.reduction))
+    failure = ""
+    compliances: tuple[Compliance, ...] = ()
+    if recording.q_link is not None:
+        try:
+            compliances = identify_compliances(recording, robot.rotor_inertia, reduction)
+        except IdentificationError as error:
+            failure = str(error)
+    total = _nominal_inertia(robot, recording)
+    return [
+        _of_joint(
+            robot,
+            recording,
+            j,
+            compliances[j] if compliances else None,
+            float(total[j]),
+            failure,
+            bandwidth,
+        )
+        for j in range(robot.size)
+    ]
+
+
+def _of_joint(
+    robot: Robot,
+    recording: Recording,
+    j: int,
+    compliance: Compliance | None,
+    total: float,
+    failure: str,
+    bandwidth: float | None,
+) -> JointFlexibility:
+    """One joint of one recording."""
+    notes = [failure] if failure else []
+    two_mass, resonance, rigid = None, None, None
+    if recording.q_link is not None and robot.size == 1:
+        try:
+            two_mass = identify_two_mass(recording, j)
+        except IdentificationError as error:
+            notes.append(str(error))
+    motor = float(robot.rotor_inertia[j])
+    load = total - motor
+    if recording.q_ref is not None:
+        resonance = find_resonance(recording, j, load_inertia=load if load > 0 else None)
+    known = _stiffness_and_inertias(two_mass, resonance, compliance, motor, load)
+    if known is None:
+        notes.append("stiffness or inertias are not known: nothing is said about a rigid model")
+    else:
+        stiffness, motor, load, damping = known
+        rigid = rigid_validity(
+            recording,
+            j,
+            stiffness=stiffness,
+            motor_inertia=motor,
+            load_inertia=load,
+            damping=damping,
+            bandwidth=bandwidth,
+        )
+    return JointFlexibility(
+        recording.name,
+        recording.joint_names[j],
+        robot.joints[j].kind != "revolute",
+        compliance,
+        two_mass,
+        resonance,
+        rigid,
+        tuple(notes),
+    )
+
+
+def _nominal_inertia(robot: Robot, recording: Recording) -> np.ndarray:
+    """Diagonal of the nominal mass matrix at the mean position, shape (joints,)."""
+    from pivident.dynamics.forward import mass_matrix
+    from pivident.dynamics.parameters import nominal_values, standard_parameters
+
+    parameters = standard_parameters(robot)
+    posture = recording.q.mean(axis=0, keepdims=True)
+    return np.diag(mass_matrix(robot, parameters, nominal_values(robot, parameters), posture)[0])
+
+
+def _stiffness_and_inertias(
+    two_mass: TwoMassEstimate | None,
+    resonance: Resonance | None,
+    compliance: Compliance | None,
+    motor: float,
+    load: float,
+) -> tuple[float, float, float, float] | None:
+    """k, Jm, Jl, d from the best source there is; nominal inertias where none was identified."""
+    if two_mass is not None:
+        joint = two_mass.joint
+        if min(joint.stiffness, joint.motor_inertia, joint.load_inertia) > 0:
+            damping = max(joint.damping, 0.0)
+            return joint.stiffness, joint.motor_inertia, joint.load_inertia, damping
+    if resonance is not None and resonance.seen:
+        assert resonance.stiffness and resonance.motor_inertia and resonance.load_inertia
+        assert resonance.damping
+        return (
+            resonance.stiffness.value,
+            resonance.motor_inertia.value,
+            resonance.load_inertia.value,
+            resonance.damping.value,
+        )
+    if compliance is not None and load > 0:
+        stiffness = compliance.stiffness
+        softest = stiffness.value if math.isfinite(stiffness.value) else stiffness.low
+        if math.isfinite(softest) and softest > 0:
+            return softest, motor, load, 0.0
+    return None
+
+
+def flexibility_lines(found: JointFlexibility) -> list[str]:
+    """The answer in lines of text.
+
+    Args:
+        found: one joint of one recording.
+    """
+    lines = [f"{found.recording}, {found.joint}"]
+    if found.compliance is not None:
+        lines += ["  both encoders, slow motion", *_compliance_lines(found.compliance)]
+    if found.two_mass is not None:
+        lines.append("  both encoders, two masses")
+        lines += [
+            f"    {name.replace('_', ' '):<20} {found.two_mass.measured(name)}"
+            for name in found.two_mass.names
+        ]
+        lines.append(f"    {'antiresonance':<20} {found.two_mass.antiresonance}")
+        lines += [f"    note: {note}" for note in found.two_mass.notes]
+    if found.resonance is not None:
+        lines += ["  motor encoder alone", f"    {found.resonance.conclusion}"]
+        for name in ("resonance", "motor_inertia", "load_inertia", "damping"):
+            value = getattr(found.resonance, name)
+            if value is not None:
+                lines.append(f"    {name.replace('_', ' '):<20} {value}")
+    if found.rigid is not None:
+        lines.append(f"  rigid model: {found.rigid.severity}")
+        lines += [f"    {sentence}" for sentence in found.rigid.sentences]
+    lines += [f"  note: {note}" for note in found.notes]
+    return [_of_kind(line, found.sliding) for line in lines]
+
+
+def _compliance_lines(c: Compliance) -> list[str]:
+    rows: list[tuple[str, object]] = [
+        ("stiffness", c.stiffness),
+        ("motor friction", c.friction),
+        ("hysteresis, width", c.hysteresis.times(1e3, "mrad")),
+        (
+            "backlash",
+            "torque keeps its sign" if c.backlash is None else c.backlash.times(1e3, "mrad"),
+        ),
+        ("damping and delay", c.damping),
+        ("link encoder later by", c.encoder_lag.times(1e3, "ms")),
+        ("zeros differ by", c.offset.times(1e3, "mrad")),
+    ]
+    rows += [
+        (f"error, order {line.order:.4g}", line.amplitude.times(1e3, "mrad"))
+        for line in c.lines
+        if line.amplitude.clear
+    ]
+    low, high = (1e3 * end for end in c.deflection)
+    rows.append(("deflection by torque", f"{low:.3g} to {high:.3g} mrad"))
+    low, high = (1e3 * end for end in c.recorded)
+    rows.append(("recorded difference", f"{low:.3g} to {high:.3g} mrad"))
+    rows.append(("unexplained", f"{1e3 * c.residual:.2g} mrad rms ({100 * c.unexplained:.2g} %)"))
+    if math.isfinite(c.stiffness_change) and c.motor_inertia:
+        rows.append(
+            (
+                "10 % more motor",
+                f"inertia than {c.motor_inertia:.4g} kg m²: stiffness {c.stiffness_change:+.2g} %",
+            )
+        )
+    lines = [f"    {label:<22} {value}" for label, value in rows]
+    return lines + [f"    note: {note}" for note in c.notes]
+
+
+def _of_kind(line: str, sliding: bool) -> str:
+    """A line with the units of a sliding joint, where it is one."""
+    if sliding:
+        for turning, other in SLIDING.items():
+            line = line.replace(turning, other)
+    return line
+
+
+def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
+    """Write ``flexibility.json`` and ``flexibility.html``, both or neither.
+
+    Args:
+        found: joints of recordings.
+        folder: folder to create or to write into.
+
+    Returns:
+        The page.
+
+    Raises:
+        PividentError: the folder cannot be written.
+    """
+    from pivident.files import atomic_folder
+    from pivident.flexibility.page import render_page
+
+    content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
+    page = render_page(found)
+    with atomic_folder(folder) as build:
+        (build / "flexibility.json").write_text(
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8"
+        )
+        (build / "flexibility.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    return Path(folder) / "flexibility.html"
+
+
+def _plain(value: Any) -> Any:
+    """Values that JSON has; drawn arrays stay out, numbers that are not finite become None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        shown = [f.name for f in fields(value) if f.repr]
+        return {name: _plain(getattr(value, name)) for name in shown}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def summary(found: Sequence[JointFlexibility]) -> dict[str, list[Measured]]:
+    """Stiffness of each joint by recording, for comparison.
+
+    Args:
+        found: joints of recordings.
+    """
+    stiffness: dict[str, list[Measured]] = {}
+    for one in found:
+        if one.compliance is not None:
+            stiffness.setdefault(one.joint, []).append(one.compliance.stiffness)
+    return stiffness
+
+
+def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:
+    """Whether recordings agree on the stiffness of a joint, one line for each joint.
+
+    Args:
+        found: joints of recordings.
+    """
+    lines = []
+    for joint, values in summary(found).items():
+        if len(values) < 2:
+            continue
+        low, high = max(v.low for v in values), min(v.high for v in values)
+        listed = "; ".join(map(str, values))
+        word = "agree" if low <= high else "do not agree"
+        lines.append(f"{joint}: the recordings {word} on the stiffness: {listed}")
+    return lines

@@ -1,0 +1,78 @@
+"""A number with its unit and its interval."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Measured:
+    """An estimate of one quantity.
+
+    Attributes:
+        value: the estimate, in SI.
+        low: lower end of its 95 % interval.
+        high: upper end; infinite where the record sets none.
+        unit: its unit.
+    """
+
+    value: float
+    low: float
+    high: float
+    unit: str
+
+    @classmethod
+    def around(cls, value: float, std: float, unit: str, factor: float = 2.0) -> Measured:
+        """An estimate ± factor·std.
+
+        Args:
+            value: the estimate.
+            std: its standard deviation.
+            unit: its unit.
+            factor: half the interval's width in deviations.
+        """
+        return cls(float(value), float(value - factor * std), float(value + factor * std), unit)
+
+    @classmethod
+    def inverse(cls, value: float, std: float, unit: str, factor: float = 2.0) -> Measured:
+        """1/x for a positive quantity x; where x may be zero, no upper end is known.
+
+        Args:
+            value: estimate of x.
+            std: its standard deviation.
+            unit: unit of 1/x.
+            factor: half the interval's width in deviations.
+        """
+        low, high = value - factor * std, value + factor * std
+        best = 1.0 / value if value > 0 else math.inf
+        least = 1.0 / high if high > 0 else math.inf
+        return cls(best, least, 1.0 / low if low > 0 else math.inf, unit)
+
+    @property
+    def clear(self) -> bool:
+        """Whether zero is outside the interval."""
+        return self.low > 0 or self.high < 0
+
+    def times(self, factor: float, unit: str) -> Measured:
+        """The same in another unit.
+
+        Args:
+            factor: positive factor.
+            unit: the unit it leads to.
+        """
+        return Measured(self.value * factor, self.low * factor, self.high * factor, unit)
+
+    def covers(self, value: float) -> bool:
+        """Whether the interval holds a value.
+
+        Args:
+            value: the value, in the same unit.
+        """
+        return self.low <= value <= self.high
+
+    def __str__(self) -> str:
+        unit = f" {self.unit}" if self.unit else ""
+        if not math.isfinite(self.value):
+            return f"above {self.low:.3g}{unit}" if math.isfinite(self.low) else "not told"
+        return f"{self.value:.3g}{unit} (95 %: {self.low:.3g} to {self.high:.3g})"

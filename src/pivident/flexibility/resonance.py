@@ -1,0 +1,406 @@
+"""Stiffness of a joint from its motor's encoder alone: resonance and antiresonance in the loop.
+
+From torque less friction to the motor's speed a flexible joint has the impedance
+
+    Z(p) = Jm p + fv + H(p) (Jl p + fv_l),      H(p) = (d p + k) / (Jl p² + (d + fv_l) p + k)
+
+It is large at the antiresonance √(k/Jl), where the load swings against a motor that hardly moves,
+and small at the resonance √(k (1/Jm + 1/Jl)). Coulomb friction of both sides enters as
+(fc + H fc_l) sign(dq). The fit minimises
+
+    Σ |Y - (U - (fc + H fc_l) S)/Z|² / σ²(θ)
+
+over the bins that the reference excites, with σ²(θ) from the noise of speed Y and torque U, which
+neither the reference nor the sign S of friction explains (`frequency_response`): noise that the
+loop feeds back does not bias it. The sign of the load's friction comes from the motor's speed
+through H, in a second fit; half of what that moves goes into the deviations. A rigid joint,
+Z = J p + fv, is fitted as well. Where the flexible one is not clearly better, no resonance was
+seen, and the highest excited frequency says how far that goes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.flexibility.frequency_response import LocalSpectra, local_spectra
+from pivident.flexibility.measured import Measured
+from pivident.recording.recording import Recording
+
+#: Fewest excited bins that a fit may rest on.
+FEWEST_BINS = 40
+
+#: Gain in twice the log-likelihood from which a resonance counts as seen.
+CLEARLY_BETTER = 50.0
+
+#: Share of itself to which the antiresonance has to be known (95 %).
+KNOWN_TO = 0.25
+
+#: Where the search for the antiresonance starts: number of frequencies.
+STARTS = 10
+
+#: Share of what the load's own sign of friction changes that is taken for a deviation.
+FRICTION_DOUBT = 0.5
+
+#: Parameters of the flexible fit: ln Jm, ln Jl, ln ω_a, ln ζ, fv, fv_l, fc, fc_l.
+FLEXIBLE = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Resonance:
+    """What one encoder tells about a joint's flexibility.
+
+    Attributes:
+        recording: name of the run.
+        joint: name of the joint.
+        seen: whether there is a resonance in the excited band.
+        excited: lowest and highest frequency that the reference excites [Hz]; (0, 0): none.
+        total_inertia: Jm + Jl, or J of the rigid fit [kg m²]; None where nothing is excited.
+        antiresonance: √(k/Jl)/2π [Hz], or None.
+        resonance: √(k (1/Jm + 1/Jl))/2π [Hz], or None.
+        stiffness: k; where no resonance was seen, only its lower end, and only if the load's
+            inertia was given [N m/rad].
+        damping: d [N m s/rad], or None.
+        motor_inertia: Jm [kg m²], or None.
+        load_inertia: Jl [kg m²], or None.
+        gain: twice the log-likelihood of the flexible over that of the rigid joint.
+        misfit: cost over the number of bins; about 1 where the model holds.
+        conclusion: in one sentence.
+        response: frequency [Hz], |Y/U| measured and fitted [rad/s per N m], shape (3, bins).
+    """
+
+    recording: str
+    joint: str
+    seen: bool
+    excited: tuple[float, float]
+    total_inertia: Measured | None
+    antiresonance: Measured | None
+    resonance: Measured | None
+    stiffness: Measured | None
+    damping: Measured | None
+    motor_inertia: Measured | None
+    load_inertia: Measured | None
+    gain: float
+    misfit: float
+    conclusion: str
+    response: np.ndarray = field(repr=False)
+
+
+def find_resonance(
+    recording: Recording,
+    joint: int = 0,
+    *,
+    motor_inertia: float | None = None,
+    load_inertia: float | None = None,
+    lowest: float = 2.0,
+    highest: float | None = None,
+    gamma: float = 150.0,
+) -> Resonance:
+    """Look for the resonance of one joint in its loop.
+
+    Args:
+        recording: has ``q_ref``; a link encoder is not used.
+        joint: index of the joint.
+        motor_inertia: Jm where it is known [kg m²]; None: it is estimated.
+        load_inertia: Jl, for a lower end of the stiffness where no resonance is seen [kg m²].
+        lowest: lowest frequency that is used [Hz].
+        highest: highest frequency [Hz]; None: a fifth of the sampling rate.
+        gamma: slope of the smoothed sign of friction [s/rad].
+
+    Raises:
+        IdentificationError: there is no reference.
+    """
+    name = recording.joint_names[joint]
+    if recording.q_ref is None:
+        raise IdentificationError(
+            f"recording {recording.name!r} has no reference for joint {name!r}: in a loop, noise "
+            "cannot be told from excitation without it; record q_ref"
+        )
+    high = 0.2 * recording.rate if highest is None else highest
+    spectra = _loop_spectra(recording, joint, lowest, high, gamma, None)
+    used = _excited(spectra)
+    if len(used.frequency) < FEWEST_BINS:
+        return _nothing_excited(recording, name, used)
+    rigid, rigid_cost, rigid_covariance = _fit_rigid(used)
+    flexible, cost, covariance = _fit_flexible(used, rigid, motor_inertia)
+    band = (float(used.frequency[0]), float(used.frequency[-1]))
+    gain = 2 * (rigid_cost - cost)
+    if _is_seen(flexible, covariance, gain, band):
+        used = _excited(_loop_spectra(recording, joint, lowest, high, gamma, flexible))
+        first = flexible
+        flexible, cost, covariance = _fit_flexible(used, rigid, motor_inertia, first)
+        # The sign of friction is known only as well as the speeds: half of what it moved counts.
+        moved = FRICTION_DOUBT * (flexible - first)
+        covariance = covariance + np.outer(moved, moved)
+        return _seen(recording, name, used, flexible, covariance, gain, cost)
+    inertia = Measured.around(rigid[0], float(np.sqrt(rigid_covariance[0, 0])), "kg m²", 1.96)
+    flexible_looking = gain > CLEARLY_BETTER
+    bound = None
+    if load_inertia is not None and not flexible_looking:
+        least = (2 * np.pi * band[1]) ** 2 * load_inertia
+        bound = Measured(np.inf, float(least), np.inf, "N m/rad")
+    return Resonance(
+        recording.name,
+        name,
+        seen=False,
+        excited=band,
+        total_inertia=inertia,
+        antiresonance=None,
+        resonance=None,
+        stiffness=bound,
+        damping=None,
+        motor_inertia=None,
+        load_inertia=None,
+        gain=gain,
+        misfit=rigid_cost / len(used.frequency),
+        conclusion=(
+            f"the joint is not rigid below {band[1]:.3g} Hz, the highest frequency that the "
+            "reference excites, but its antiresonance cannot be located; excite more frequencies"
+            if flexible_looking
+            else f"no resonance seen below {band[1]:.3g} Hz, the highest frequency that the "
+            "reference excites"
+        ),
+        response=_response(used, 1 / _rigid_impedance(used, rigid)),
+    )
+
+
+def _loop_spectra(
+    recording: Recording,
+    joint: int,
+    low: float,
+    high: float,
+    gamma: float,
+    known: np.ndarray | None,
+) -> LocalSpectra:
+    """Spectra of speed, torque and sign of the speed, as values at the instants."""
+    from pivident.signals.bandpass import butterworth, central_difference
+
+    assert recording.q_ref is not None
+    rate, h = recording.rate, recording.dt
+    q, tau = recording.q[:, joint], recording.tau[:, joint]
+    speed = central_difference(q, rate)
+    smooth = central_difference(butterworth(q, rate, 0.2 * rate), rate)
+    speeds = [smooth] if known is None else [smooth, _load_speed(smooth, rate, known)]
+    sign = 2 / np.pi * np.arctan(gamma * np.column_stack(speeds))
+    reference = central_difference(recording.q_ref[:, joint], rate)
+    found = local_spectra(np.column_stack([speed, tau]), reference, sign, rate, low, high)
+    omega = 2 * np.pi * found.frequency
+    factor = np.ones((len(omega), 2), dtype=complex)
+    factor[:, 0] = omega * h / np.sin(omega * h)
+    if recording.torque_timing == "held" and recording.control_rate <= 1.01 * rate:
+        factor[:, 1] = np.sinc(found.frequency * h) * np.exp(-0.5j * omega * h)
+    return LocalSpectra(
+        found.frequency,
+        factor * found.x,
+        found.disturbance,
+        factor * found.driven,
+        factor[:, :, None] * found.noise * factor[:, None, :].conj(),
+        found.excited,
+    )
+
+
+def _excited(spectra: LocalSpectra) -> LocalSpectra:
+    """The excited bins up to the highest frequency around which most are."""
+    kept = spectra.excited & (spectra.frequency <= spectra.excited_up_to)
+    return LocalSpectra(*(getattr(spectra, part.name)[kept] for part in fields(spectra)))
+
+
+def _residual(spectra: LocalSpectra, admittance: np.ndarray, friction: np.ndarray) -> np.ndarray:
+    """(Y - G (U - F S))/σ, real and imaginary parts."""
+    v = np.stack([np.ones_like(admittance), -admittance], axis=1)
+    e = np.einsum("ks,ks->k", v, spectra.x) + admittance * np.sum(
+        friction * spectra.disturbance, axis=1
+    )
+    variance = np.einsum("ks,kst,kt->k", v, spectra.noise, v.conj()).real
+    floor = 1e-14 * np.einsum("kss->k", spectra.noise).real
+    scaled = e / np.sqrt(np.maximum(variance, floor))
+    return np.concatenate([scaled.real, scaled.imag])
+
+
+def _least_squares(
+    residual: Callable[[np.ndarray], np.ndarray], start: np.ndarray, most: int = 200
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Minimum, its sum of squares (the cost), and the covariance."""
+    from scipy.optimize import least_squares
+
+    found = least_squares(residual, start, x_scale="jac", max_nfev=most)
+    information = 2 * found.jac.T @ found.jac
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-12)
+    cost = 2 * float(found.cost)
+    # Model error widens the intervals as noise would.
+    misfit = max(1.0, cost / (len(found.fun) / 2))
+    return found.x, cost, misfit * inverse * np.outer(scale, scale)
+
+
+def _rigid_impedance(spectra: LocalSpectra, theta: np.ndarray) -> np.ndarray:
+    return 2j * np.pi * spectra.frequency * theta[0] + theta[1]
+
+
+def _fit_rigid(spectra: LocalSpectra) -> tuple[np.ndarray, float, np.ndarray]:
+    """J, fv, fc of a rigid joint."""
+    (y, u), s = spectra.x.T, spectra.disturbance[:, 0]
+    p = 2j * np.pi * spectra.frequency
+    columns = np.column_stack([p * y, y, s])
+    stacked = np.concatenate([columns.real, columns.imag])
+    start = np.linalg.lstsq(stacked, np.concatenate([u.real, u.imag]), rcond=None)[0]
+    start[0] = max(start[0], 1e-9)
+
+    def residual(theta: np.ndarray) -> np.ndarray:
+        admittance = 1 / _rigid_impedance(spectra, theta)
+        return _residual(spectra, admittance, np.full((len(y), 1), theta[2]))
+
+    return _least_squares(residual, start)
+
+
+def _passed(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """H, from the motor's to the load's speed."""
+    load, omega, zeta = np.exp(np.clip(theta[1:4], -40, 40))
+    stiffness, damping = omega**2 * load, 2 * zeta * omega * load
+    p = 2j * np.pi * frequency
+    return (damping * p + stiffness) / (load * p**2 + (damping + theta[5]) * p + stiffness)
+
+
+def _load_speed(motor_speed: np.ndarray, rate: float, theta: np.ndarray) -> np.ndarray:
+    """The load's speed as it follows from the motor's, shape (samples,) [rad/s]."""
+    n = len(motor_speed)
+    # Padded with as much rest, so that the end does not wrap around to the start.
+    spectrum = np.fft.rfft(motor_speed, 2 * n)
+    return np.fft.irfft(_passed(np.fft.rfftfreq(2 * n, 1 / rate), theta) * spectrum, 2 * n)[:n]
+
+
+def _flexible_parts(
+    frequency: np.ndarray, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Admittance 1/Z, friction fc of the motor and H fc_l of the load."""
+    motor, load = np.exp(np.clip(theta[:2], -40, 40))
+    p = 2j * np.pi * frequency
+    passed = _passed(frequency, theta)
+    impedance = motor * p + theta[4] + passed * (load * p + theta[5])
+    return 1 / impedance, np.full(len(p), theta[6], dtype=complex), passed * theta[7]
+
+
+def _fit_flexible(
+    spectra: LocalSpectra,
+    rigid: np.ndarray,
+    motor_inertia: float | None,
+    known: np.ndarray | None = None,
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """From a known fit, or the best of several starts; a given Jm is held."""
+    held = None if motor_inertia is None else np.log(motor_inertia)
+    free = np.arange(FLEXIBLE) if held is None else np.arange(1, FLEXIBLE)
+
+    def whole(x: np.ndarray) -> np.ndarray:
+        theta = np.zeros(FLEXIBLE)
+        theta[0] = 0.0 if held is None else held
+        theta[free] = x
+        return theta
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        admittance, motor, load = _flexible_parts(spectra.frequency, whole(x))
+        # Until the load's speed is known, its friction changes its sign with the motor's.
+        both = spectra.disturbance.shape[1] == 2
+        friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
+        return _residual(spectra, admittance, friction)
+
+    low, high = spectra.frequency[0], spectra.frequency[-1]
+    best = None if known is None else (known[free], 0.0, np.empty(0))
+    for start in np.geomspace(1.3 * low, high / 1.1, STARTS if known is None else 0):
+        motor = 0.5 * rigid[0] if motor_inertia is None else motor_inertia
+        load = max(rigid[0] - motor, 0.2 * rigid[0])
+        guess = [np.log(motor), np.log(load), np.log(2 * np.pi * start), np.log(0.05)]
+        guess += [0.5 * abs(rigid[1]), 0.5 * abs(rigid[1]), 0.5 * rigid[2], 0.5 * rigid[2]]
+        found = _least_squares(residual, np.array(guess)[free], 12)
+        if best is None or found[1] < best[1]:
+            best = found
+    assert best is not None
+    best = _least_squares(residual, best[0])
+    covariance = np.zeros((FLEXIBLE, FLEXIBLE))
+    covariance[np.ix_(free, free)] = best[2]
+    return whole(best[0]), best[1], covariance
+
+
+def _is_seen(
+    theta: np.ndarray, covariance: np.ndarray, gain: float, band: tuple[float, float]
+) -> bool:
+    """Whether the flexible fit is clearly better, and its antiresonance lies in the band."""
+    f = float(np.exp(theta[2]) / (2 * np.pi))
+    known = 1.96 * float(np.sqrt(covariance[2, 2])) < KNOWN_TO
+    return gain > CLEARLY_BETTER and band[0] < f < band[1] and known
+
+
+def _seen(
+    recording: Recording,
+    name: str,
+    spectra: LocalSpectra,
+    theta: np.ndarray,
+    covariance: np.ndarray,
+    gain: float,
+    cost: float,
+) -> Resonance:
+    """The answer where a resonance was found; logarithms make the intervals of positive numbers."""
+
+    def positive(log: float, gradient: np.ndarray, unit: str) -> Measured:
+        std = float(np.sqrt(gradient @ covariance[:4, :4] @ gradient))
+        value, low, high = np.exp([log, log - 1.96 * std, log + 1.96 * std]).tolist()
+        return Measured(value, low, high, unit)
+
+    motor, load, omega, zeta = theta[:4]
+    unit = np.eye(4)
+    share = float(np.exp(motor) / (np.exp(motor) + np.exp(load)))
+    ratio = 0.5 * (1 - share) * (unit[1] - unit[0])
+    anti = positive(omega - np.log(2 * np.pi), unit[2], "Hz")
+    stiffness = positive(2 * omega + load, 2 * unit[2] + unit[1], "N m/rad")
+    resonance = omega - 0.5 * np.log(share) - np.log(2 * np.pi)
+    total = np.log(np.exp(motor) + np.exp(load))
+    return Resonance(
+        recording.name,
+        name,
+        seen=True,
+        excited=(float(spectra.frequency[0]), float(spectra.frequency[-1])),
+        total_inertia=positive(total, share * unit[0] + (1 - share) * unit[1], "kg m²"),
+        antiresonance=anti,
+        resonance=positive(resonance, unit[2] + ratio, "Hz"),
+        stiffness=stiffness,
+        damping=positive(np.log(2) + zeta + omega + load, unit[3] + unit[2] + unit[1], "N m s/rad"),
+        motor_inertia=positive(motor, unit[0], "kg m²"),
+        load_inertia=positive(load, unit[1], "kg m²"),
+        gain=gain,
+        misfit=cost / len(spectra.frequency),
+        conclusion=f"antiresonance at {anti} and stiffness {stiffness}",
+        response=_response(spectra, _flexible_parts(spectra.frequency, theta)[0]),
+    )
+
+
+def _nothing_excited(recording: Recording, name: str, used: LocalSpectra) -> Resonance:
+    """The answer where the reference excites next to nothing."""
+    top = float(used.frequency[-1]) if len(used.frequency) else 0.0
+    band = (float(used.frequency[0]), top) if len(used.frequency) else (0.0, 0.0)
+    return Resonance(
+        recording.name,
+        name,
+        seen=False,
+        excited=band,
+        total_inertia=None,
+        antiresonance=None,
+        resonance=None,
+        stiffness=None,
+        damping=None,
+        motor_inertia=None,
+        load_inertia=None,
+        gain=0.0,
+        misfit=float("nan"),
+        conclusion=f"the reference excites {len(used.frequency)} frequencies above the motion, too "
+        "few to see a resonance; add a multisine or noise up to the frequencies in question to the "
+        "reference",
+        response=np.empty((3, 0)),
+    )
+
+
+def _response(spectra: LocalSpectra, admittance: np.ndarray) -> np.ndarray:
+    """Measured and fitted |speed/torque|, friction not taken off."""
+    y, u = spectra.driven[:, 0], spectra.driven[:, 1]
+    return np.vstack([spectra.frequency, np.abs(y / u), np.abs(admittance)])

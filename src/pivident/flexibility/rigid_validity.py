@@ -1,0 +1,224 @@
+"""When a rigid model of a flexible joint is no longer right, and by how much its inertia is wrong.
+
+A motor that shakes a load through a spring feels the inertia
+
+    J(ω) = Jm + Jl Re T(ω),   T = (k + jωd) / (k + jωd - Jl ω²) ≈ 1 / (1 - (ω/ω_a)²)
+
+so that a rigid model finds too much, by about Jl (ω/ω_a)². With the link's encoder it finds too
+little, J - Jm (ω/ω_a)². The figure here is not that law at one frequency: the torque that the
+rigid model lacks, Jl (T - 1) ddq, is formed from the recorded motion and projected on its columns
+ddq, dq, sign(dq) and 1, within the band in which the model would be fitted.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.recording.recording import Recording
+
+#: Error of the inertia from which it should be looked at, and from which it is wrong [%].
+LOOK, WRONG = 2.0, 10.0
+
+#: Share of the antiresonance that a loop or a filter may reach without remark.
+REACH = 1.0 / 3.0
+
+#: Share of the acceleration's power that makes up the motion.
+MOTION = 0.95
+
+#: Cut-off of usual rigid identification [Hz].
+CUTOFF = 50.0
+
+
+@dataclass(frozen=True)
+class RigidValidity:
+    """How far a rigid model of one joint can be trusted.
+
+    Attributes:
+        recording: name of the run.
+        joint: name of the joint.
+        antiresonance: locked-rotor frequency √(k/Jl)/2π [Hz].
+        motion_band: frequency below which 95 % of the acceleration's power lies [Hz].
+        cutoff: of the signals in the rigid fit [Hz].
+        inertia_error: of Jm + Jl in a rigid least-squares fit [%].
+        at_band_edge: (J(ω) - J)/J at the edge of the motion's band [%]; infinite beyond the
+            antiresonance.
+        viscous_error: of the viscous friction [N m s/rad].
+        coulomb_error: of the Coulomb friction [N m].
+        missing_torque: rms of the torque that the rigid model lacks after the fit [N m].
+        severity: ``fine``, ``look`` or ``wrong``.
+        sentences: in plain words.
+    """
+
+    recording: str
+    joint: str
+    antiresonance: float
+    motion_band: float
+    cutoff: float
+    inertia_error: float
+    at_band_edge: float
+    viscous_error: float
+    coulomb_error: float
+    missing_torque: float
+    severity: Literal["fine", "look", "wrong"]
+    sentences: tuple[str, ...]
+
+
+def rigid_validity(
+    recording: Recording,
+    joint: int = 0,
+    *,
+    stiffness: float,
+    motor_inertia: float,
+    load_inertia: float,
+    damping: float = 0.0,
+    encoder: Literal["motor", "link"] = "motor",
+    cutoff: float | None = None,
+    bandwidth: float | None = None,
+    gamma: float = 150.0,
+) -> RigidValidity:
+    """What compliance does to a rigid model that is fitted to this record.
+
+    Args:
+        recording: the record.
+        joint: index of the joint.
+        stiffness: k [N m/rad].
+        motor_inertia: Jm on the joint side [kg m²].
+        load_inertia: Jl [kg m²].
+        damping: d [N m s/rad]; 0 stands for 1 % of the critical one.
+        encoder: where the positions of the rigid fit come from.
+        cutoff: of the signals in the rigid fit [Hz]; None: 50 Hz, or 40 % of the rate.
+        bandwidth: of the control loop [Hz], where it is known.
+        gamma: slope of the smoothed sign of friction [s/rad].
+
+    Raises:
+        IdentificationError: a stiffness or inertia is not positive, or there is no such encoder.
+    """
+    from pivident.signals.bandpass import butterworth, central_difference
+
+    name = recording.joint_names[joint]
+    for label, value in (("stiffness", stiffness), ("load inertia", load_inertia)):
+        if not (np.isfinite(value) and value > 0):
+            raise IdentificationError(
+                f"{label} of joint {name!r} is {value!r}; it has to be positive"
+            )
+    positions = recording.q if encoder == "motor" else recording.q_link
+    if positions is None:
+        raise IdentificationError(f"recording {recording.name!r} has no link encoder (q_link)")
+    rate = recording.rate
+    top = min(CUTOFF if cutoff is None else cutoff, 0.4 * rate)
+    q = butterworth(positions[:, joint], rate, top)
+    dq = central_difference(q, rate)
+    ddq = central_difference(dq, rate)
+    omega_a = float(np.sqrt(stiffness / load_inertia))
+    damping = damping or 0.02 * load_inertia * omega_a
+    missing = _missing_torque(
+        ddq, rate, stiffness, damping, motor_inertia, load_inertia, encoder, 2 * top
+    )
+    columns = np.column_stack([ddq, dq, 2 / np.pi * np.arctan(gamma * dq), np.ones(len(q))])
+    edge = min(int(np.ceil(rate / top)) + 1, len(q) // 4)
+    inner = slice(edge, len(q) - edge)
+    found = np.linalg.lstsq(columns[inner], missing[inner], rcond=None)[0]
+    left = missing[inner] - columns[inner] @ found
+    total = motor_inertia + load_inertia
+    antiresonance = omega_a / (2 * np.pi)
+    band = _motion_band(ddq[inner], rate)
+    ratio = (band / antiresonance) ** 2
+    if encoder == "motor":
+        at_edge = load_inertia * ratio / (1 - ratio) / total if ratio < 1 else np.inf
+    else:
+        at_edge = -motor_inertia * ratio / total
+    error = 100 * float(found[0]) / total
+    severity, sentences = _judged(
+        name, antiresonance, band, top, bandwidth, error, 100 * float(at_edge)
+    )
+    return RigidValidity(
+        recording=recording.name,
+        joint=name,
+        antiresonance=antiresonance,
+        motion_band=band,
+        cutoff=top,
+        inertia_error=error,
+        at_band_edge=100 * float(at_edge),
+        viscous_error=float(found[1]),
+        coulomb_error=float(found[2]),
+        missing_torque=float(np.sqrt(np.mean(left**2))),
+        severity=severity,
+        sentences=sentences,
+    )
+
+
+def _missing_torque(
+    ddq: np.ndarray,
+    rate: float,
+    stiffness: float,
+    damping: float,
+    motor_inertia: float,
+    load_inertia: float,
+    encoder: str,
+    highest: float,
+) -> np.ndarray:
+    """Torque of the flexible joint less that of a rigid one with the same motion [N m]."""
+    n = len(ddq)
+    # The motion mirrored at its ends is periodic without steps.
+    spectrum = np.fft.rfft(np.concatenate([ddq, ddq[::-1]]))
+    frequency = np.fft.rfftfreq(2 * n, 1 / rate)
+    p = 2j * np.pi * frequency
+    if encoder == "motor":
+        passed = (damping * p + stiffness) / (load_inertia * p**2 + damping * p + stiffness)
+        beyond = load_inertia * (passed - 1)
+    else:
+        beyond = motor_inertia * load_inertia * p**2 / (damping * p + stiffness)
+    beyond = np.where(frequency < highest, beyond, 0.0)
+    return np.fft.irfft(beyond * spectrum, 2 * n)[:n]
+
+
+def _motion_band(ddq: np.ndarray, rate: float) -> float:
+    """Frequency below which nearly all of the acceleration's power lies [Hz]."""
+    power = np.abs(np.fft.rfft(ddq * np.hanning(len(ddq)))) ** 2
+    below = np.cumsum(power) / power.sum()
+    return float(np.fft.rfftfreq(len(ddq), 1 / rate)[np.searchsorted(below, MOTION)])
+
+
+def _judged(
+    joint: str,
+    antiresonance: float,
+    band: float,
+    cutoff: float,
+    bandwidth: float | None,
+    error: float,
+    at_edge: float,
+) -> tuple[Literal["fine", "look", "wrong"], tuple[str, ...]]:
+    """Severity and sentences."""
+    severity: Literal["fine", "look", "wrong"] = "fine"
+    if abs(error) >= LOOK or band > REACH * antiresonance:
+        severity = "look"
+    if abs(error) >= WRONG or band >= antiresonance:
+        severity = "wrong"
+    size = "beyond all bounds" if not np.isfinite(at_edge) else f"{at_edge:+.2g} %"
+    sentences = [
+        f"the rigid model's inertia of {joint} is wrong by about {error:+.2g} % on this motion",
+        f"95 % of the acceleration's power lies below {band:.3g} Hz, {band / antiresonance:.2g} of "
+        f"the locked-rotor frequency {antiresonance:.3g} Hz; the inertia seen at that edge "
+        f"alone is wrong by {size}",
+    ]
+    if error * at_edge < 0 and abs(error) > 0.1:
+        sentences.append(
+            "its sign says that the error comes from beyond the antiresonance, where the load does "
+            "not follow: ripple of gear or torque, or noise of the encoder"
+        )
+    if bandwidth is not None and bandwidth > REACH * antiresonance:
+        sentences.append(
+            f"the loop's bandwidth of {bandwidth:.3g} Hz is {bandwidth / antiresonance:.2g} of it: "
+            "a rigid simulation of the loop is not the loop; lower the bandwidth of the virtual law"
+        )
+        severity = "look" if severity == "fine" else severity
+    if cutoff > REACH * antiresonance and severity != "fine":
+        sentences.append(
+            f"signals up to {cutoff:.3g} Hz enter the fit; a cut-off below "
+            f"{REACH * antiresonance:.2g} Hz would keep the resonance out"
+        )
+    return severity, tuple(sentences)

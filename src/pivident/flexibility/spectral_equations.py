@@ -1,0 +1,102 @@
+"""Linear equations of a record as equations of its spectrum, solved with instruments.
+
+Every signal of y = Φθ + e is multiplied by the same taper and transformed; the equations then hold
+at each frequency by itself, where e is nearly independent of its neighbours with the spectral
+matrix S(f) of the equations' residuals. With instruments Z that have no noise,
+
+    θ = Re(Σ Zᴴ S⁻¹ Φ)⁻¹ Re(Σ Zᴴ S⁻¹ y),     P = ½ A⁻¹ Re(Σ Zᴴ S⁻¹ Z) A⁻ᵀ,   A = Re(Σ Zᴴ S⁻¹ Φ)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Bins on each side over which a residual's spectrum is averaged.
+HALF_WIDTH = 20
+
+#: Share of the record over which the taper rises and falls, together.
+TAPER = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Spectra:
+    """Tapered spectra of one record.
+
+    Attributes:
+        frequency: shape (bins,) [Hz].
+        phi: regressors, shape (bins, equations, parameters).
+        y: left-hand sides, shape (bins, equations).
+    """
+
+    frequency: np.ndarray
+    phi: np.ndarray
+    y: np.ndarray
+
+
+def taper(samples: int) -> np.ndarray:
+    """Tukey's window with unit mean square, shape (samples,).
+
+    Args:
+        samples: its length.
+    """
+    from scipy.signal.windows import tukey
+
+    window = tukey(samples, TAPER)
+    return window / np.sqrt(np.mean(window**2))
+
+
+def tapered_spectra(columns: np.ndarray, rate: float, low: float, high: float) -> np.ndarray:
+    """Spectra of columns between two frequencies, shape (bins, columns).
+
+    Args:
+        columns: shape (samples, columns).
+        rate: sampling rate [Hz].
+        low: lowest frequency [Hz].
+        high: highest frequency [Hz].
+    """
+    frequency = np.fft.rfftfreq(len(columns), 1 / rate)
+    kept = (frequency >= low) & (frequency <= high)
+    window = taper(len(columns))[:, None]
+    return np.fft.rfft(window * columns, axis=0)[kept] / np.sqrt(len(columns))
+
+
+def residual_spectrum(e: np.ndarray) -> np.ndarray:
+    """Spectral matrices of residuals, averaged over neighbours, shape (bins, equations, equations).
+
+    Args:
+        e: residuals, shape (bins, equations).
+    """
+    from scipy.ndimage import uniform_filter1d
+
+    raw = e[:, :, None] * e[:, None, :].conj()
+    size = 2 * HALF_WIDTH + 1
+    smooth = uniform_filter1d(raw.real, size, axis=0) + 1j * uniform_filter1d(
+        raw.imag, size, axis=0
+    )
+    trace = np.einsum("fii->f", smooth).real[:, None, None]
+    return smooth + 1e-12 * trace * np.eye(e.shape[1])
+
+
+def solve(spectra: Spectra, z: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """θ and its covariance.
+
+    Args:
+        spectra: the equations.
+        z: spectra of the instruments, shape (bins, equations, parameters).
+        weights: S⁻¹, shape (bins, equations, equations).
+    """
+    # The mean has one degree of freedom where a complex number has two.
+    weights = weights * np.where(spectra.frequency == 0.0, 0.5, 1.0)[:, None, None]
+    weighted = np.einsum("fep,feg->fgp", z.conj(), weights)
+    a = np.einsum("fgp,fgq->pq", weighted, spectra.phi).real
+    b = np.einsum("fgp,fg->p", weighted, spectra.y).real
+    meat = np.einsum("fgp,fgq->pq", weighted, z).real
+    scale = 1 / np.sqrt(np.maximum(np.diag(meat), 1e-300))
+    inverse = np.linalg.inv(a * np.outer(scale, scale))
+    theta = scale * (inverse @ (scale * b))
+    covariance = 0.5 * inverse @ (meat * np.outer(scale, scale)) @ inverse.T
+    # Tapering makes neighbours depend on each other: fewer bins count.
+    fewer = np.mean(taper(4096) ** 4)
+    return theta, fewer * covariance * np.outer(scale, scale)

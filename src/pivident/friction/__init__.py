@@ -1,0 +1,1 @@
+"""Friction laws seen, chosen and fitted: maps, shapes, ripple."""

@@ -1,0 +1,244 @@
+"""Back-fitting: one function after the other, each from what the others leave.
+
+The samples of one correlation length are replaced by a few means, each term's means are sorted by
+its own state, and the walk along the sorted state is smoothed, term by term, until the functions
+stand still.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.friction.random_walk_regression import NARROWEST, nvr_by_likelihood, smooth_parameter
+
+#: Points at which a function is given: at least, and at most where it is rough.
+POINTS = 61
+MOST_POINTS = 501
+
+#: Sets of samples D apart whose likelihoods are added.
+SETS = 8
+
+#: Rounds of back-fitting in which the noise-to-variance ratios are searched again.
+SEARCHES = 4
+
+#: Means per correlation length that are made of the samples; more would not tell more.
+DENSITY = 4
+
+#: Largest step of a state within such a mean, as a share of its range.
+STEP_OF_STATE = 0.004
+
+#: Fewest independent samples.
+FEWEST = 12
+
+
+@dataclass(frozen=True, eq=False)
+class StateDependence:
+    """One term p(x) z of the model.
+
+    Attributes:
+        name: of the parameter.
+        state: x, shape (samples,).
+        regressor: z, likewise; the parameter is not seen where it is zero.
+        order: 1: random walk; 2: integrated random walk, a straight line where the data ask for
+            nothing else.
+        nvr: noise-to-variance ratio per unit of the coordinate; None: by maximum likelihood.
+        centred: whether the function has mean zero over its samples, because another one has the
+            level.
+        points: how many points of the state the function is given at; more where it is rough.
+        narrowest: smallest bandwidth of the search, as a share of the state's range. A record that
+            repeats itself repeats its small errors too, and likelihood would follow them.
+    """
+
+    name: str
+    state: np.ndarray
+    regressor: np.ndarray
+    order: int = 2
+    nvr: float | None = None
+    centred: bool = False
+    points: int = POINTS
+    narrowest: float = NARROWEST
+
+
+@dataclass(frozen=True, eq=False)
+class Sorted:
+    """A term's samples in the order of its state.
+
+    Attributes:
+        term: the term, on averaged samples.
+        order: indices of the samples that are smoothed, by ascending state.
+        u: their coordinate, 0 to 1.
+        z: their regressor.
+        sets: for each set of samples D apart, where they are in ``order``.
+        low: smallest state.
+        width: range of the state.
+    """
+
+    term: StateDependence
+    order: np.ndarray
+    u: np.ndarray
+    z: np.ndarray
+    sets: tuple[np.ndarray, ...]
+    low: float
+    width: float
+
+    def coordinate(self, state: np.ndarray) -> np.ndarray:
+        """Coordinate of a state, held within 0 to 1."""
+        return np.clip((state - self.low) / self.width, 0.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Averages:
+    """Means of consecutive samples, in the order of time.
+
+    Attributes:
+        y: what is to be explained.
+        sorted: the terms on these means, each in the order of its state.
+    """
+
+    y: np.ndarray
+    sorted: tuple[Sorted, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class BackFitted:
+    """Functions that stand still, before their bands.
+
+    Attributes:
+        correlation: D in samples.
+        merged: D in means.
+        averages: the means.
+        courses: state and value of each function, ascending.
+        nvrs: noise-to-variance ratios.
+        straight: whether likelihood asks for no more than a line.
+        rounds: rounds of back-fitting.
+        converged: whether they stand still.
+    """
+
+    correlation: float
+    merged: float
+    averages: Averages
+    courses: list[tuple[np.ndarray, np.ndarray]]
+    nvrs: list[float]
+    straight: list[bool]
+    rounds: int
+    converged: bool
+
+    def residual(
+        self, y: np.ndarray, terms: Sequence[StateDependence], used: np.ndarray
+    ) -> np.ndarray:
+        """What the functions leave of all samples, NaN where they are not used."""
+        return np.where(used, y - np.sum(contributions(terms, self.courses), axis=0), np.nan)
+
+
+def contributions(
+    terms: Sequence[StateDependence], courses: Sequence[tuple[np.ndarray, np.ndarray]]
+) -> list[np.ndarray]:
+    """p(x) z at all samples, for each term."""
+    return [np.interp(t.state, *c) * t.regressor for t, c in zip(terms, courses, strict=True)]
+
+
+def varies(term: StateDependence, used: np.ndarray) -> bool:
+    """Whether a term has enough samples, and two different states among them."""
+    seen = term.state[used & (term.regressor != 0.0)]
+    return seen.size >= FEWEST and float(np.ptp(seen)) > 0.0
+
+
+def _sorted(term: StateDependence, every: int) -> Sorted:
+    seen = np.flatnonzero(term.regressor)
+    order = seen[np.argsort(term.state[seen], kind="stable")]
+    x = term.state[order]
+    low, width = float(x[0]), float(x[-1] - x[0])
+    starts = np.unique(np.linspace(0, every, SETS, endpoint=False).astype(int))
+    sets = [np.flatnonzero(order % every == start) for start in starts]
+    enough = tuple(s for s in sets if s.size > FEWEST // 2)
+    return Sorted(term, order, (x - low) / width, term.regressor[order], enough, low, width)
+
+
+def averages_of(
+    y: np.ndarray,
+    terms: Sequence[StateDependence],
+    used: np.ndarray,
+    record: np.ndarray,
+    correlation: float,
+) -> tuple[float, Averages]:
+    """Means of so few samples that neither states nor errors change much within.
+
+    Means lose nothing of the slow errors, and average the fast ones, which leaves the sum of
+    information as it was: n/D.
+
+    Returns:
+        D in means, and the means.
+    """
+    at = np.flatnonzero(used)
+    travel = [
+        float(np.median(np.abs(np.diff(t.state[at])))) / float(np.ptp(t.state[at])) for t in terms
+    ]
+    slow = STEP_OF_STATE / max(*travel, 1e-12)
+    stride = max(1, int(min(correlation / DENSITY, slow)))
+    signs = np.array([np.sign(t.regressor[at]) for t in terms])
+    breaks = (np.diff(at) > 1) | (np.diff(record[at]) != 0) | (np.diff(signs) != 0).any(axis=0)
+    starts = np.concatenate([[0], np.flatnonzero(breaks) + 1])
+    since = np.arange(at.size) - np.repeat(starts, np.diff(np.append(starts, at.size)))
+    number = np.cumsum(since % stride == 0) - 1
+    size = np.bincount(number)
+
+    def mean(x: np.ndarray) -> np.ndarray:
+        return np.bincount(number, x[at]) / size
+
+    merged = max(correlation / stride, 1.0)
+    every = max(1, round(merged))
+    means = [replace(t, state=mean(t.state), regressor=mean(t.regressor)) for t in terms]
+    return merged, Averages(mean(y), tuple(_sorted(t, every) for t in means))
+
+
+def back_fitted(
+    averages: Averages, merged: float, rounds: int, tolerance: float
+) -> tuple[list[tuple[np.ndarray, np.ndarray]], list[float], list[bool], int, bool]:
+    """Courses (state, value) of all functions, their NVR, whether straight, rounds, convergence."""
+    data, y = averages.sorted, averages.y
+    parts = np.zeros((len(data), y.size))
+    left = y.copy()
+    scale = float(np.std(y)) or 1.0
+    nvrs = [np.nan if own.term.nvr is None else own.term.nvr for own in data]
+    straight = [own.term.nvr is not None and own.term.nvr < 1e-6 for own in data]
+    means = [0.0] * len(data)
+    for count in range(1, rounds + 1):
+        moved = 0.0
+        for i, own in enumerate(data):
+            target = (left + parts[i])[own.order]
+            if own.term.nvr is None and count <= SEARCHES:
+                sets = [(own.u[s], own.z[s], target[s]) for s in own.sets]
+                near = None if count <= 2 else nvrs[i]
+                nvrs[i], on_bound = nvr_by_likelihood(
+                    sets, own.term.order, near, own.term.narrowest
+                )
+                straight[i] = on_bound and nvrs[i] < 1.0
+            # The noise variance is D r, hence the ratio to it D times as small.
+            found = smooth_parameter(own.u, own.z, target, nvrs[i] / merged, own.term.order)
+            means[i] = float(found.value.mean()) if own.term.centred else 0.0
+            new = (found.value - means[i]) * own.z
+            change = new - parts[i, own.order]
+            moved = max(moved, float(np.sqrt(np.mean(change**2))) / scale)
+            parts[i, own.order] = new
+            left[own.order] -= change
+        searched = count > SEARCHES or all(own.term.nvr is not None for own in data)
+        if moved <= tolerance and searched:
+            break
+    courses = []
+    for i, own in enumerate(data):
+        # An integrated walk is expected to go on as a line. A centred one is held: it is the
+        # correction of another function, of which nothing is known out there.
+        reach = 0.0 if own.term.centred else 0.5
+        between = np.linspace(-reach, 1.0 + reach, MOST_POINTS)
+        u = np.concatenate([own.u, between])
+        place = np.argsort(u, kind="stable")
+        z = np.concatenate([own.z, np.zeros(between.size)])
+        target = np.concatenate([(left + parts[i])[own.order], np.zeros(between.size)])
+        found = smooth_parameter(
+            u[place], z[place], target[place], nvrs[i] / merged, own.term.order
+        )
+        courses.append((own.low + own.width * u[place], found.value - means[i]))
+    return courses, nvrs, straight, count, moved <= tolerance

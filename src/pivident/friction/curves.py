@@ -1,0 +1,200 @@
+"""Functions and maps as tables, and everything that was found as files."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pivident import __version__
+from pivident.friction.examination import FrictionExamination, JointFriction
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Number of the layout of ``friction.json``.
+SCHEMA = 1
+
+#: What each function is over, and the unit of its state: p position unit, t torque unit.
+STATES = {
+    "positive": ("speed", "{p}/s"),
+    "negative": ("speed", "{p}/s"),
+    "position": ("position", "{p}"),
+    "load": ("load", "{t}"),
+    "time": ("time", "s"),
+}
+
+
+def curves_table(examination: FrictionExamination) -> pl.DataFrame:
+    """All functions and maps, one row per point.
+
+    Columns: joint, kind (``function`` or ``map``), name, state_name, state, state_unit, value,
+    lower, upper (2σ), torque_unit, passes, effective (both of a map; independent samples of a
+    function).
+
+    Args:
+        examination: the friction of a record.
+    """
+    import polars as pl
+
+    frames = [frame for joint in examination.joints for frame in _joint_frames(joint)]
+    return pl.concat(frames)
+
+
+def write_friction(
+    examination: FrictionExamination, folder: str | Path, title: str | None = None
+) -> Path:
+    """Write ``friction.html``, ``friction.json``, ``curves.csv`` and ``curves.parquet``.
+
+    All of them or none.
+
+    Args:
+        examination: the friction of a record.
+        folder: folder to create or to write into.
+        title: title of the page.
+
+    Returns:
+        The page.
+
+    Raises:
+        PividentError: the folder cannot be written.
+    """
+    from pivident.files import atomic_folder
+    from pivident.friction.page import render_page
+
+    page = render_page(examination, title)
+    table = curves_table(examination)
+    content = as_json(examination)
+    with atomic_folder(folder) as build:
+        (build / "friction.json").write_text(
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8"
+        )
+        (build / "friction.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+        table.write_csv(build / "curves.csv", float_precision=None)
+        table.write_parquet(build / "curves.parquet")
+    return Path(folder) / "friction.html"
+
+
+def as_json(examination: FrictionExamination) -> dict[str, Any]:
+    """What was found, as plain values; numbers that are not finite become null.
+
+    Args:
+        examination: the friction of a record.
+    """
+    return {
+        "schema": SCHEMA,
+        "pivident": __version__,
+        "robot": examination.robot,
+        "method": examination.method,
+        "recordings": list(examination.recordings),
+        "left_out": dict(examination.left_out),
+        "joints": [_joint_json(joint) for joint in examination.joints],
+    }
+
+
+def _joint_json(joint: JointFriction) -> dict[str, Any]:
+    fit, held_out = joint.fit, joint.held_out
+    return {
+        "joint": joint.name,
+        "torque_unit": joint.torque.torque_unit,
+        "position_unit": joint.torque.position_unit,
+        "samples_in_motion": int(joint.torque.moving.sum()),
+        "correlation_s": _finite(fit.correlation / joint.torque.rate),
+        "independent_samples": _finite(fit.effective),
+        "converged": fit.converged,
+        "residual_std": _finite(fit.noise_std),
+        "rigid_std": _finite(joint.torque.load_std),
+        "held_out": {
+            "band_hz": held_out.band,
+            "constant_rms": _finite(held_out.constant.rms),
+            "speed_rms": _finite(held_out.speed.rms),
+            "full_rms": _finite(held_out.full.rms),
+            "without_rms": {name: _finite(e.rms) for name, e in held_out.by_term.items()},
+        },
+        "functions": [
+            {
+                "name": p.name,
+                "over": STATES[p.name][0],
+                "nvr": _finite(p.nvr),
+                "straight": p.is_straight,
+                "state": _finite_list(p.state),
+                "value": _finite_list(p.value),
+                "std": _finite_list(p.std),
+            }
+            for p in fit.parameters
+        ],
+        "findings": [
+            {
+                "key": f.key,
+                "sentence": f.sentence,
+                "value": _finite(f.value),
+                "two_sigma": _finite(f.spread),
+                "unit": f.unit,
+                "clear": bool(f.clear),
+                "terms": f.terms,
+            }
+            for f in joint.findings
+        ],
+    }
+
+
+def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
+    import polars as pl
+
+    torque = joint.torque
+    frames = []
+    for p in joint.fit.parameters:
+        over, unit = STATES[p.name]
+        frames.append(
+            {
+                "kind": "function",
+                "name": p.name,
+                "state_name": over,
+                "state_unit": unit.format(p=torque.position_unit, t=torque.torque_unit),
+                "state": p.state,
+                "value": p.value,
+                "lower": p.value - 2.0 * p.std,
+                "upper": p.value + 2.0 * p.std,
+                "passes": np.full(p.state.size, np.nan),
+                "effective": p.density,
+            }
+        )
+    for name, found in joint.maps.items():
+        frames.append(
+            {
+                "kind": "map",
+                "name": name,
+                "state_name": found.state,
+                "state_unit": found.unit,
+                "state": found.centre,
+                "value": found.value,
+                "lower": found.lower,
+                "upper": found.upper,
+                "passes": found.passes.astype(float),
+                "effective": found.effective,
+            }
+        )
+    numbers = ("state", "value", "lower", "upper", "passes", "effective")
+    return [
+        pl.DataFrame(
+            {
+                "joint": torque.name,
+                **{k: v for k, v in frame.items() if k not in numbers},
+                "torque_unit": torque.torque_unit,
+                **{k: pl.Series(frame[k], dtype=pl.Float64) for k in numbers},
+            }
+        ).with_columns(pl.col(pl.Float64).fill_nan(None))
+        for frame in frames
+    ]
+
+
+def _finite(x: float) -> float | None:
+    x = float(x)
+    return x if math.isfinite(x) else None
+
+
+def _finite_list(x: np.ndarray) -> list[float | None]:
+    return [_finite(value) for value in x]

@@ -1,0 +1,226 @@
+"""Binned maps: friction against one state or two, with intervals that count passes.
+
+A joint that creeps through a bin for a second has given thousands of samples and one observation:
+what makes friction differ from one pass to the next (load, grease, position) is the same within a
+pass. So a pass, a run of samples in the bin whose gaps are shorter than the correlation length D,
+counts as one, and a pass shorter than D as a part of one:
+
+    w_p = min(n_p, D)/D,   m = Σ w_p m_p / Σ w_p,   n = (Σ w_p)² / Σ w_p²,
+    interval m ± t(n - 1) s/√n,   s² = Σ w_p (m_p - m)² / Σ w_p · n/(n - 1),
+
+or the weighted median with 1.4826 times the median absolute deviation for s and a factor √(π/2).
+t is the quantile of Student's distribution that contains as much as 2σ of a normal one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+#: Probability within 2σ of a normal distribution.
+TWO_SIGMA = 0.9545
+
+#: Fewest effective passes for an interval.
+FEWEST_PASSES = 2.0
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionMap:
+    """Friction in the bins of one state; arrays (bins,).
+
+    Attributes:
+        state: name of the state.
+        unit: of the state.
+        low: lower edge of each bin.
+        high: upper edge.
+        centre: mean state of its samples; NaN in an empty bin.
+        value: mean or median over the passes; NaN in an empty bin.
+        lower: lower end of its 2σ interval; NaN with fewer than two effective passes.
+        upper: upper end.
+        passes: number of passes.
+        effective: effective number of independent observations n.
+        samples: number of samples.
+    """
+
+    state: str
+    unit: str
+    low: np.ndarray
+    high: np.ndarray
+    centre: np.ndarray
+    value: np.ndarray
+    lower: np.ndarray
+    upper: np.ndarray
+    passes: np.ndarray
+    effective: np.ndarray
+    samples: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionPlane:
+    """Friction in the cells of two states; arrays (bins of y, bins of x).
+
+    Attributes:
+        x: centres of the bins of the first state.
+        y: centres of the bins of the second one.
+        value: mean over the passes; NaN where there are fewer than two effective ones.
+        spread: half of the 2σ interval.
+        effective: effective number of independent observations.
+    """
+
+    x: np.ndarray
+    y: np.ndarray
+    value: np.ndarray
+    spread: np.ndarray
+    effective: np.ndarray
+
+
+def friction_map(
+    values: np.ndarray,
+    state: np.ndarray,
+    *,
+    name: str,
+    unit: str,
+    used: np.ndarray,
+    record: np.ndarray | None = None,
+    correlation: float = 1.0,
+    bins: int = 24,
+    statistic: Literal["mean", "median"] = "mean",
+    whole_passes: bool = True,
+) -> FrictionMap:
+    """Map values over one state.
+
+    Args:
+        values: friction torque, or what is left of it, shape (samples,), in the order of time.
+        state: likewise.
+        name: of the state.
+        unit: of the state.
+        used: samples that count, shape (samples,).
+        record: number of the recording of each sample; a pass ends where it changes.
+        correlation: D, samples that count as one.
+        bins: how many, of equal width between the extreme states.
+        statistic: mean or median over the passes.
+        whole_passes: whether a pass counts as one however long it takes. Over time it does not:
+            stretches as long as D count, for a bin of time is passed but once.
+    """
+    edges = _edges(state[used], bins)
+    cell = np.where(used, _bin(state, edges), -1)
+    found = _passes(values, cell, record, correlation, bins, statistic, whole_passes)
+    value, spread, passes, effective, samples = found
+    inside = cell >= 0
+    with np.errstate(invalid="ignore", divide="ignore"):
+        centre = np.bincount(cell[inside], state[inside], bins) / samples
+    return FrictionMap(
+        name, unit, edges[:-1], edges[1:], centre, value, value - spread, value + spread, passes,
+        effective, samples,
+    )  # fmt: skip
+
+
+def friction_plane(
+    values: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    *,
+    used: np.ndarray,
+    record: np.ndarray | None = None,
+    correlation: float = 1.0,
+    bins: tuple[int, int] = (16, 12),
+) -> FrictionPlane:
+    """Map values over two states; arguments as of :func:`friction_map`.
+
+    Args:
+        values: shape (samples,).
+        x: first state.
+        y: second state.
+        used: samples that count.
+        record: number of the recording of each sample.
+        correlation: D.
+        bins: how many of x and of y.
+    """
+    x_edges, y_edges = _edges(x[used], bins[0]), _edges(y[used], bins[1])
+    cell = np.where(used, _bin(y, y_edges) * bins[0] + _bin(x, x_edges), -1)
+    size = bins[0] * bins[1]
+    value, spread, _, effective, _ = _passes(values, cell, record, correlation, size, "mean")
+    thin = effective < FEWEST_PASSES
+    shape = (bins[1], bins[0])
+    return FrictionPlane(
+        0.5 * (x_edges[:-1] + x_edges[1:]),
+        0.5 * (y_edges[:-1] + y_edges[1:]),
+        np.where(thin, np.nan, value).reshape(shape),
+        np.where(thin, np.nan, spread).reshape(shape),
+        effective.reshape(shape),
+    )
+
+
+def _edges(state: np.ndarray, bins: int) -> np.ndarray:
+    low, high = (float(state.min()), float(state.max())) if state.size else (0.0, 1.0)
+    return np.linspace(low, high if high > low else low + 1.0, bins + 1)
+
+
+def _bin(state: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    return np.clip(np.searchsorted(edges, state, side="right") - 1, 0, edges.size - 2)
+
+
+def _passes(
+    values: np.ndarray,
+    cell: np.ndarray,
+    record: np.ndarray | None,
+    correlation: float,
+    cells: int,
+    statistic: str,
+    whole_passes: bool = True,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Value, half interval, passes, effective passes and samples of each cell."""
+    from scipy.stats import t as student
+
+    order = np.argsort(cell, kind="stable")
+    order = order[cell[order] >= 0]
+    own = cell[order]
+    samples = np.bincount(own, minlength=cells).astype(float)
+    if not order.size:
+        empty = np.full(cells, np.nan)
+        return empty, empty, np.zeros(cells, dtype=int), np.zeros(cells), samples
+    begins = (np.diff(own) != 0) | (np.diff(order) > max(correlation, 1.0))
+    if record is not None:
+        begins |= np.diff(record[order]) != 0
+    if not whole_passes:
+        length = max(int(np.ceil(correlation)), 1)
+        begins |= np.diff(order // length) != 0
+    number = np.concatenate([[0], np.cumsum(begins)])
+    size = np.bincount(number).astype(float)
+    mean = np.bincount(number, values[order]) / size
+    place = own[np.concatenate([[True], begins])]
+    weight = np.minimum(size, correlation) / correlation
+    total = np.bincount(place, weight, cells)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        effective = np.nan_to_num(total**2 / np.bincount(place, weight**2, cells))
+        # Many short passes are not worth more than the time they took.
+        effective = np.minimum(effective, np.maximum(total, 1.0))
+        if statistic == "mean":
+            value = np.bincount(place, weight * mean, cells) / total
+            squares = np.bincount(place, weight * (mean - value[place]) ** 2, cells) / total
+            deviation = np.sqrt(squares * effective / (effective - 1.0))
+        else:
+            value = _weighted_medians(mean, weight, place, cells)
+            away = _weighted_medians(np.abs(mean - value[place]), weight, place, cells)
+            deviation = np.sqrt(np.pi / 2.0) * 1.4826 * away
+        factor = student.ppf(0.5 + 0.5 * TWO_SIGMA, np.maximum(effective - 1.0, 1.0))
+        spread = np.where(
+            effective >= FEWEST_PASSES, factor * deviation / np.sqrt(effective), np.nan
+        )
+    passes = np.bincount(place, minlength=cells)
+    return value, spread, passes, effective, samples
+
+
+def _weighted_medians(
+    values: np.ndarray, weight: np.ndarray, place: np.ndarray, cells: int
+) -> np.ndarray:
+    """Weighted median of each cell's values, NaN in empty cells."""
+    medians = np.full(cells, np.nan)
+    for cell in np.unique(place):
+        own = np.flatnonzero(place == cell)
+        own = own[np.argsort(values[own])]
+        share = (np.cumsum(weight[own]) - 0.5 * weight[own]) / weight[own].sum()
+        medians[cell] = np.interp(0.5, share, values[own])
+    return medians

@@ -1,0 +1,220 @@
+"""What of a record's torque is friction: τ less the rigid part of an estimate.
+
+An estimate splits the torque into rigid part, friction and residual,
+
+    τ = Φ_rigid θ_rigid + Φ_friction θ_friction + ε,     τ_f = τ - Φ_rigid θ_rigid,
+
+so the friction torque is what the estimate's own law gives *plus* the residual: where the law was
+wrong, the residual is what it missed. The friction of a coupling between motors depends on two
+speeds; it is taken off with the rigid part, so that what is left belongs to one joint.
+
+The load as a *state* is smoothed: noise of the acceleration faster than the motion is in the load
+and, with the opposite sign, in τ_f, and would look like friction that depends on load.
+
+The rigid parameters were estimated beside a law that may be wrong and may have taken up some of
+its error. How well the estimate knows the rigid torque is kept as ``load_std``; what depends on
+position alone cannot be told from gravity in any case.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.identification import Identification
+from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.methods import RandomWalk
+from pivident.estimation.problem import LOW_SPEED, Problem
+from pivident.validation.prediction import motion_band
+
+#: Samples on which the deviation of the rigid torque is computed.
+SAMPLES_OF_DEVIATION = 500
+
+
+@dataclass(frozen=True, eq=False)
+class FrictionTorque:
+    """Friction torque of one joint with its states, at the full rate; arrays (samples,).
+
+    Recordings follow each other; ``record`` tells them apart.
+
+    Attributes:
+        name: name of the joint.
+        torque_unit: N m or N.
+        position_unit: rad or m.
+        rate: sampling rate [Hz].
+        t: time since the first sample of its recording [s].
+        q: position [rad or m].
+        dq: speed [rad/s or m/s].
+        ddq: acceleration, smoothed like the load [rad/s² or m/s²].
+        load: torque of the rigid part: inertia, gravity, couplings of inertia, smoothed
+            [torque_unit].
+        tau: friction torque, own friction of the estimate plus residual [torque_unit].
+        law: own friction of the estimate alone [torque_unit].
+        record: number of the recording.
+        moving: whether the joint is faster than ``standstill``.
+        standstill: speed that passes for standstill [rad/s or m/s].
+        band: half-power frequency of load and acceleration [Hz].
+        load_std: rms standard deviation of ``load`` by the estimate's covariance [torque_unit].
+    """
+
+    name: str
+    torque_unit: str
+    position_unit: str
+    rate: float
+    t: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    load: np.ndarray
+    tau: np.ndarray
+    law: np.ndarray
+    record: np.ndarray
+    moving: np.ndarray
+    standstill: float
+    band: float
+    load_std: float
+
+    @property
+    def direction(self) -> np.ndarray:
+        """Direction of motion, -1 or 1; 0 at standstill."""
+        return np.where(self.moving, np.sign(self.dq), 0.0)
+
+    @property
+    def level(self) -> float:
+        """Mean of |τ_f| in motion [torque_unit], the scale of what is reported in percent."""
+        return float(np.mean(np.abs(self.tau[self.moving]))) if self.moving.any() else 0.0
+
+    def pieces(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
+        """A signal by recording, NaN where the joint stands still.
+
+        Args:
+            values: shape (samples,).
+        """
+        values = np.where(self.moving, values, np.nan)
+        return tuple(values[self.record == k] for k in np.unique(self.record))
+
+
+def friction_torques(
+    problem: Problem,
+    identification: Identification,
+    standstill: float | None = None,
+    band: float | None = None,
+) -> tuple[FrictionTorque, ...]:
+    """Friction torque of every joint on all recordings.
+
+    Args:
+        problem: what the estimate was made from.
+        identification: an estimate by any method. The motion is smoothed at the full rate, as
+            the estimate did it or, after a decimated one, anew.
+        standstill: share of the rated speed that passes for standstill; None: 1 %.
+        band: half-power frequency of load and acceleration [Hz]; None: the highest frequency of
+            the motion, 20 Hz.
+
+    Returns:
+        One friction torque for each joint.
+    """
+    rigid = _rigid_theta(identification)
+    regressor = Regressor.build(identification.robot, identification.parameters)
+    records = _kinematics(problem, identification)
+    slow = _standstill(problem, standstill)
+    band = min(motion_band(r) for r in problem.recordings) if band is None else band
+    parts = []
+    for k in records:
+        q, dq, ddq = (x[:, k.start : k.stop].T for x in (k.q, k.dq, k.ddq))
+        load = regressor.torque(q, dq, ddq, rigid)
+        coupled = regressor.torque(q, dq, ddq, _coupling_theta(identification))
+        model = identification.predict(q, dq, ddq)
+        law = model - load - coupled
+        tau = k.tau[:, k.start : k.stop].T - load - coupled
+        load, ddq = (_smoothed(x, k.recording.rate, band) for x in (load, ddq))
+        parts.append((q, dq, ddq, load, tau, law))
+    q, dq, ddq, load, tau, law = (np.concatenate(x) for x in zip(*parts, strict=True))
+    lengths = [k.stop - k.start for k in records]
+    record = np.repeat(np.arange(len(records)), lengths)
+    t = np.concatenate([np.arange(k.start, k.stop) / k.recording.rate for k in records])
+    deviation = _rigid_deviation(identification, regressor, q, dq, ddq)
+    friction = []
+    for j, joint in enumerate(problem.robot.joints):
+        revolute = joint.kind == "revolute"
+        friction.append(
+            FrictionTorque(
+                name=joint.name,
+                torque_unit="N m" if revolute else "N",
+                position_unit="rad" if revolute else "m",
+                rate=records[0].recording.rate,
+                t=t,
+                q=q[:, j],
+                dq=dq[:, j],
+                ddq=ddq[:, j],
+                load=load[:, j],
+                tau=tau[:, j],
+                law=law[:, j],
+                record=record,
+                moving=np.abs(dq[:, j]) > slow[j],
+                standstill=float(slow[j]),
+                band=band,
+                load_std=float(deviation[j]),
+            )
+        )
+    return tuple(friction)
+
+
+def _smoothed(x: np.ndarray, rate: float, band: float) -> np.ndarray:
+    """Along time with a normal window of which the power is halved at ``band`` [Hz]."""
+    from scipy.ndimage import gaussian_filter1d
+
+    width = np.sqrt(np.log(2.0)) / (2.0 * np.pi * band) * rate
+    return gaussian_filter1d(x, width, axis=0, mode="nearest")
+
+
+def is_friction(parameter: Parameter) -> bool:
+    """Whether a parameter belongs to the friction law of a joint."""
+    return parameter.friction is not None
+
+
+def is_coupled_friction(parameter: Parameter) -> bool:
+    """Whether it is friction of a coupling between two motors."""
+    return parameter.coupling is not None and parameter.stem.startswith("f")
+
+
+def _rigid_theta(found: Identification) -> np.ndarray:
+    """The estimate with all friction set to zero."""
+    friction = [is_friction(p) or is_coupled_friction(p) for p in found.parameters]
+    return np.where(friction, 0.0, found.theta)
+
+
+def _coupling_theta(found: Identification) -> np.ndarray:
+    """The estimate with everything but the friction of couplings set to zero."""
+    return np.where([is_coupled_friction(p) for p in found.parameters], found.theta, 0.0)
+
+
+def _kinematics(problem: Problem, found: Identification) -> list[Kinematics]:
+    """Motion and aligned torque at the full rate, the estimate's own where it has them."""
+    if found.equations is not None and len(found.equations.records) == len(problem.recordings):
+        kept = [r.kinematics for r in found.equations.records if isinstance(r, FullRateRecord)]
+        if len(kept) == len(problem.recordings):
+            return kept
+    return [estimate_kinematics(recording, RandomWalk()) for recording in problem.recordings]
+
+
+def _standstill(problem: Problem, share: float | None) -> np.ndarray:
+    """Speeds that pass for standstill, the largest over the recordings, shape (joints,)."""
+    slow = np.max([problem.low_speeds(r) for r in problem.recordings], axis=0)
+    return slow if share is None else slow * (share / LOW_SPEED)
+
+
+def _rigid_deviation(
+    found: Identification, regressor: Regressor, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
+) -> np.ndarray:
+    """Rms standard deviation of the rigid torque of each joint, on samples spread evenly."""
+    at = np.unique(np.linspace(0, len(q) - 1, SAMPLES_OF_DEVIATION).astype(int))
+    phi = regressor.matrix(q[at], dq[at], ddq[at])
+    friction = [is_friction(p) or is_coupled_friction(p) for p in found.parameters]
+    phi[:, :, friction] = 0.0
+    covariance = found.robust_covariance
+    variance = np.einsum("nja,ab,njb->nj", phi, covariance, phi, optimize=True)
+    return np.sqrt(np.maximum(variance.mean(axis=0), 0.0))

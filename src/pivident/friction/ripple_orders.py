@@ -1,0 +1,143 @@
+"""Angles that a torque may ripple over, and the revolutions that an order may belong to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.robot.description import Robot
+
+#: Chance of a match below which an order is said to belong to a revolution.
+COINCIDENCE = 0.2
+
+#: Multiples of a named order that are recognised.
+NAMED_MULTIPLES = 4
+
+
+@dataclass(frozen=True)
+class NamedOrder:
+    """An order that is expected, such as gear teeth or pole pairs.
+
+    Attributes:
+        name: in words, ``pole pairs``.
+        count: cycles per revolution.
+        of: revolution of the ``motor`` or of the ``joint``.
+        joint: the joint's name; None: all joints.
+    """
+
+    name: str
+    count: float
+    of: Literal["motor", "joint"] = "motor"
+    joint: str | None = None
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.count) and self.count > 0):
+            raise ExperimentError(
+                f"named order {self.name!r} has {self.count} cycles per revolution; "
+                "give a positive number"
+            )
+        if self.of not in ("motor", "joint"):
+            raise ExperimentError(
+                f"named order {self.name!r} is of the {self.of!r}; choose 'motor' or 'joint'"
+            )
+
+
+@dataclass(frozen=True, eq=False)
+class Angle:
+    """The angle φ = c·q that a torque may ripple over.
+
+    Attributes:
+        name: ``joint_1`` or ``motor of joint_6``.
+        coefficients: c, shape (joints,).
+        motors: motor turns per unit of this angle, by the motor's name [rad/rad or rad/m].
+        own: whether it is the joint's own position, as the friction term wants it.
+    """
+
+    name: str
+    coefficients: np.ndarray
+    motors: tuple[tuple[str, float], ...]
+    own: bool = True
+
+
+@dataclass(frozen=True)
+class Relation:
+    """What an order belongs to.
+
+    Attributes:
+        text: in words, ``6 per revolution of the motor of joint_1``.
+        order: the exact order n.
+        coincidence: chance that an order drawn at random comes as close.
+    """
+
+    text: str
+    order: float
+    coincidence: float
+
+
+def angles_of(robot: Robot, joint: int) -> tuple[Angle, ...]:
+    """What the torque of a joint may ripple over: its position, and coupled motors that act on it.
+
+    A motor that turns with this joint alone has an angle proportional to its position.
+
+    Args:
+        robot: gives the reduction matrix.
+        joint: its number.
+    """
+    names = [j.name for j in robot.joints]
+    reduction = robot.transmission.reduction
+    own_motors, others = [], []
+    for m in np.flatnonzero(reduction[:, joint]):
+        row, motor = reduction[m], f"motor of {names[m]}"
+        gear = float(abs(row[joint]))
+        if np.count_nonzero(row) > 1:
+            others.append(Angle(motor, row / row[joint], ((motor, gear),), own=False))
+        else:
+            own_motors.append((motor, gear))
+    own = Angle(names[joint], np.eye(robot.size)[joint], tuple(own_motors))
+    return (own, *others)
+
+
+def relate(
+    order: float, std: float, angle: Angle, revolute: bool, named: Sequence[NamedOrder]
+) -> Relation | None:
+    """The revolution that an order belongs to; None where none is near, or too many are.
+
+    Args:
+        order: n.
+        std: its standard deviation.
+        angle: what it is periodic in.
+        revolute: whether the joint turns.
+        named: orders that were named for this joint.
+    """
+    reach = max(2.0 * std, 1e-3 * order)
+    found = []
+    for wanted in named:
+        for text, base in named_bases(wanted, angle, revolute):
+            multiple = round(order / base)
+            if 1 <= multiple <= NAMED_MULTIPLES and abs(order - multiple * base) <= reach:
+                times = "" if multiple == 1 else f"{multiple} x "
+                words = f"{times}{wanted.name}: {multiple * wanted.count:g} per {text}"
+                found.append(Relation(words, multiple * base, min(2.0 * reach / base, 1.0)))
+    turns = [(f"revolution of the {name}", gear) for name, gear in angle.motors if gear != 1.0]
+    turns += [(f"revolution of {angle.name}", 1.0)] if revolute and angle.own else []
+    for text, base in turns:
+        multiple = round(order / base)
+        if multiple >= 1 and abs(order - multiple * base) <= reach:
+            words = f"{multiple} per {text}"
+            found.append(Relation(words, multiple * base, min(2.0 * reach / base, 1.0)))
+    likely = [relation for relation in found if relation.coincidence <= COINCIDENCE]
+    return likely[0] if likely else None
+
+
+def named_bases(wanted: NamedOrder, angle: Angle, revolute: bool) -> list[tuple[str, float]]:
+    """Orders n of a named order over an angle, with the revolution in words."""
+    if wanted.of == "motor":
+        return [(f"revolution of the {name}", wanted.count * g) for name, g in angle.motors]
+    if revolute and angle.own:
+        return [(f"revolution of {angle.name}", wanted.count)]
+    return []

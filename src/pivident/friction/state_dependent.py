@@ -1,0 +1,323 @@
+"""State-dependent parameters: a linear model whose parameters are functions of their own states.
+
+    y_k = Σ_i p_i(x_{i,k}) z_{i,k} + e_k                                                        (1)
+
+Young's approach (Young, McKenna and Bruun 2001; for friction Janot, Young and Gautier 2017): sort
+the data by x_i, let p_i walk along the sorted state, smooth by the fixed-interval smoother, and go
+round the parameters with what the others leave (back-fitting) until the functions stand still.
+The noise-to-variance ratios are those of largest likelihood.
+
+Samples that are neighbours in the sorted order are not neighbours in time, and the residual of a
+friction model is correlated over many samples in time. With D, the number of samples that count as
+one (:func:`correlation_length`),
+
+* the likelihood is made of samples D apart in time, whose errors are nearly independent, several
+  such sets with different first samples added;
+* the functions are smoothed from all samples, with a noise variance D times as large;
+* the bands come from the joint covariance of all functions with the same variance D r, so that
+  one function's band contains what the others may take from it. They are those of the smoothing
+  spline as a Bayesian estimate, which cover the truth on average along the state (Nychka 1988).
+
+D is found twice: from the residual that the caller expects, and again from that of the first fit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.friction.back_fitting import (
+    FEWEST,
+    MOST_POINTS,
+    BackFitted,
+    StateDependence,
+    averages_of,
+    back_fitted,
+    contributions,
+    varies,
+)
+from pivident.friction.joint_covariance import WalkColumns, joint_posterior
+
+#: Means of which the correlation is told, fewest.
+FEWEST_MEANS = 30
+
+
+@dataclass(frozen=True, eq=False)
+class StateDependentParameter:
+    """One estimated function.
+
+    Attributes:
+        name: of the parameter.
+        state: points of the state, ascending, shape (points,).
+        value: p at these points, shape (points,).
+        std: its standard deviation, likewise; 2 std is the band.
+        nvr: noise-to-variance ratio.
+        is_straight: whether likelihood asks for no more than a line (order 2) or constant (1).
+        contribution: p(x_k) z_k at all samples, shape (samples,).
+        density: independent samples near each point, shape (points,).
+    """
+
+    name: str
+    state: np.ndarray
+    value: np.ndarray
+    std: np.ndarray
+    nvr: float
+    is_straight: bool
+    contribution: np.ndarray = field(repr=False)
+    density: np.ndarray = field(repr=False)
+
+    def at(self, state: np.ndarray) -> np.ndarray:
+        """The function at other states, linear between its points and constant outside."""
+        return np.interp(state, self.state, self.value)
+
+
+@dataclass(frozen=True, eq=False)
+class StateDependentFit:
+    """All functions of the model together.
+
+    Attributes:
+        parameters: one for each term.
+        covariance: joint covariance of all values, in the order of the terms.
+        noise_std: standard deviation of the residual, in the unit of y.
+        correlation: D, samples that count as one.
+        effective: number of independent samples.
+        rounds: rounds of back-fitting.
+        converged: whether the functions stand still.
+        residual: y less all contributions, shape (samples,); NaN on samples that were not used.
+    """
+
+    parameters: tuple[StateDependentParameter, ...]
+    covariance: np.ndarray = field(repr=False)
+    noise_std: float
+    correlation: float
+    effective: float
+    rounds: int
+    converged: bool
+    residual: np.ndarray = field(repr=False)
+
+    def __getitem__(self, name: str) -> StateDependentParameter:
+        """A parameter by its name."""
+        return next(p for p in self.parameters if p.name == name)
+
+    def __contains__(self, name: str) -> bool:
+        return any(p.name == name for p in self.parameters)
+
+    def contrast(self, weights: dict[str, np.ndarray]) -> tuple[float, float]:
+        """A weighted sum of values of the functions, and its standard deviation.
+
+        Args:
+            weights: by parameter, one number for each of its points.
+        """
+        stacked = np.concatenate(
+            [weights.get(p.name, np.zeros(p.state.size)) for p in self.parameters]
+        )
+        value = float(stacked @ np.concatenate([p.value for p in self.parameters]))
+        return value, float(np.sqrt(max(stacked @ self.covariance @ stacked, 0.0)))
+
+
+def correlation_length(pieces: Sequence[np.ndarray]) -> float:
+    """Samples that count as one: by how much means vary more than those of white noise would.
+
+        D = max over m of  m Var(mean of m consecutive samples) / Var(sample)
+
+    It tends to 1 + 2 Σ ρ_k for long m. The largest value over all lengths is taken: a slow model
+    error under loud white noise is invisible in the correlations at short lags and rules the
+    means all the same.
+
+    Args:
+        pieces: residual of each recording, NaN where there is none.
+    """
+    pieces = [p[np.isfinite(p)] for p in pieces]
+    total = sum(p.size for p in pieces)
+    mean = sum(float(p.sum()) for p in pieces) / max(total, 1)
+    variance = sum(float(((p - mean) ** 2).sum()) for p in pieces) / max(total, 1)
+    if not variance > 0.0:
+        return 1.0
+    largest, length = 1.0, 2.0
+    while total / length >= FEWEST_MEANS:
+        m = int(length)
+        means = np.concatenate([p[: p.size // m * m].reshape(-1, m).mean(axis=1) for p in pieces])
+        largest = max(largest, m * float(np.mean((means - mean) ** 2)) / variance)
+        length *= 1.5
+    return largest
+
+
+def fit_state_dependent(
+    y: np.ndarray,
+    terms: Sequence[StateDependence],
+    *,
+    used: np.ndarray | None = None,
+    record: np.ndarray | None = None,
+    expected: np.ndarray | None = None,
+    correlation: float | None = None,
+    rounds: int = 100,
+    tolerance: float = 1e-4,
+) -> StateDependentFit:
+    """Estimate the functions of (1) by back-fitting, with their joint bands.
+
+    Args:
+        y: what is to be explained, shape (samples,), in the order of time.
+        terms: the model.
+        used: samples that count, shape (samples,); None: all.
+        record: number of the recording of each sample; correlation ends where it changes.
+        expected: residual from which D is found first; None: y less a straight line in all
+            states.
+        correlation: D, where it is known.
+        rounds: most rounds of back-fitting.
+        tolerance: largest rms change of a contribution in a round that counts as standing still,
+            as a share of the deviation of y.
+
+    Raises:
+        IdentificationError: too few independent samples, or a state that does not vary.
+    """
+    y = np.asarray(y, dtype=float)
+    used = np.ones(y.size, dtype=bool) if used is None else np.asarray(used, dtype=bool)
+    record = np.zeros(y.size, dtype=int) if record is None else np.asarray(record)
+    for term in terms:
+        if not varies(term, used):
+            raise IdentificationError(
+                f"the state of {term.name!r} does not vary over the samples that count; leave the "
+                "term out or use a record that varies it"
+            )
+    if correlation is not None:
+        return _with_bands(
+            y, terms, used, _fit(y, terms, used, record, correlation, rounds, tolerance)
+        )
+    first = _straight_residual(y, terms, used) if expected is None else expected
+    guess = _correlation(first, used, record)
+    found = _fit(y, terms, used, record, guess, rounds, tolerance)
+    fresh = _correlation(found.residual(y, terms, used), used, record)
+    if not 0.8 < fresh / guess < 1.25:
+        found = _fit(y, terms, used, record, fresh, rounds, tolerance)
+    return _with_bands(y, terms, used, found)
+
+
+def contributions_without(
+    y: np.ndarray,
+    terms: Sequence[StateDependence],
+    fit: StateDependentFit,
+    used: np.ndarray,
+    record: np.ndarray,
+    *,
+    rounds: int = 100,
+    tolerance: float = 1e-3,
+) -> np.ndarray:
+    """Sum of all terms at *all* samples, estimated from those in ``used`` alone.
+
+    The noise-to-variance ratios and D of a fit are kept. Outside the states that were seen a
+    function goes on as a line, a centred one as a constant.
+
+    Args:
+        y: what is to be explained, shape (samples,).
+        terms: the model, terms of the fit or some of them.
+        fit: where the ratios come from.
+        used: samples to estimate from, shape (samples,).
+        record: number of the recording of each sample.
+        rounds: most rounds of back-fitting.
+        tolerance: see :func:`fit_state_dependent`.
+    """
+    given = [replace(t, nvr=fit[t.name].nvr) for t in terms if varies(t, used)]
+    merged, averages = averages_of(y, given, used, record, fit.correlation)
+    courses, *_ = back_fitted(averages, merged, rounds, tolerance)
+    return np.sum(contributions(given, courses), axis=0)
+
+
+def _correlation(residual: np.ndarray, used: np.ndarray, record: np.ndarray) -> float:
+    values = np.where(used, residual, np.nan)
+    return correlation_length([values[record == k] for k in np.unique(record)])
+
+
+def _straight_residual(
+    y: np.ndarray, terms: Sequence[StateDependence], used: np.ndarray
+) -> np.ndarray:
+    """What straight lines in all states leave."""
+    columns = np.column_stack([c for t in terms for c in (t.regressor, t.regressor * t.state)])
+    theta = np.linalg.lstsq(columns[used], y[used], rcond=None)[0]
+    return y - columns @ theta
+
+
+def _fit(
+    y: np.ndarray,
+    terms: Sequence[StateDependence],
+    used: np.ndarray,
+    record: np.ndarray,
+    correlation: float,
+    rounds: int,
+    tolerance: float,
+) -> BackFitted:
+    """Back-fitting at a given D."""
+    count = int(used.sum())
+    if count / correlation < FEWEST:
+        raise IdentificationError(
+            f"{count} samples are worth {count / correlation:.0f} independent ones, since the "
+            f"residual is correlated over {correlation:.0f} samples; {FEWEST} are needed: use a "
+            "longer record"
+        )
+    merged, averages = averages_of(y, terms, used, record, correlation)
+    found = back_fitted(averages, merged, rounds, tolerance)
+    return BackFitted(correlation, merged, averages, *found)
+
+
+def _with_bands(
+    y: np.ndarray, terms: Sequence[StateDependence], used: np.ndarray, found: BackFitted
+) -> StateDependentFit:
+    """The functions on their points, with the joint covariance."""
+    data, nvrs, merged = found.averages.sorted, found.nvrs, found.merged
+    effective = int(used.sum()) / found.correlation
+    points = [_points(own.term, nvr, effective) for own, nvr in zip(data, nvrs, strict=True)]
+    posterior = joint_posterior(
+        found.averages.y,
+        [
+            WalkColumns(
+                own.coordinate(own.term.state),
+                own.term.regressor,
+                nvr / merged,
+                own.term.order,
+                own.term.centred,
+                n,
+            )
+            for own, nvr, n in zip(data, nvrs, points, strict=True)
+        ],
+    )
+    parts = contributions(terms, found.courses)
+    residual = found.residual(y, terms, used)
+    freedom = max(effective - posterior.freedom, 1.0)
+    r = float(np.nanmean(residual**2)) * effective / freedom
+    # The means are of the long run's variance D r, shared by as many samples as they have.
+    covariance = r * merged * posterior.covariance
+    std = np.split(np.sqrt(np.diag(covariance)), np.cumsum(points)[:-1])
+    parameters = []
+    for i, (own, course) in enumerate(zip(data, found.courses, strict=True)):
+        state = np.linspace(own.low, own.low + own.width, points[i])
+        near = np.histogram(own.u, np.linspace(0.0, 1.0, points[i] + 1))[0]
+        parameters.append(
+            StateDependentParameter(
+                name=own.term.name,
+                state=state,
+                value=np.interp(state, *course),
+                std=std[i],
+                nvr=nvrs[i],
+                is_straight=found.straight[i],
+                contribution=parts[i],
+                density=near / merged,
+            )
+        )
+    return StateDependentFit(
+        parameters=tuple(parameters),
+        covariance=covariance,
+        noise_std=float(np.sqrt(r)),
+        correlation=found.correlation,
+        effective=effective,
+        rounds=found.rounds,
+        converged=found.converged,
+        residual=residual,
+    )
+
+
+def _points(term: StateDependence, nvr: float, effective: float) -> int:
+    """Four points within the bandwidth h of the function, NVR = 1/(n h^(2 order))."""
+    narrow = (max(effective, 1.0) * nvr) ** (0.5 / term.order)
+    return int(np.clip(4.0 * narrow, term.points, max(term.points, MOST_POINTS)))
