@@ -19,8 +19,10 @@ from pivident.estimation.decimated_answer import decimated_answer
 from pivident.estimation.full_rate import accumulate, records_with_instruments
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
+from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import iterate, loop_warnings, torque_units
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
@@ -62,10 +64,21 @@ def _decimated(
     assert isinstance(signals, Bandpass)
     auxiliary = AuxiliaryModel(problem, differences=False)
     made: dict[str, list] = {"records": [None] * len(kinematics)}
+    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
+        if regressor.depends_on_load:  # Φ changes with θ
+            made["records"] = [None] * len(kinematics)
+        carried = theta if k or first is None else first
         made["records"] = [
-            decimate_record(problem.regressor, kin, signals, lim, motion, earlier)
+            decimate_record(
+                regressor,
+                with_inner(regressor, kin, carried),
+                signals,
+                lim,
+                with_inner(regressor, motion, carried),
+                earlier,
+            )
             for kin, lim, motion, earlier in zip(
                 kinematics, limits, motions, made["records"], strict=True
             )
@@ -92,9 +105,15 @@ def _full_rate(
     auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
     filters = [Prefilter()] * problem.robot.size
     made: dict[str, list] = {}
+    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        made["records"] = records_with_instruments(kinematics, motions, limits)
+        carried = theta if k or first is None else first
+        made["records"] = records_with_instruments(
+            [with_inner(regressor, kin, carried) for kin in kinematics],
+            [with_inner(regressor, motion, carried) for motion in motions],
+            limits,
+        )
         return accumulate(problem.regressor, made["records"], filters)
 
     sums, solution, variance, history, converged = iterate(
