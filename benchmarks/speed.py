@@ -21,10 +21,12 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
+from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
-from pivident.robot import load_robot
+from pivident.robot import FrictionLaw, load_robot
+from pivident.robot.friction import lugre, offset, viscous
 from pivident.signals.random_walk import smooth
 from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import simulate
@@ -87,6 +89,12 @@ def dynamics_rows(repeats: int) -> list[tuple[str, float, float, str, float]]:
     ((signals, start),) = AuxiliaryModel(problem, differences=False).signals
     controller = problem.loop.controller
     assert isinstance(controller, type(PD(np.ones(1), np.ones(1))))
+    # friction with a state on all joints, in place of the Coulomb friction
+    lugre_robot = robot.with_friction(
+        FrictionLaw((viscous(), *lugre(1e-3, 0.3, 0.1, damped=False), offset()))
+    )
+    lugre_heads = standard_parameters(lugre_robot)
+    lugre_values = make_model(lugre_robot, lugre_heads, nominal_values(lugre_robot, lugre_heads))
     few = max(1, repeats // 2)
     loop_regressor, loop_aba = median_ms(pin_regressor, few), median_ms(pin_runge_kutta, few)
     return [
@@ -105,6 +113,16 @@ def dynamics_rows(repeats: int) -> list[tuple[str, float, float, str, float]]:
             60.0,
             "Pinocchio ABA loop, RK4 x1",
             loop_aba,
+        ),
+        (
+            "closed-loop simulation with LuGre friction on all joints",
+            median_ms(
+                lambda: simulate(lugre_values, controller, signals, robot.joint_names, start),
+                repeats,
+            ),
+            120.0,
+            "",
+            np.nan,
         ),
         (
             "model of the TX40 from its description, base parameters included",

@@ -100,6 +100,24 @@ def test_robot_additions(tmp_path):
     assert coupling.viscous and not coupling.inertia
 
 
+def test_single_joints_may_have_laws_of_their_own(tmp_path):
+    robot = """
+        [robot]
+        model = "planar_2r"
+        friction = ["viscous", "coulomb", "load"]
+        joint_friction = {elbow = ["viscous", {term = "dahl", distance = 1e-3}]}
+        extra_friction = {elbow = [{term = "ripple", order = 51, name = "_g"}]}
+    """
+    text = changed('robot = "planar_2r"', robot)
+    built = load(tmp_path, text).robot
+    stems = [[term.stem for term in joint.friction.terms] for joint in built.joints]
+    assert stems == [["fv", "fc", "fl"], ["fv", "fc", "rc_g", "rs_g"]]
+    assert built.joints[1].friction.terms[1].shape("presliding_distance").value == 1e-3
+    twice = text.replace('["viscous", {term = "dahl"', '["coulomb", {term = "dahl"')
+    said = message(tmp_path, twice)
+    assert "joint_friction of joint 'elbow'" in said and "named twice: fc; 'dahl'" in said
+
+
 def test_robot_from_files_beside_the_experiment(tmp_path):
     (tmp_path / "arm.toml").write_text('name = "one"\n[[joints]]\nname = "a"\n')
     assert load(tmp_path, changed("planar_2r", "arm.toml")).robot.name == "one"

@@ -7,18 +7,35 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.dynamics.forward import acceleration, make_model, mass_matrix
+from pivident.dynamics.forward import acceleration, friction_states, make_model, mass_matrix
 from pivident.dynamics.kernels import invert_mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import MassMatrixNotPositiveDefinite
 from pivident.robot import Coupling, FrictionLaw, load_robot
-from pivident.robot.friction import asymmetric_coulomb, coulomb, offset, stribeck, viscous
+from pivident.robot.friction import (
+    asymmetric_coulomb,
+    asymmetric_viscous,
+    coulomb,
+    counterbalance,
+    load_dependent,
+    lugre,
+    maxwell_slip,
+    offset,
+    power_viscous,
+    ripple,
+    spring,
+    stribeck,
+    viscous,
+)
 
 LAWS = (
     FrictionLaw((viscous(), coulomb(), offset())),
     FrictionLaw((viscous(), coulomb("tanh", 60.0), stribeck(0.2, 1.5, "tanh", 60.0), offset())),
     FrictionLaw((viscous(), *asymmetric_coulomb("atan", 30.0))),
+    FrictionLaw((*asymmetric_viscous(), power_viscous(1 / 3, gamma=40.0), coulomb(), offset())),
+    FrictionLaw((viscous(), coulomb(), offset(), *ripple(30.0), spring())),
+    FrictionLaw((viscous(), coulomb(), *counterbalance(0.4, 0.3), load_dependent("atan", 20.0))),
 )
 
 
@@ -36,11 +53,51 @@ def test_the_torque_of_an_acceleration_is_the_torque_that_caused_it(seed, law, r
     rng = np.random.default_rng(seed)
     for k, p in enumerate(parameters):
         if p.friction is not None or p.coupling is not None:
-            theta[k] = rng.uniform(0.0, 2.0) * (1e-3 if p.stem == "iam" else 1.0)
+            theta[k] = rng.uniform(0.0, 2.0) * {"iam": 1e-3, "fl": 0.4}.get(p.stem, 1.0)
     q, dq, tau = states(robot, seed)
     ddq = acceleration(robot, parameters, theta, q, dq, tau)
     back = Regressor.build(robot, parameters).torque(q, dq, ddq, theta)
     np.testing.assert_allclose(back, tau, rtol=0, atol=1e-10 * max(1.0, abs(ddq).max()))
+
+
+def test_friction_that_remembers_needs_its_state():
+    terms = (*lugre(1e-3, 0.5, 0.1), *maxwell_slip([1e-2]))
+    robot = load_robot("planar_2r").with_friction(FrictionLaw(terms))
+    parameters = standard_parameters(robot)
+    theta = nominal_values(robot, parameters)
+    levels = {"fc": 2.0, "fd": 0.7, "fma": 1.5}
+    for k, p in enumerate(parameters):
+        theta[k] = levels.get(p.stem, theta[k])
+    bare = np.where([p.friction is None for p in parameters], theta, 0.0)
+    q, dq, tau = states(robot, 4)
+    with pytest.raises(ValueError, match="state='sliding'"):
+        acceleration(robot, parameters, theta, q, dq, tau)
+    with pytest.raises(ValueError, match="not known"):
+        acceleration(robot, parameters, theta, q, dq, tau, state="moving")
+    assert friction_states(robot, parameters) == ("fc1", "fma1", "fc2", "fma2")
+    g = 1.0 + 0.5 * np.exp(-((dq / 0.1) ** 2))
+    z = np.random.default_rng(0).uniform(-1.0, 1.0, (len(q), 4))
+    for state, presliding, slip in (
+        ("relaxed", np.zeros(q.shape), np.zeros(q.shape)),
+        ("sliding", np.sign(dq) * g, np.sign(dq)),
+        (z, z[:, ::2], z[:, 1::2]),
+    ):
+        friction = 2.0 * presliding + 0.7 * (dq - abs(dq) * presliding / g) + 1.5 * slip
+        np.testing.assert_allclose(
+            acceleration(robot, parameters, theta, q, dq, tau, state=state),
+            acceleration(robot, parameters, bare, q, dq, tau - friction, state="relaxed"),
+            atol=1e-9,
+        )
+
+
+def test_friction_as_large_as_the_load_is_refused_or_clipped(tx40):
+    robot = tx40.with_friction(FrictionLaw((load_dependent(),)))
+    parameters = standard_parameters(robot)
+    theta = np.ones(len(parameters))
+    with pytest.raises(ValueError, match="fl1 = 1: friction must grow slower"):
+        make_model(robot, parameters, theta)
+    assert (make_model(robot, parameters, theta, clip=True).friction.path_value[:, 0] == 0.9).all()
+    assert not make_model(robot, parameters, -theta, clip=True).friction.path_value[:, 0].any()
 
 
 def test_rotor_inertias_and_couplings_sit_in_the_mass_matrix(tx40):

@@ -3,12 +3,8 @@
 import numpy as np
 import pytest
 
-from pivident.dynamics.friction import (
-    friction_column,
-    friction_value_and_slope,
-    smooth_sign_and_slope,
-    smoothed_sign,
-)
+from pivident.dynamics.friction import friction_column, smoothed_sign
+from pivident.dynamics.friction_kernels import friction_value_and_slope, smooth_sign_and_slope
 from pivident.robot.friction import FrictionColumn, SignFunction
 
 SMOOTH = (SignFunction.ATAN, SignFunction.TANH)
@@ -17,6 +13,9 @@ NONLINEAR = (
     FrictionColumn.COULOMB_POSITIVE,
     FrictionColumn.COULOMB_NEGATIVE,
     FrictionColumn.STRIBECK,
+    FrictionColumn.POWER,
+    FrictionColumn.VISCOUS_POSITIVE,
+    FrictionColumn.VISCOUS_NEGATIVE,
 )
 SHAPE = (40.0, 0.07, 1.6)  # γ, v_s, δ
 SPEEDS = np.concatenate([np.linspace(-1.0, 1.0, 401), [-1e-6, 1e-6, 30.0, -30.0]])
@@ -51,6 +50,8 @@ def test_slopes_at_rest(sign):
     assert at_rest[FrictionColumn.COULOMB] == (0.0, pytest.approx(slope))
     assert at_rest[FrictionColumn.COULOMB_POSITIVE] == (0.5, pytest.approx(slope / 2))
     assert at_rest[FrictionColumn.COULOMB_NEGATIVE] == (-0.5, pytest.approx(slope / 2))
+    for column in (FrictionColumn.VISCOUS_POSITIVE, FrictionColumn.VISCOUS_NEGATIVE):
+        assert at_rest[column] == (0.0, 0.5)
     assert at_rest[FrictionColumn.STRIBECK] == (0.0, pytest.approx(slope))
 
 

@@ -3,11 +3,16 @@ import math
 import numpy as np
 import pytest
 
-from pivident.robot import FrictionLaw
+from pivident.errors import RobotDescriptionError
+from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
     asymmetric_coulomb,
+    asymmetric_viscous,
     coulomb,
+    dahl,
+    lugre,
     offset,
+    power_viscous,
     stribeck,
     viscous,
 )
@@ -82,3 +87,38 @@ def test_asymmetric_levels_leave_no_room_for_coulomb_or_offset():
     for term in (coulomb(), offset()):
         with pytest.raises(ValueError, match="already contains fc and off"):
             FrictionLaw((*asymmetric_coulomb(), term))
+
+
+def test_terms_that_share_a_constant_agree_on_it():
+    both = (stribeck(0.1), *lugre(1e-3, 0.2, 0.1))
+    changed = FrictionLaw(both).with_shapes({"stribeck_speed": 0.3})
+    assert [t.shape("stribeck_speed").value for t in changed.terms] == [0.3, 0.3, 0.3]
+    with pytest.raises(ValueError, match=r"stribeck_speed is 0\.1 in one term and 0\.2 in another"):
+        FrictionLaw((stribeck(0.1), *lugre(1e-3, 0.2, 0.2)))
+
+
+def test_terms_of_a_polynomial_have_powers_of_their_own():
+    law = FrictionLaw((power_viscous(2.0, "fva"), power_viscous(3.0, "fvb")))
+    assert [(s.name, s.value) for s in law.shapes] == [("fva_exponent", 2), ("fvb_exponent", 3)]
+
+
+def test_presliding_takes_the_place_of_coulomb_friction():
+    with pytest.raises(ValueError, match="named twice: fc; 'dahl' and 'lugre' take the place"):
+        FrictionLaw((coulomb(), dahl(1e-3)))
+    with pytest.raises(ValueError, match="already contains fv: drop"):
+        FrictionLaw((viscous(), *asymmetric_viscous()))
+
+
+def test_an_unknown_constant_is_refused_with_the_nearest_one():
+    with pytest.raises(ValueError, match="no constant 'striebeck_speed'; did you mean stribeck"):
+        FrictionLaw((stribeck(0.1),)).with_shapes({"striebeck_speed": 0.3})
+
+
+def test_single_joints_may_have_laws_of_their_own():
+    robot = load_robot("planar_2r")
+    name = robot.joint_names[1]
+    changed = robot.with_friction({name: FrictionLaw((dahl(1e-3),))})
+    assert str(changed.joints[1].friction) == "fc z(0.001)"
+    assert changed.joints[0].friction == robot.joints[0].friction
+    with pytest.raises(RobotDescriptionError, match="no joint 'elbo'"):
+        robot.with_friction({"elbo": FrictionLaw()})

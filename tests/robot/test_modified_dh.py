@@ -193,7 +193,7 @@ def test_each_joint_may_have_a_friction_law_of_its_own():
     )
     first, second = (joint.friction.terms for joint in robot.joints)
     assert [term.stem for term in first] == ["fcp", "fcn", "fv", "fs"]
-    assert (first[3].stribeck_speed, first[3].stribeck_exponent) == (0.1, 1.0)
+    assert [shape.value for shape in first[3].shapes] == [0.1, 1.0]
     assert {term.gamma for term in first} == {100.0}
     assert [(term.stem, term.smoothing) for term in second] == [("fv", "atan"), ("fc", "tanh")]
     assert second[1].gamma == 40
@@ -259,3 +259,28 @@ def test_a_file_is_read_like_its_text(tmp_path):
     path = tmp_path / "pendulum.toml"
     path.write_text(PENDULUM, encoding="utf-8")
     assert read_modified_dh(path).name == "pendulum"
+
+
+FRICTION = """
+    "viscous",
+    {term = "power", exponent = 3, name = "c"},
+    {term = "lugre", distance = 1e-3, excess = 0.3, speed = 0.1, damped = false},
+    {term = "load", gamma = 200},
+    {term = "ripple", order = 51, name = "_g"},
+    {term = "counterbalance", ratio = 0.4, angle = -1.2},
+    {term = "maxwell_slip", distances = [1e-4, 1e-3], excess = 0.3, speed = 0.1},
+    "spring",
+    "offset",
+"""
+
+
+def test_every_kind_of_term_has_its_key():
+    robot = parse_modified_dh(
+        f'name = "one"\nfriction = [{FRICTION}]\n[[joints]]\nname = "a"\nrated_speed = 2\n'
+    )
+    law = robot.joints[0].friction
+    assert [t.stem for t in law.terms] == ("fv fvxc fc fl rc_g rs_g cbf cbk fma fmb ks off".split())
+    constants = {s.name: s.value for s in law.shapes}
+    assert constants["presliding_distance"] == 1e-3 and constants["stribeck_excess"] == 0.3
+    assert (constants["strut_ratio"], constants["strut_angle"]) == (0.4, -1.2)
+    assert law.terms[3].gamma == 200.0

@@ -54,6 +54,34 @@ WRONG = [
     (two(lower='friction = [{term = "visc"}]'), r"key 'friction.0.term' = 'visc'"),
     (two(top='friction = [{term = "viscous", gamma = 1}]'), r"'viscous' has no gamma; remove"),
     (two(top='friction = [{term = "stribeck"}]'), r"the term 'stribeck' needs its speed"),
+    (
+        two(lower='friction = ["viscos"]'),
+        r"joint 'lower': key 'friction.0.term' = 'viscos': .*did you mean 'viscous'",
+    ),
+    (
+        two(top='friction = [{term = "dahl", distanc = 1}]'),
+        r"friction number 1: unknown key 'distanc'; did you mean 'distance'",
+    ),
+    (
+        two(top='friction = [{term = "dahl", speed = 1, distance = 1}]'),
+        r"the term 'dahl' has no speed; it has distance",
+    ),
+    (
+        two(top='friction = [{term = "lugre", distance = 1}]'),
+        r"'lugre' needs its excess.* and its speed .*\(excess, speed\)",
+    ),
+    (
+        two(top='friction = [{term = "counterbalance", ratio = 2, angle = 0}]'),
+        r"key 'friction': term 'counterbalance': strut_ratio must be in its range \(0.01 to 0.99\)",
+    ),
+    (
+        two(lower='friction = ["coulomb", {term = "dahl", distance = 1}]'),
+        r"joint 'lower': key 'friction': friction terms named twice: fc; 'dahl' and 'lugre' take",
+    ),
+    (
+        two(top='friction = [{term = "maxwell_slip", distances = [1, 1]}]'),
+        r"term 'maxwell_slip': slip distances must differ",
+    ),
     (two(top='friction = [{term = "coulomb", gamma = 0}]'), r"key 'gamma' = 0: .*greater than 0"),
     (
         two(lower='friction = [{term = "coulomb"}, {term = "coulomb"}]'),

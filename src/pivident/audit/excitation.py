@@ -176,15 +176,17 @@ def _full_motion(models: Sequence[InverseModel]) -> tuple[np.ndarray, np.ndarray
     def rms(phi: np.ndarray) -> np.ndarray:
         return np.sqrt(np.mean(phi**2, axis=0).max(axis=0))
 
-    rest = regressor.matrix(q, still, still)
+    # friction with memory or load shows in steady motion, not at random states
+    level, none = regressor.levels(dq.T), regressor.levels(still.T)
+    rest = regressor.matrix(q, still, still, inner=none)
     parts = np.column_stack(
         [
             rms(rest - rest.mean(axis=0)),
-            rms(regressor.matrix(q, dq, still) - rest),
-            rms(regressor.matrix(q, still, ddq) - rest),
+            rms(regressor.matrix(q, dq, still, inner=level) - rest),
+            rms(regressor.matrix(q, still, ddq, inner=none) - rest),
         ]
     )
-    return rms(regressor.matrix(q, dq, ddq)), parts
+    return rms(regressor.matrix(q, dq, ddq, inner=level)), parts
 
 
 def _top_speed(models: Sequence[InverseModel]) -> np.ndarray:
@@ -303,6 +305,8 @@ def _motion(
     quantity = int(np.argmax(parts))
     lazy = [j for j in joints if ranges[j, quantity] < LITTLE] or [parameter.joint]
     names = ", ".join(model.robot.joints[j].name for j in lazy)
+    if parameter.friction is not None and parameter.friction.depends_on_position:
+        return f"Move {names} slowly through more of its range."
     return {
         "posture": f"Let {names} hold and slowly change more postures against gravity.",
         "speed": f"Move {names} faster and in both directions, the joints before it meanwhile.",

@@ -168,7 +168,9 @@ def build_inverse_model(log: Log, timing: Timing, scale: float = 1.0) -> Inverse
     at = np.arange(margin, len(q) - margin, stride)
     q_, dq, ddq = (butterworth(x, rate, band)[at] for x in (motion.q, motion.dq, motion.ddq))
 
-    packed = regressor.packed(motion.q.T, motion.dq.T, motion.ddq.T)
+    description = base.values(nominal_values(robot, base.standard))
+    signals = (motion.q.T, motion.dq.T, motion.ddq.T)
+    packed = regressor.packed(*signals, inner=regressor.inner(*signals, description))
     columns, own = [], []
     for j in range(robot.size):
         chosen = slice(regressor.offsets[j], regressor.offsets[j + 1])

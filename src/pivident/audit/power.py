@@ -127,6 +127,7 @@ def _friction_power(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float
         if (p := parameters[index]).friction is not None
         and p.joint == j
         and p.friction.column is not FrictionColumn.OFFSET
+        and not p.friction.depends_on_position
     ]
     if not own:
         return float("nan"), float("nan"), float("nan")

@@ -8,7 +8,9 @@ kept ones (Gautier 1991, by orthogonal projection instead of symbolic rules). Wi
 
 The order of preference reproduces the rules of Khalil and Gautier: everything before ``yy mz m``
 of revolute links, the inertia of prismatic links and the rotor inertias ``ia``; within each class
-links from the base outwards, so that groups gather on the link nearest to the base.
+links from the base outwards, so that groups gather on the link nearest to the base. Ripple,
+springs and struts come last: where one of them cannot be told from gravity (a ripple of order
+one, the weight of a pendulum), it is added to the first moments that everything else needs.
 """
 
 from __future__ import annotations
@@ -146,27 +148,36 @@ def base_parameters(robot: Robot) -> BaseParameters:
 
 
 def _probe(robot: Robot, standard: tuple[Parameter, ...]) -> np.ndarray:
-    """Φ at random states, stacked: more than twice as many rows as columns."""
+    """Φ at random states, stacked: more than twice as many rows as columns.
+
+    Friction that no combination of other columns can make stands there as a random column: random
+    states would not show a Stribeck curve of low speed, nor a state that remembers a path.
+    """
     samples = max(40, 3 * len(standard) // robot.size)
     rng = np.random.default_rng(19910501)
     q, dq, ddq = rng.uniform(-np.pi, np.pi, (3, samples, robot.size))
     phi = Regressor.build(robot, standard).matrix(q, dq, ddq)
+    for k, p in enumerate(standard):
+        if p.friction is not None and p.friction.is_independent:
+            phi[:, p.joint, k] = rng.uniform(-1.0, 1.0, samples)
     return phi.reshape(-1, len(standard))
 
 
 def _preference(robot: Robot, standard: tuple[Parameter, ...]) -> list[int]:
     """Indices of the standard parameters, those to be kept first."""
 
-    def last(p: Parameter) -> bool:
+    def rank(p: Parameter) -> int:
+        if p.friction is not None and p.friction.depends_on_position:
+            return 2
         if p.stem == "ia":
-            return True
+            return 1
         if not p.is_inertial:
-            return False
+            return 0
         if robot.joints[p.joint].kind == "prismatic":
-            return p.stem not in ("mx", "my", "mz", "m")
-        return p.stem in ("yy", "mz", "m")
+            return int(p.stem not in ("mx", "my", "mz", "m"))
+        return int(p.stem in ("yy", "mz", "m"))
 
-    return sorted(range(len(standard)), key=lambda i: (last(standard[i]), i))
+    return sorted(range(len(standard)), key=lambda i: (rank(standard[i]), i))
 
 
 def _independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], np.ndarray]:

@@ -11,13 +11,19 @@ from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction_term import MOST_SHAPES
 
 #: What the screw of a joint, seen from a link, is wanted for: for the links further out, for the
 #: columns of the inertias, for those of first moments and mass.
 CARRY, INERTIAS, MOMENTS = 1, 2, 4
 
-#: Function of an entry that is an acceleration; the others have the codes of ``FrictionColumn``.
-ACCELERATION = 100
+#: Functions of entries that are an acceleration or an inner signal; the others have the codes of
+#: ``FrictionColumn``.
+ACCELERATION, INNER = 100, 101
+
+
+#: γ and constants of an entry that has none.
+_NO_SHAPE = (0.0,) * (1 + MOST_SHAPES)
 
 
 class EntryPlan(NamedTuple):
@@ -32,9 +38,10 @@ class EntryPlan(NamedTuple):
         work: what the screw of each link's k-th ancestor (0: its own joint) is wanted for, sum
             of ``CARRY INERTIAS MOMENTS``, shape (links, depth).
         joint_index: for each entry without inertial parameter its function, its sign function
-            and the joints a and b it depends on, shape (joint entries, 4).
-        joint_value: its factor, c in the speed dq_a + c dq_b, γ, v_s, δ, shape
-            (joint entries, 5).
+            and the joints a and b it depends on, shape (joint entries, 4); of an inner signal
+            (memory, load) a is its number.
+        joint_value: its factor, c in the speed dq_a + c dq_b, γ and the constants of a friction
+            term, shape (joint entries, 3 + ``MOST_SHAPES``).
         source: column in which each entry is computed, shape (entries,).
         columns: number of columns computed.
     """
@@ -76,14 +83,20 @@ def make_entry_plan(
         for n, (i, k) in enumerate(np.argwhere(work & (INERTIAS | MOMENTS)))
     }
     index: list[tuple[int, int, int, int]] = []
-    value: list[tuple[float, float, float, float, float]] = []
+    value: list[tuple[float, ...]] = []
     source: list[int] = []
+    inner = 0
     for joint, c in entries:
         p = parameters[c]
         if p.is_inertial:
             source.append(blocks[p.joint, joint] + INERTIAL.index(p.stem))
         else:
             source.append(10 * len(blocks) + len(index))
+            if has_inner_signal(p):
+                index.append((INNER, 0, inner, inner))
+                value.append((1.0, 0.0, *_NO_SHAPE))
+                inner += 1
+                continue
             function, factors = _joint_entry(robot, p, joint)
             index.append(function)
             value.append(factors)
@@ -92,34 +105,42 @@ def make_entry_plan(
         moved,
         work,
         np.array(index, dtype=np.int64).reshape(-1, 4),
-        np.array(value, dtype=float).reshape(-1, 5),
+        np.array(value, dtype=float).reshape(-1, 3 + MOST_SHAPES),
         np.array(source, dtype=np.int64),
         10 * len(blocks) + len(index),
     )
 
 
+def has_inner_signal(p: Parameter) -> bool:
+    """Whether a parameter's column is an inner signal: friction with memory or load."""
+    return p.friction is not None and p.friction.has_inner_signal
+
+
 def _joint_entry(
     robot: Robot, p: Parameter, joint: int
-) -> tuple[tuple[int, int, int, int], tuple[float, float, float, float, float]]:
+) -> tuple[tuple[int, int, int, int], tuple[float, ...]]:
     """Row of ``joint_index`` and of ``joint_value`` for a rotor, friction or coupling entry."""
     if p.friction is not None:
         column, sign, shape = p.friction.encoded()
         return (column, sign, joint, joint), (1.0, 0.0, *shape)
     if p.coupling is None:
-        return (ACCELERATION, 0, joint, joint), (1.0, 0.0, 0.0, 0.0, 0.0)
+        return (ACCELERATION, 0, joint, joint), (1.0, 0.0, *_NO_SHAPE)
     c = p.coupling
     if p.stem == "fcm":
         sign, gamma = coupling_sign(robot, c.motor)
         factor = c.ratio if joint == c.joint else 1.0
         coulomb = int(FrictionColumn.COULOMB)
-        return (coulomb, sign, c.motor, c.joint), (factor, c.ratio, gamma, 0.0, 0.0)
+        return (coulomb, sign, c.motor, c.joint), (factor, c.ratio, gamma, *_NO_SHAPE[1:])
     other = c.motor if joint == c.joint else c.joint
     function = ACCELERATION if p.stem == "iam" else int(FrictionColumn.VISCOUS)
-    return (function, 0, other, other), (c.ratio, 0.0, 0.0, 0.0, 0.0)
+    return (function, 0, other, other), (c.ratio, 0.0, *_NO_SHAPE)
 
 
 def coupling_sign(robot: Robot, motor: int, simulated: bool = False) -> tuple[int, float]:
     """Sign function of a coupling's Coulomb term: that of the motor's own joint.
+
+    Where the joint's Coulomb friction has no sign function, because it has a state, the joint's
+    default arctangent is taken.
 
     Args:
         robot: the robot.
@@ -127,7 +148,7 @@ def coupling_sign(robot: Robot, motor: int, simulated: bool = False) -> tuple[in
         simulated: replace the hard sign by the arctangent, as the simulator needs.
     """
     for term in robot.joints[motor].friction.terms:
-        _, sign, shape = term.encoded(simulated)
-        if term.stem.startswith("fc"):
+        if term.has_sign and term.stem.startswith("fc"):
+            _, sign, shape = term.encoded(simulated)
             return sign, shape[0]
     return int(SignFunction.ATAN), robot.joints[motor].default_gamma

@@ -1,6 +1,6 @@
 """Forward dynamics: mass matrix, bias torques and acceleration from linear parameters.
 
-    M(q) ddq + h(q, dq) + friction(dq) = tau
+    M(q) ddq + h(q, dq) + friction(dq, q, z, load) = tau
 
 Base parameters are enough: they are lifted to links some of which have no mass, and the kernels
 work on the linear ten-parameter form, where that is allowed.
@@ -8,13 +8,25 @@ work on the linear ten-parameter form, where that is allowed.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numba import njit
 
-from pivident.dynamics.entry_plan import coupling_sign
-from pivident.dynamics.friction import friction_value_and_slope, smooth_sign_and_slope
+from pivident.dynamics.friction_kernels import level_and_slope
+from pivident.dynamics.friction_table import (
+    AHEAD,
+    PATH_ROWS,
+    STATE,
+    FrictionTable,
+    clipped_friction,
+    friction_torque,
+    make_friction_table,
+    path_entries,
+    path_torque,
+    slopes_width,
+    spring_torque,
+)
 from pivident.dynamics.kernels import (
     Tree,
     invert_mass_matrix,
@@ -25,25 +37,6 @@ from pivident.dynamics.kernels import (
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import MassMatrixNotPositiveDefinite
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.friction import FrictionColumn
-
-
-class FrictionTable(NamedTuple):
-    """Friction of all joints as the simulator evaluates it.
-
-    Attributes:
-        linear: viscous parameter and constant torque of each joint, shape (joints, 2).
-        term_index: joint, function and smoothed sign of each nonlinear term, shape (terms, 3).
-        term_value: parameter, γ, v_s, δ of each nonlinear term, shape (terms, 4).
-        pair_index: motor, joint and smoothed sign of each coupling, shape (couplings, 3).
-        pair_value: ratio, fvm, fcm, γ of each coupling, shape (couplings, 4).
-    """
-
-    linear: np.ndarray
-    term_index: np.ndarray
-    term_value: np.ndarray
-    pair_index: np.ndarray
-    pair_value: np.ndarray
 
 
 class Model(NamedTuple):
@@ -71,17 +64,22 @@ def make_model(
         robot: the robot.
         parameters: standard parameters (or heads of base groups).
         theta: their values, shape (parameters,).
-        clip: replace negative friction levels by zero. A friction that feeds energy in makes the
-            simulated loop diverge; an estimator on its way may pass there.
+        clip: replace negative friction levels by zero, and friction that grows as fast as the
+            load by nine tenths of that. A friction that feeds energy in makes the simulated loop
+            diverge; an estimator on its way may pass there.
+
+    Raises:
+        ValueError: load-dependent friction fl of 1 or more, unless clipped.
     """
     n = robot.size
     inertia, rotor = np.zeros((n, 10)), np.zeros((n, n))
-    linear, terms = np.zeros((n, 2)), []
-    pairs = {c: np.array([c.ratio, 0.0, 0.0, 0.0]) for c in robot.couplings}
-    for p, given in zip(parameters, np.asarray(theta, dtype=float), strict=True):
-        value = float(given)
-        if clip and p.is_dissipative and p.stem not in ("ia", "iam"):
-            value = max(value, 0.0)
+    values = np.array(theta, dtype=float)
+    for k, p in enumerate(parameters):
+        if clip and p.friction is not None:
+            values[k] = clipped_friction(p.friction, values[k])
+        elif clip and p.is_dissipative and p.stem not in ("ia", "iam"):
+            values[k] = max(values[k], 0.0)
+    for p, value in zip(parameters, values.tolist(), strict=True):
         if p.is_inertial:
             inertia[p.joint, INERTIAL.index(p.stem)] = value
         elif p.stem == "ia":
@@ -89,109 +87,43 @@ def make_model(
         elif p.coupling is not None and p.stem == "iam":
             i, j = p.coupling.motor, p.coupling.joint
             rotor[i, j] = rotor[j, i] = p.coupling.ratio * value
-        elif p.coupling is not None:
-            pairs[p.coupling][1 if p.stem == "fvm" else 2] = value
-        elif p.friction is not None:
-            code, sign, shape = p.friction.encoded(simulated=True)
-            if code == FrictionColumn.VISCOUS:
-                linear[p.joint, 0] += value
-            elif code == FrictionColumn.OFFSET:
-                linear[p.joint, 1] += value
-            else:
-                terms.append(((p.joint, code, sign), (value, *shape)))
-    signs = [coupling_sign(robot, c.motor, simulated=True) for c in robot.couplings]
-    for c, (_, gamma) in zip(robot.couplings, signs, strict=True):
-        pairs[c][3] = gamma
-    table = FrictionTable(
-        linear,
-        np.array([index for index, _ in terms], dtype=np.int64).reshape(-1, 3),
-        np.array([value for _, value in terms], dtype=float).reshape(-1, 4),
-        np.array(
-            [(c.motor, c.joint, sign) for c, (sign, _) in zip(pairs, signs, strict=True)],
-            dtype=np.int64,
-        ).reshape(-1, 3),
-        np.array(list(pairs.values()), dtype=float).reshape(-1, 4),
-    )
-    return Model(tree_of(robot), inertia, rotor, table)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def friction_torque(
-    linear, term_index, term_value, pair_index, pair_value, vectors, speed, out, slopes, row
-):
-    """Friction torques and the slopes of the own and of the coupled terms.
-
-    Args:
-        linear: see :class:`FrictionTable`; likewise the next four.
-        term_index: nonlinear terms.
-        term_value: their values.
-        pair_index: couplings.
-        pair_value: their values.
-        vectors: rows of joint quantities, shape (rows, joints).
-        speed: row of ``vectors`` that holds the speeds.
-        out: row of ``vectors`` that receives the friction torques.
-        slopes: receives in ``row`` d torque / d v of each joint, then of each coupling's dry
-            friction over the speed of its rotor, shape (rows, joints + couplings).
-        row: row of ``slopes``.
-    """
-    n = vectors.shape[1]
-    for j in range(n):
-        vectors[out, j] = linear[j, 0] * vectors[speed, j] + linear[j, 1]
-        slopes[row, j] = linear[j, 0]
-    for k in range(term_index.shape[0]):
-        j = term_index[k, 0]
-        f, df = friction_value_and_slope(
-            term_index[k, 1],
-            term_index[k, 2],
-            term_value[k, 1],
-            term_value[k, 2],
-            term_value[k, 3],
-            vectors[speed, j],
-        )
-        vectors[out, j] += term_value[k, 0] * f
-        slopes[row, j] += term_value[k, 0] * df
-    for k in range(pair_index.shape[0]):
-        i, j = pair_index[k, 0], pair_index[k, 1]
-        ratio, viscous, dry = pair_value[k, 0], pair_value[k, 1], pair_value[k, 2]
-        vi, vj = vectors[speed, i], vectors[speed, j]
-        f, df = smooth_sign_and_slope(pair_index[k, 2], pair_value[k, 3], vi + ratio * vj)
-        vectors[out, i] += ratio * viscous * vj + dry * f
-        vectors[out, j] += ratio * (viscous * vi + dry * f)
-        slopes[row, n + k] = dry * df
+    return Model(tree_of(robot), inertia, rotor, make_friction_table(robot, parameters, values))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _accelerations(model, q, dq, tau, out, failure):
+def _accelerations(model, q, dq, tau, states, out, failure):
     """Accelerations at many states; the first indefinite mass matrix is reported."""
     n = q.shape[1]
     f = model.friction
     work = rigid_body_work(n)
     mass, factor, inverse, bias = np.zeros((n, n)), np.zeros((n, n)), np.zeros((n, n)), np.zeros(n)
-    vectors = np.zeros((2, n))
-    slopes = np.zeros((1, n + f.pair_index.shape[0]))
+    couplings = f.pair_index.shape[0]
+    vectors = np.zeros((5, n))
+    slopes = np.zeros((1, slopes_width(n, couplings)))
+    path = np.zeros((PATH_ROWS, f.path_index.shape[0]))
+    position, speed, friction, still, spring = 0, 1, 2, 3, 4
     for s in range(q.shape[0]):
         mass_matrix_and_bias(model.tree, model.inertia, model.rotor, q[s], dq[s], work, mass, bias)
         joint = invert_mass_matrix(mass, factor, inverse)
         if joint >= 0:
             failure[0] = factor[joint, joint]
             return joint, s
-        vectors[0] = dq[s]
+        vectors[position], vectors[speed], vectors[spring] = q[s], dq[s], 0.0
+        path[STATE] = states[s]
         friction_torque(
-            f.linear,
-            f.term_index,
-            f.term_value,
-            f.pair_index,
-            f.pair_value,
-            vectors,
-            0,
-            1,
-            slopes,
-            0,
-        )
+            f.linear, f.term_index, f.term_value, f.pair_index, f.pair_value,
+            vectors, speed, friction, slopes, 0,
+        )  # fmt: skip
+        path_torque(
+            f.path_index, f.path_value, path, AHEAD, couplings, tau[s],
+            vectors, position, speed, 0.0, still, speed, friction, slopes, 0,
+        )  # fmt: skip
+        spring_torque(f.path_index, f.path_value, vectors, position, spring)
         for i in range(n):
             out[s, i] = 0.0
             for j in range(n):
-                out[s, i] += inverse[i, j] * (tau[s, j] - bias[j] - vectors[1, j])
+                net = tau[s, j] - bias[j] - vectors[spring, j] - vectors[friction, j]
+                out[s, i] += inverse[i, j] * net
     return -1, -1
 
 
@@ -230,6 +162,20 @@ def mass_matrix(
     return out
 
 
+def friction_states(robot: Robot, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
+    """Whose friction has a state: parameters that name the states z, in their order.
+
+    Terms that share a state, fc and fd of LuGre friction, have one name, that of the first.
+
+    Args:
+        robot: the robot.
+        parameters: standard parameters or heads of base groups.
+    """
+    entries = path_entries(parameters, np.zeros(len(parameters)))
+    table = make_friction_table(robot, parameters, np.zeros(len(parameters)))
+    return tuple(entries[e].name for e in table.memories)
+
+
 def acceleration(
     robot: Robot,
     parameters: tuple[Parameter, ...],
@@ -237,8 +183,9 @@ def acceleration(
     q: np.ndarray,
     dq: np.ndarray,
     tau: np.ndarray,
+    state: Literal["relaxed", "sliding"] | np.ndarray | None = None,
 ) -> np.ndarray:
-    """Ddq = M(q)⁻¹ (tau - h(q, dq) - friction(dq)), shape (samples, joints) [rad/s² or m/s²].
+    """Ddq = M(q)⁻¹ (tau - h(q, dq) - friction), shape (samples, joints) [rad/s² or m/s²].
 
     Args:
         robot: the robot; a friction law with the hard sign is used in its smooth form.
@@ -247,17 +194,50 @@ def acceleration(
         q: joint positions [rad or m], shape (samples, joints); ``dq tau`` likewise.
         dq: joint speeds.
         tau: joint torques or forces [N m or N].
+        state: of friction that remembers its path, needed where a law has such terms: "relaxed"
+            (z = 0, as a record starts), "sliding" (z = ±g(dq), after a long way in the
+            direction of the speed), or the states z themselves, shape (samples, states), in
+            the order of ``friction_states``.
 
     Raises:
         MassMatrixNotPositiveDefinite: names the joint; its time is the sample's index.
-        ValueError: arrays that do not belong together.
+        ValueError: arrays that do not belong together, or a missing state.
     """
     q, dq, tau = _states(robot, q, dq, tau)
+    model = make_model(robot, parameters, theta)
+    states = _memory(model.friction, dq, state)
     out, failure = np.zeros(q.shape), np.zeros(1)
-    joint, sample = _accelerations(make_model(robot, parameters, theta), q, dq, tau, out, failure)
+    joint, sample = _accelerations(model, q, dq, tau, states, out, failure)
     if joint >= 0:
         raise MassMatrixNotPositiveDefinite(robot.joint_names[joint], float(sample), failure[0])
     return out
+
+
+def _memory(friction: FrictionTable, dq: np.ndarray, state: str | np.ndarray | None) -> np.ndarray:
+    """States of all entries of the path table, shape (samples, entries)."""
+    entries = friction.memories
+    states = np.zeros((len(dq), len(friction.path_index)))
+    if not entries.size:
+        return states
+    if state is None:
+        raise ValueError(
+            "friction remembers the path here, so its state must be given: state='sliding' for "
+            "a joint that has gone some way, state='relaxed', or the states z"
+        )
+    if isinstance(state, str):
+        if state not in ("relaxed", "sliding"):
+            raise ValueError(f"state {state!r} is not known; 'relaxed' and 'sliding' are")
+        for e in entries if state == "sliding" else ():
+            excess, inverse_speed, exponent = friction.path_value[e, 3:]
+            v = dq[:, friction.path_index[e, 0]]
+            level = np.array([level_and_slope(excess, inverse_speed, exponent, x)[0] for x in v])
+            states[:, e] = np.sign(v) * level
+        return states
+    wanted = (len(dq), entries.size)
+    if np.shape(state) != wanted:
+        raise ValueError(f"state has shape {np.shape(state)}; (samples, states) = {wanted}")
+    states[:, entries] = state
+    return states
 
 
 def _states(robot: Robot, *signals: np.ndarray) -> list[np.ndarray]:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.robot.description import INERTIAL, Coupling, Robot
+from pivident.robot.description import INERTIAL, Coupling, JointKind, Robot
 from pivident.robot.friction import FrictionColumn, FrictionTerm
 
 
@@ -44,7 +44,20 @@ class Parameter:
     @property
     def is_dissipative(self) -> bool:
         """Whether physics demands that it is not negative (friction levels, rotor inertias)."""
-        return self.stem in ("ia", "iam", "fv", "fc", "fcp", "fcn", "fvm", "fcm")
+        if self.friction is not None:
+            return self.friction.is_dissipative
+        return self.stem in ("ia", "iam", "fvm", "fcm")
+
+    @property
+    def carries_load(self) -> bool:
+        """Whether its torque is part of the load that load-dependent friction grows with.
+
+        The load is the torque of inertia, gravity and springs: what a joint carries, without
+        friction, offset and ripple.
+        """
+        if self.friction is not None:
+            return self.friction.carries_load
+        return self.is_inertial or self.stem in ("ia", "iam")
 
 
 def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
@@ -52,15 +65,13 @@ def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
     parameters = []
     for i, joint in enumerate(robot.joints):
         label = joint_label(robot, i)
-        torque, speed = _units(joint.kind)
         for stem in INERTIAL:
             unit = "kg" if stem == "m" else "kg m" if stem.startswith("m") else "kg m²"
             parameters.append(Parameter(f"{stem}{label}", stem, i, unit))
         rotor_unit = "kg m²" if joint.kind == "revolute" else "kg"
         parameters.append(Parameter(f"ia{label}", "ia", i, rotor_unit))
         for term in joint.friction.terms:
-            viscous = term.column is FrictionColumn.VISCOUS
-            unit = f"{torque} s/{speed}" if viscous else torque
+            unit = friction_unit(term, joint.kind)
             parameters.append(Parameter(f"{term.stem}{label}", term.stem, i, unit, friction=term))
     for coupling in robot.couplings:
         parameters.extend(_coupling_parameters(robot, coupling))
@@ -70,6 +81,25 @@ def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
 def joint_label(robot: Robot, index: int) -> str:
     """What follows the stem in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
     return str(index + 1) if robot.is_chain else f"[{robot.joints[index].name}]"
+
+
+def friction_unit(term: FrictionTerm, kind: JointKind) -> str:
+    """Unit of a friction parameter: the torque's over that of the function it multiplies.
+
+    Args:
+        term: the friction term.
+        kind: of its joint.
+    """
+    torque, position = _units(kind)
+    if term.column is FrictionColumn.LOAD:
+        return f"{torque}/{torque}"
+    if term.column is FrictionColumn.SPRING:
+        return f"{torque}/{position}"
+    if term.exponent == 1.0:
+        return f"{torque} s/{position}"
+    if term.exponent == 0.0:
+        return torque
+    return f"{torque} (s/{position})^{term.exponent:g}"
 
 
 def nominal_values(robot: Robot, parameters: tuple[Parameter, ...]) -> np.ndarray:

@@ -12,7 +12,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pivident.dynamics.entry_plan import EntryPlan, make_entry_plan
+from pivident.dynamics.entry_plan import EntryPlan, has_inner_signal, make_entry_plan
+from pivident.dynamics.friction import smoothed_sign
+from pivident.dynamics.friction_memory import memory_column
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import dense_entries, joint_torques, packed_entries
 from pivident.robot.description import Robot
@@ -31,6 +33,8 @@ class Regressor:
         row: joint of each packed entry, ascending, shape (entries,).
         column: parameter of each packed entry, shape (entries,).
         offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
+        inner_entries: entries that need more than one sample, friction with memory and friction
+            that depends on load, ascending; most robots have none.
     """
 
     robot: Robot
@@ -38,6 +42,7 @@ class Regressor:
     row: np.ndarray
     column: np.ndarray
     offsets: np.ndarray
+    inner_entries: np.ndarray
     _plan: EntryPlan = field(repr=False)
 
     @classmethod
@@ -45,15 +50,18 @@ class Regressor:
         """Find the non-zero entries: by the tree's structure, then by probing random states.
 
         A probe decides because geometry hides zeros that the tree does not show (a vertical
-        first axis does not feel gravity).
+        first axis does not feel gravity). Friction acts on its own joint whatever its constants,
+        even where a random speed does not show it.
         """
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
         rng = np.random.default_rng(20180501)
         q, dq, ddq = rng.uniform(-2.0, 2.0, (3, robot.size, 64))
-        packed = everything.packed(q, dq, ddq)
+        inner = np.zeros((everything.inner_entries.size, 64))
+        packed = everything.packed(q, dq, ddq, inner=inner)
         scale = max(1.0, float(np.abs(packed).max(initial=0.0)))
         alive = np.abs(packed).max(axis=1) > 1e-12 * scale
+        alive |= [parameters[c].friction is not None for c in everything.column]
         return cls._from_entries(
             robot,
             tuple(parameters),
@@ -72,7 +80,8 @@ class Regressor:
         column = np.array([c for _, c in entries], dtype=np.int64)
         offsets = np.searchsorted(row, np.arange(robot.size + 1))
         plan = make_entry_plan(robot, parameters, entries)
-        return cls(robot, parameters, row, column, offsets, plan)
+        inner = [e for e, (_, c) in enumerate(entries) if has_inner_signal(parameters[c])]
+        return cls(robot, parameters, row, column, offsets, np.array(inner, dtype=np.int64), plan)
 
     @property
     def entries(self) -> int:
@@ -89,6 +98,7 @@ class Regressor:
         dq: np.ndarray,
         ddq: np.ndarray,
         out: np.ndarray | None = None,
+        inner: np.ndarray | None = None,
     ) -> np.ndarray:
         """Non-zero entries of the observation matrix, time **last**.
 
@@ -97,6 +107,8 @@ class Regressor:
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
             out: array (entries, samples) to write into.
+            inner: see :meth:`inner`; needed for a stretch of a longer record. None: these
+                signals are the beginning of their record, and loads are zero.
 
         Returns:
             Entries, shape (entries, samples).
@@ -111,7 +123,7 @@ class Regressor:
             out = np.empty(shape)
         if out.shape != shape:
             raise ValueError(f"out has shape {out.shape}; {shape} is needed")
-        packed_entries(self._plan, q, dq, ddq, out)
+        packed_entries(self._plan, q, dq, ddq, self._inner_or_own(q, dq, ddq, inner), out)
         return out
 
     def matrix(
@@ -120,6 +132,7 @@ class Regressor:
         dq: np.ndarray,
         ddq: np.ndarray,
         out: np.ndarray | None = None,
+        inner: np.ndarray | None = None,
     ) -> np.ndarray:
         """Dense observation matrix Φ, tau = Φ θ.
 
@@ -129,6 +142,7 @@ class Regressor:
             ddq: joint accelerations [rad/s² or m/s²].
             out: array (samples, joints, parameters) of an earlier call to write into. Its
                 structural zeros are taken to be zero already and are not written again.
+            inner: see :meth:`packed`; time last.
 
         Returns:
             Φ, shape (samples, joints, parameters).
@@ -145,16 +159,23 @@ class Regressor:
             raise ValueError(f"out has shape {out.shape}; {shape} in C order is needed")
         place = self.row * shape[2] + self.column
         flat = out.reshape(samples, shape[1] * shape[2])
+        own = self._inner_or_own(q.T, dq.T, ddq.T, inner)
 
         def block(part: slice) -> None:
             x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
-            dense_entries(self._plan, place, x, dx, ddx, flat[part])
+            inside = np.ascontiguousarray(own[:, part])
+            dense_entries(self._plan, place, x, dx, ddx, inside, flat[part])
 
         run_in_threads(block, _blocks(samples))
         return out
 
     def torque(
-        self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, theta: np.ndarray
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        theta: np.ndarray,
+        inner: np.ndarray | None = None,
     ) -> np.ndarray:
         """Tau = Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].
 
@@ -163,22 +184,114 @@ class Regressor:
             dq: joint speeds.
             ddq: joint accelerations.
             theta: parameters, shape (parameters,).
+            inner: see :meth:`inner`; time last. None: made here, with the load of ``theta``.
 
         Raises:
             ValueError: shapes that do not fit.
         """
         self._check_motion(q, dq, ddq)
+        theta = np.asarray(theta, dtype=float)
+        own = self._inner_or_own(q.T, dq.T, ddq.T, inner, theta)
+        return self._weighted_sum(theta[self.column], q, dq, ddq, own)
+
+    def inner(
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        theta: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Columns that need more than one sample: friction with memory, and with load.
+
+        They are made once for a whole record and handed to :meth:`packed`, :meth:`matrix` and
+        :meth:`torque` with the blocks it is walked through in.
+
+        Args:
+            q: joint positions [rad or m] from the start of the record on, where friction with
+                memory is relaxed, time **last**, shape (joints, samples); ``dq ddq`` likewise.
+            dq: joint speeds.
+            ddq: joint accelerations.
+            theta: parameters whose torques of inertia, gravity and springs are the load, shape
+                (parameters,); None: the load is zero.
+
+        Returns:
+            Columns of ``inner_entries``, shape (inner entries, samples).
+        """
+        out = np.zeros((self.inner_entries.size, q.shape[1]))
+        friction = [self.parameters[self.column[e]].friction for e in self.inner_entries]
+        load: np.ndarray | None = None
+        for k, (e, term) in enumerate(zip(self.inner_entries, friction, strict=True)):
+            assert term is not None
+            j = self.row[e]
+            column, sign, shape = term.encoded()
+            if term.has_memory:
+                out[k] = memory_column(column, shape, q[j], dq[j])
+            elif theta is not None:
+                load = self._load(q, dq, ddq, theta, out) if load is None else load
+                out[k] = np.abs(load[:, j]) * smoothed_sign(sign, shape[0], dq[j])
+        return out
+
+    def levels(self, dq: np.ndarray) -> np.ndarray:
+        """Inner signals of steady motion with a load of one: the sign of the speed.
+
+        They stand for the columns with memory or load where states do not follow each other.
+
+        Args:
+            dq: joint speeds [rad/s or m/s], time last, shape (joints, samples).
+        """
+        return np.sign(dq[self.row[self.inner_entries]])
+
+    @property
+    def depends_on_load(self) -> bool:
+        """Whether a column depends on the parameters, through the load of a joint."""
+        return bool(self.load_parameters.any())
+
+    @property
+    def load_parameters(self) -> np.ndarray:
+        """True for the parameters of friction that grows with the load, shape (parameters,)."""
+        return np.array(
+            [p.friction is not None and p.friction.depends_on_load for p in self.parameters], bool
+        )
+
+    def _load(self, q, dq, ddq, theta: np.ndarray, inner: np.ndarray) -> np.ndarray:
+        """Torque of inertia, gravity and springs, shape (samples, joints)."""
+        carried = np.array([p.carries_load for p in self.parameters], bool)
+        weights = np.where(carried, theta, 0.0)[self.column]
+        return self._weighted_sum(weights, q.T, dq.T, ddq.T, inner)
+
+    def _weighted_sum(
+        self, weights: np.ndarray, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, inner: np.ndarray
+    ) -> np.ndarray:
+        """Sum of each joint's entries with given weights, shape (samples, joints)."""
         tau = np.empty(q.shape)
-        weights = np.asarray(theta, dtype=float)[self.column]
 
         def block(part: slice) -> None:
             x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
             torque = np.empty(x.shape)
-            joint_torques(self._plan, self.offsets, weights, x, dx, ddx, torque)
+            inside = np.ascontiguousarray(inner[:, part])
+            joint_torques(self._plan, self.offsets, weights, x, dx, ddx, inside, torque)
             tau[part] = torque.T
 
         run_in_threads(block, _blocks(len(q)))
         return tau
+
+    def _inner_or_own(
+        self,
+        q: np.ndarray,
+        dq: np.ndarray,
+        ddq: np.ndarray,
+        inner: np.ndarray | None,
+        theta: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """The inner signals given, or those of the stretch itself; signals are time last."""
+        shape = (self.inner_entries.size, q.shape[1])
+        if self.inner_entries.size == 0:
+            return np.zeros(shape)
+        if inner is None:
+            return self.inner(q, dq, ddq, theta)
+        if inner.shape != shape:
+            raise ValueError(f"inner has shape {inner.shape}; {shape} is needed")
+        return np.ascontiguousarray(inner, dtype=float)
 
     def _check_motion(self, *signals: np.ndarray) -> None:
         """The compiled loops do not look at shapes; signals are (samples, joints) here."""

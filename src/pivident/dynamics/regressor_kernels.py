@@ -21,11 +21,9 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from pivident.dynamics.elementary import arctangent, sine_and_cosine
-from pivident.dynamics.entry_plan import ACCELERATION, INERTIAS, MOMENTS
-from pivident.robot.friction import FrictionColumn, SignFunction
-
-TILE = 128  # samples: long enough to vectorise, short enough for the caches
+from pivident.dynamics.elementary import sine_and_cosine
+from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS
+from pivident.dynamics.joint_rows import TILE, joint_row
 
 # Rows of the tile. The joint at work: cosine and sine of its turn, its slide, and their rates.
 _COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6
@@ -33,12 +31,6 @@ _COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6
 _ROTATION, _ORIGIN, _FIXED = 7, 16, 19
 # Then 18 rows for the base and for each link: ω, dω, a, and G row by row.
 _A, _G, _LINK = 6, 9, 18
-
-_SPEED, _CONSTANT = int(FrictionColumn.VISCOUS), int(FrictionColumn.OFFSET)
-_POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)
-_NEGATIVE = int(FrictionColumn.COULOMB_NEGATIVE)
-_STRIBECK = int(FrictionColumn.STRIBECK)
-_ATAN, _TANH = int(SignFunction.ATAN), int(SignFunction.TANH)
 
 _inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
@@ -176,55 +168,6 @@ def _moment_columns(tile, link, screw, out):
         tile[out + 9, s] = vx * ax + vy * ay + vz * az
 
 
-@_inline
-def _scaled_row(tile, source, factor, target):
-    for s in range(TILE):
-        tile[target, s] = factor * tile[source, s]
-
-
-@_inline
-def _sign_row(tile, sign, gamma, row):
-    """The (smoothed) sign function of a row, in place."""
-    if sign == _ATAN:
-        for s in range(TILE):
-            tile[row, s] = (2.0 / np.pi) * arctangent(gamma * tile[row, s])
-    elif sign == _TANH:
-        for s in range(TILE):
-            tile[row, s] = np.tanh(gamma * tile[row, s])
-    else:
-        for s in range(TILE):
-            tile[row, s] = np.sign(tile[row, s])
-
-
-@_inline
-def _joint_entry(tile, dq, ddq, index, value, e, out):
-    """Entry e without inertial parameter: a function of the motion of one joint or two."""
-    function, sign, a, b = index[e, 0], index[e, 1], index[e, 2], index[e, 3]
-    factor, ratio, gamma = value[e, 0], value[e, 1], value[e, 2]
-    if function == ACCELERATION:
-        _scaled_row(tile, ddq + a, factor, out)
-    elif function == _SPEED:
-        _scaled_row(tile, dq + a, factor, out)
-    elif function == _CONSTANT:
-        for s in range(TILE):
-            tile[out, s] = factor
-    else:
-        for s in range(TILE):
-            tile[out, s] = tile[dq + a, s] + ratio * tile[dq + b, s]
-        _sign_row(tile, sign, gamma, out)
-        if function == _POSITIVE:
-            for s in range(TILE):
-                tile[out, s] = 0.5 * (1.0 + tile[out, s])
-        elif function == _NEGATIVE:
-            for s in range(TILE):
-                tile[out, s] = -0.5 * (1.0 - tile[out, s])
-        elif function == _STRIBECK:
-            speed, exponent = value[e, 3], value[e, 4]
-            for s in range(TILE):
-                tile[out, s] *= np.exp(-(abs(tile[dq + a, s] / speed) ** exponent))
-        _scaled_row(tile, out, factor, out)
-
-
 class _Rows(NamedTuple):
     """First rows of what a tile holds behind the fixed rows."""
 
@@ -251,7 +194,7 @@ def _new_tile(plan):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _fill(plan, tile, rows, q, dq, ddq, start, count):
+def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
     """Compute all columns of the ``count`` samples from ``start`` on."""
     joints, depth = plan.work.shape
     parents, prismatic = plan.tree.parent, plan.tree.prismatic
@@ -281,12 +224,17 @@ def _fill(plan, tile, rows, q, dq, ddq, start, count):
                 _moment_columns(tile, link, screw, out)
             if wanted & (INERTIAS | MOMENTS):
                 out += 10
+    dq_rows, ddq_rows = signals + joints, signals + 2 * joints
     for e in range(index.shape[0]):
-        _joint_entry(tile, signals + joints, signals + 2 * joints, index, value, e, out + e)
+        if index[e, 0] == INNER:
+            for s in range(count):
+                tile[out + e, s] = inner[index[e, 2], start + s]
+        else:
+            joint_row(tile, signals, dq_rows, ddq_rows, index, value, e, out + e)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def packed_entries(plan, q, dq, ddq, out):
+def packed_entries(plan, q, dq, ddq, inner, out):
     """Packed entries of the observation matrix.
 
     Args:
@@ -294,20 +242,21 @@ def packed_entries(plan, q, dq, ddq, out):
         q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
         ddq: joint accelerations.
+        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
         out: receives the entries, time last, shape (entries, samples).
     """
     samples, source = q.shape[1], plan.source
     tile, rows = _new_tile(plan)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
-        _fill(plan, tile, rows, q, dq, ddq, start, count)
+        _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
         for e in range(source.size):
             for s in range(count):
                 out[e, start + s] = tile[rows.columns + source[e], s]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def dense_entries(plan, place, q, dq, ddq, out):
+def dense_entries(plan, place, q, dq, ddq, inner, out):
     """The same entries at their places in the dense matrix.
 
     Args:
@@ -316,13 +265,14 @@ def dense_entries(plan, place, q, dq, ddq, out):
         q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
         ddq: joint accelerations.
+        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
         out: receives the entries, shape (samples, joints · parameters).
     """
     samples, source = q.shape[1], plan.source
     tile, rows = _new_tile(plan)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
-        _fill(plan, tile, rows, q, dq, ddq, start, count)
+        _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
         # eight samples at a time: one cache line of each column, eight lines written in order
         for first in range(0, count, 8):
             last = min(first + 8, count)
@@ -333,7 +283,7 @@ def dense_entries(plan, place, q, dq, ddq, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def joint_torques(plan, offsets, weight, q, dq, ddq, out):
+def joint_torques(plan, offsets, weight, q, dq, ddq, inner, out):
     """Weighted sum of each joint's entries: its torque, without keeping the matrix.
 
     Args:
@@ -343,13 +293,14 @@ def joint_torques(plan, offsets, weight, q, dq, ddq, out):
         q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
         ddq: joint accelerations.
+        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
         out: receives the torques, time last, shape (joints, samples).
     """
     samples, source = q.shape[1], plan.source
     tile, rows = _new_tile(plan)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
-        _fill(plan, tile, rows, q, dq, ddq, start, count)
+        _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
         for j in range(q.shape[0]):
             for s in range(count):
                 out[j, start + s] = 0.0

@@ -41,6 +41,8 @@ class SimulatedMotion:
         ddq: accelerations, likewise.
         tau: torque held from each sample on [N m or N].
         command: controller output [its own unit].
+        inner: columns with memory or load of this motion, shape (inner entries, samples); None
+            where they were not made.
     """
 
     q: np.ndarray
@@ -48,6 +50,7 @@ class SimulatedMotion:
     ddq: np.ndarray
     tau: np.ndarray
     command: np.ndarray
+    inner: np.ndarray | None = None
 
 
 class AuxiliaryModel:

@@ -9,6 +9,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.auxiliary_model import SimulatedMotion
+from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Bandpass
 from pivident.estimation.normal_equations import JointSums
@@ -120,7 +121,7 @@ def _decimated_columns(
     out = np.empty((regressor.entries, _kept_samples(samples, factor, like).size))
     for b in blocks:
         span = slice(part.start + b.source.start, part.start + b.source.stop)
-        packed = regressor.packed(motion.q[:, span], motion.dq[:, span], motion.ddq[:, span])
+        packed = packed_stretch(regressor, motion, span)
 
         def work(j: int, packed=packed, b=b) -> None:
             own = slice(regressor.offsets[j], regressor.offsets[j + 1])

@@ -34,8 +34,10 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
 from pivident.estimation.full_rate import FullRateRecord, accumulate, voting
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
+from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import iterate, torque_units
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
@@ -86,14 +88,17 @@ def identify_didim(
     limits = [problem.speed_limits(r) for r in problem.recordings]
     whitening = Whitening(problem, method, kinematics)
     only_noise = all(r.simulated for r in problem.recordings)
+    first = estimate_without_load(problem, kinematics, limits)
     records: list[FullRateRecord] = []
     starts = [k.start for k in kinematics]
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
         if k < LOOKS_AT_START:
             starts[:] = settled_starts(auxiliary, theta, motions, kinematics)
+        carried = theta if k or first is None else first
         moved = [
-            simulated_kinematics(*parts) for parts in zip(kinematics, motions, starts, strict=True)
+            with_inner(problem.regressor, simulated_kinematics(*parts), carried)
+            for parts in zip(kinematics, motions, starts, strict=True)
         ]
         records[:] = [
             FullRateRecord(m, None, voting(m, m.dq, lim))

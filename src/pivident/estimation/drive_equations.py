@@ -21,8 +21,10 @@ import numpy as np
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.errors import IdentificationError
 from pivident.estimation.auxiliary_model import SimulatedMotion
 from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.sandwich import Windows
@@ -102,16 +104,17 @@ def drive_sums(
         for _ in range(loads)
     ]
     for record, own in zip(records, windows, strict=True):
-        k, motion = record.kinematics, record.motion
+        k = with_inner(regressor, record.kinematics)
+        motion = None if record.motion is None else with_inner(regressor, record.motion)
         votes = voting(k, k.dq if motion is None else motion.dq, record.limits)
         commands = rows @ k.tau
         for start in range(0, own.samples, BLOCK):
             span = slice(start, min(start + BLOCK, own.samples))
             shares = list(own.shares(span))
-            phi = regressor.packed(k.q[:, span], k.dq[:, span], k.ddq[:, span])
+            phi = packed_stretch(regressor, k, span)
             z = phi
             if motion is not None:
-                z = regressor.packed(motion.q[:, span], motion.dq[:, span], motion.ddq[:, span])
+                z = packed_stretch(regressor, motion, span)
             for m in range(robot.size):
                 sums[record.load][m].add(
                     motor_rows(regressor, rows[m], columns[m], phi),
@@ -150,6 +153,21 @@ def motor_votes(row: np.ndarray, votes: np.ndarray) -> np.ndarray:
     return np.all(votes[np.flatnonzero(row)], axis=0, out=np.empty(votes.shape[1], dtype=bool))
 
 
+def refuse_load_friction(regressor: Regressor) -> None:
+    """Refuse laws whose columns depend on the torque, which is what the gains are sought for.
+
+    Raises:
+        IdentificationError: names the parameters.
+    """
+    if regressor.depends_on_load:
+        names = [p.name for p in regressor.parameters if p.friction and p.friction.depends_on_load]
+        raise IdentificationError(
+            f"friction that grows with the load ({', '.join(names)}) needs the torque in N m, and "
+            "its gain is what is sought; find the gains with a law without load first"
+        )
+
+
 def is_friction(parameter: Parameter) -> bool:
-    """Whether a parameter is one of friction, that of a coupled motor included."""
-    return parameter.friction is not None or parameter.stem in ("fvm", "fcm")
+    """Whether a parameter is one of friction, that of a coupled motor included; no spring is."""
+    own = parameter.friction is not None and not parameter.carries_load
+    return own or parameter.stem in ("fvm", "fcm")

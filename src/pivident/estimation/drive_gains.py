@@ -23,7 +23,7 @@ from pivident.errors import (
 )
 from pivident.estimation import gain_equations as bilinear
 from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.estimation.drive_equations import DriveRecord, drive_sums
+from pivident.estimation.drive_equations import DriveRecord, drive_sums, refuse_load_friction
 from pivident.estimation.gain_equations import GainEquations
 from pivident.estimation.gain_ratios import KNOWN_WITHIN, GainGroup, gain_groups, ratio
 from pivident.estimation.gain_unknowns import GainUnknowns, Trusted, gain_unknowns
@@ -124,6 +124,7 @@ def identify_drive_gains(
         IdentificationError: a motor with too few rows, or gains that do not settle.
     """
     say = progress or (lambda line: None)
+    refuse_load_friction(problem.regressor)
     setting = gain_unknowns(
         problem, payload, loaded, trusted_gains or {}, trusted_parameters or {}, friction_under_load
     )

@@ -20,6 +20,7 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.decimated import DecimatedRecord
 from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.inner_signals import packed_stretch
 from pivident.signals.prefilter import Prefilter, StreamingFilter
 from pivident.threads import run_in_threads
 
@@ -41,6 +42,10 @@ class Motion(Protocol):
     @property
     def ddq(self) -> np.ndarray:
         """Accelerations [rad/s² or m/s²]."""
+
+    @property
+    def inner(self) -> np.ndarray | None:
+        """Columns with memory or load, (inner entries, samples), where there are any."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,9 +150,7 @@ class Equations:
         samples = record.votes.shape[1]
         for first in range(0, samples, BLOCK):
             span = slice(first, min(first + BLOCK, samples))
-            packed = [
-                self.regressor.packed(m.q[:, span], m.dq[:, span], m.ddq[:, span]) for m in motions
-            ]
+            packed = [packed_stretch(self.regressor, m, span) for m in motions]
             if extra is not None:
                 packed[-1] = packed[-1] - packed[-2]
             rows: list[JointRows | None] = [None] * len(joints)

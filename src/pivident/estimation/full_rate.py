@@ -14,6 +14,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.auxiliary_model import SimulatedMotion
+from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.sandwich import windows_of
@@ -87,8 +88,11 @@ def records_without_instruments(
 
 
 def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:
-    """Φθ on a recording, time last, shape (joints, samples)."""
-    return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta).T
+    """Φθ on a recording, time last, shape (joints, samples).
+
+    Friction that grows with the load takes the one that is with the motion, or else that of θ.
+    """
+    return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta, motion.inner).T
 
 
 def accumulate(
@@ -155,9 +159,7 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
     def work(block: int) -> None:
         span = spans[block]
         try:
-            packed = [
-                regressor.packed(s.q[:, span], s.dq[:, span], s.ddq[:, span]) for s in sources
-            ]
+            packed = [packed_stretch(regressor, s, span) for s in sources]
             for j in joints:
                 own = slice(regressor.offsets[j], regressor.offsets[j + 1])
                 parts = [p[own] for p in packed] + [k.tau[j : j + 1, span]]

@@ -79,12 +79,16 @@ def build_regression(
 
     Returns:
         Φ, shape (samples, joints, parameters), and τ, shape (samples, joints) [N m or N], over
-        the usable samples of all recordings.
+        the usable samples of all recordings. Friction that grows with the load has the load of the
+        problem's initial values.
     """
     blocks = []
     for recording in problem.recordings:
         k = estimate_kinematics(recording, signals or RandomWalk())
         part = slice(k.start, k.stop)
-        phi = problem.regressor.matrix(k.q[:, part].T, k.dq[:, part].T, k.ddq[:, part].T)
+        inner = problem.regressor.inner(k.q, k.dq, k.ddq, problem.initial_values())[:, part]
+        phi = problem.regressor.matrix(
+            k.q[:, part].T, k.dq[:, part].T, k.ddq[:, part].T, inner=inner
+        )
         blocks.append((phi, k.tau[:, part].T))
     return np.concatenate([b[0] for b in blocks]), np.concatenate([b[1] for b in blocks])

@@ -19,8 +19,10 @@ from pivident.estimation.decimated_answer import decimated_answer
 from pivident.estimation.full_rate import accumulate, records_with_instruments, torque_of
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
+from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import iterate, loop_warnings, torque_units
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
@@ -67,10 +69,21 @@ def _decimated(
     assert isinstance(signals, Bandpass)
     auxiliary = AuxiliaryModel(problem, differences=False)
     made: dict[str, list] = {"records": [None] * len(kinematics)}
+    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
+        if regressor.depends_on_load:  # Φ changes with θ
+            made["records"] = [None] * len(kinematics)
+        carried = theta if k or first is None else first
         made["records"] = [
-            decimate_record(problem.regressor, kin, signals, lim, motion, earlier)
+            decimate_record(
+                regressor,
+                with_inner(regressor, kin, carried),
+                signals,
+                lim,
+                with_inner(regressor, motion, carried),
+                earlier,
+            )
             for kin, lim, motion, earlier in zip(
                 kinematics, limits, motions, made["records"], strict=True
             )
@@ -98,16 +111,20 @@ def _full_rate(
     filters = [Prefilter()] * problem.robot.size
     made: dict[str, list] = {}
     without_standstill = np.zeros(problem.robot.size, bool)
+    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        records = records_with_instruments(kinematics, motions, limits)
+        carried = theta if k or first is None else first
+        moved = [with_inner(regressor, kin, carried) for kin in kinematics]
+        instruments = [with_inner(regressor, motion, carried) for motion in motions]
+        records = records_with_instruments(moved, instruments, limits)
         if k == 1 and decided_by_residual(problem):
-            residuals = [kin.tau - torque_of(problem.regressor, kin, theta) for kin in kinematics]
+            residuals = [kin.tau - torque_of(regressor, kin, theta) for kin in moved]
             without_standstill[:] = noisy_standstill(problem, filters, records, residuals)
         for record in records:
             record.votes[slow_samples(problem, record) & without_standstill[:, None]] = False
         made["records"] = records
-        return accumulate(problem.regressor, records, filters)
+        return accumulate(regressor, records, filters)
 
     sums, solution, variance, history, converged = iterate(
         problem, auxiliary, stage, method.tolerance, method.max_iterations, say, earliest=3

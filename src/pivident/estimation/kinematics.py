@@ -39,6 +39,8 @@ class Kinematics:
         encoder_std: measurement noise found [rad or m], shape (joints,); NaN with a band-pass.
             Where there are lines, its white floor.
         lines: spectral lines found in each joint's measurement noise; empty where not searched.
+        inner: columns with memory or load, shape (inner entries, samples), see
+            ``Regressor.inner``; None where they were not made.
     """
 
     recording: Recording
@@ -51,6 +53,7 @@ class Kinematics:
     f50: np.ndarray
     encoder_std: np.ndarray
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
+    inner: np.ndarray | None = None
 
 
 def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) -> Kinematics:

@@ -25,8 +25,10 @@ from pivident.estimation.drive_equations import (
     motor_coupling,
     motor_rows,
     motor_votes,
+    refuse_load_friction,
 )
 from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.log_units import independent_columns, restricted, solved_row
 from pivident.estimation.methods import RandomWalk
@@ -101,6 +103,7 @@ def identify_motor_temperature(
     """
     recipe = signals or RandomWalk()
     timed = temperatures is None
+    refuse_load_friction(problem.regressor)
     given = [r.t for r in problem.recordings] if temperatures is None else temperatures
     warmth = [_per_motor(t, r) for t, r in zip(given, problem.recordings, strict=True)]
     everything = np.hstack(warmth)
@@ -113,7 +116,9 @@ def identify_motor_temperature(
         )
     centre = np.mean(everything, axis=1)
     zero = centre if reference is None else np.full(len(span), float(reference))
-    kinematics = [estimate_kinematics(r, recipe) for r in problem.recordings]
+    kinematics = [
+        with_inner(problem.regressor, estimate_kinematics(r, recipe)) for r in problem.recordings
+    ]
     limits = [problem.speed_limits(r) for r in problem.recordings]
     # ΔT in units of its range keeps all columns of one size
     scaled = [(t - zero[:, None]) / span[:, None] for t in warmth]
@@ -209,7 +214,7 @@ def _sums(
         votes, commands = voting(k, k.dq, limit), rows @ k.tau
         for start in range(0, windows.samples, BLOCK):
             span = slice(start, min(start + BLOCK, windows.samples))
-            packed = regressor.packed(k.q[:, span], k.dq[:, span], k.ddq[:, span])
+            packed = packed_stretch(regressor, k, span)
             shares = list(windows.shares(span))
             for m in range(robot.size):
                 phi = motor_rows(regressor, rows[m], columns[m], packed)

@@ -25,6 +25,7 @@ from pivident.estimation.full_rate import (
 )
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
+from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import (
     iterate,
     loop_warnings,
@@ -32,6 +33,7 @@ from pivident.estimation.iteration import (
     weighted_solution,
 )
 from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
@@ -62,7 +64,9 @@ def identify_piv(
     limits = [problem.speed_limits(r) for r in problem.recordings]
     whitening = Whitening(problem, method, kinematics)
     power = 2.0 if method.as_printed else 1.0
-    made = {"records": records_without_instruments(kinematics, limits)}
+    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
+    known = [with_inner(regressor, k, first) for k in kinematics]
+    made = {"records": records_without_instruments(known, limits)}
     start = None
     if method.start == "least-squares":
         start = _least_squares(problem, made["records"], whitening, power)
@@ -73,7 +77,12 @@ def identify_piv(
         whitening.fit(k + estimates, theta, made["records"])
 
     def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        made["records"] = records_with_instruments(kinematics, motions, limits)
+        carried = theta if k or start is not None or first is None else first
+        made["records"] = records_with_instruments(
+            [with_inner(regressor, kin, carried) for kin in kinematics],
+            [with_inner(regressor, motion, carried) for motion in motions],
+            limits,
+        )
         whitening.take_votes(made["records"])
         may_be_last = k + 1 >= min(earliest, method.max_iterations)
         return accumulate(

@@ -24,6 +24,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.normal_equations import JointSums
 from pivident.signals.prefilter import Prefilter
@@ -77,7 +78,7 @@ def stationary_covariance(
         streams = [f.stream(s.columns.size, threads=1) for f, s in zip(filters, sums, strict=True)]
         for first in range(0, record.votes.shape[1], LONGEST_STRETCH):
             span = slice(first, first + LONGEST_STRETCH)
-            packed = regressor.packed(source.q[:, span], source.dq[:, span], source.ddq[:, span])
+            packed = packed_stretch(regressor, source, span)
 
             def add(
                 j: int, record=record, residual=residual, streams=streams, span=span, packed=packed

@@ -32,6 +32,7 @@ def robot_of(entry: RobotEntry, folder: Path) -> Robot:
         robot = robot.with_gravity(np.array(entry.gravity))
     if entry.friction is not None:
         robot = robot.with_friction(friction_law(entry.friction))
+    robot = _with_joint_friction(robot, entry)
     robot = _with_extra_friction(robot, entry)
     drives: dict[str, Any] = {
         key: getattr(entry, key)
@@ -53,6 +54,17 @@ def _described(entry: RobotEntry, folder: Path) -> Robot:
     if path.suffix == ".toml":
         return load_robot(path)
     return read_urdf(path, joints=entry.joints, frozen=entry.frozen)
+
+
+def _with_joint_friction(robot: Robot, entry: RobotEntry) -> Robot:
+    """Laws that single joints have in place of the common one."""
+    laws = {}
+    for name, terms in entry.joint_friction.items():
+        try:
+            laws[name] = friction_law(terms)
+        except RobotDescriptionError as error:
+            raise ExperimentError(f"joint_friction of joint {name!r}: {error}") from error
+    return robot.with_friction(laws)
 
 
 def _with_extra_friction(robot: Robot, entry: RobotEntry) -> Robot:

@@ -129,6 +129,7 @@ class RobotEntry(Entry):
     frozen: dict[str, float] = Field(default_factory=dict)
     gravity: Gravity | None = None
     friction: FrictionTerms | None = None
+    joint_friction: dict[str, FrictionTerms] = Field(default_factory=dict)
     extra_friction: dict[str, FrictionTerms] = Field(default_factory=dict)
     rotor_inertia: PerJoint | None = None
     reduction: PerJoint | None = None
@@ -346,6 +347,7 @@ class IdentifyEntry(SharedOptions):
     methods: Methods | None = None
     parameters: Names | None = None
     essential: bool = False
+    shapes: Literal["given", "identify"] = "given"
     mask: Mask = "auto"
     initial: dict[str, float] = Field(default_factory=dict)
     ols: MethodEntry = MethodEntry()

@@ -172,8 +172,8 @@ def _smoothed(x: np.ndarray, rate: float, band: float) -> np.ndarray:
 
 
 def is_friction(parameter: Parameter) -> bool:
-    """Whether a parameter belongs to the friction law of a joint."""
-    return parameter.friction is not None
+    """Whether a parameter belongs to the friction law of a joint; springs and struts do not."""
+    return parameter.friction is not None and not parameter.carries_load
 
 
 def is_coupled_friction(parameter: Parameter) -> bool:

@@ -15,6 +15,7 @@ All quantities are SI, joint side.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -22,6 +23,7 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
+from pivident.robot.naming import find_joint
 from pivident.robot.transmission import Transmission
 
 JointKind = Literal["revolute", "prismatic"]
@@ -194,9 +196,22 @@ class Robot:
             index = self.joints[index].parent
         return tuple(chain)
 
-    def with_friction(self, law: FrictionLaw) -> Robot:
-        """The same robot with one friction law on all joints."""
-        return replace(self, joints=tuple(j.with_friction(law) for j in self.joints))
+    def with_friction(self, law: FrictionLaw | Mapping[str, FrictionLaw]) -> Robot:
+        """The same robot with one friction law on all joints, or with others on some.
+
+        Args:
+            law: of all joints, or by the names of those that get another one.
+
+        Raises:
+            RobotDescriptionError: names an unknown joint.
+        """
+        if isinstance(law, FrictionLaw):
+            return replace(self, joints=tuple(j.with_friction(law) for j in self.joints))
+        joints = list(self.joints)
+        for name, own in law.items():
+            index = find_joint(self.joint_names, name)
+            joints[index] = joints[index].with_friction(own)
+        return replace(self, joints=tuple(joints))
 
     def with_gravity(self, gravity: np.ndarray) -> Robot:
         """The same robot mounted differently: gravity in the base frame [m/s²]."""

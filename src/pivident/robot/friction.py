@@ -1,114 +1,88 @@
 """Friction laws: one object that regressor, simulator and export share.
 
-A law is a sequence of terms. Each term is one column of the observation matrix: a function
-f(dq) of the joint speed, times one parameter that is estimated. Its shape parameters (the slope
-γ of the smoothed sign, the Stribeck speed …) are given.
-
-The smoothed sign functions are
-
-    s(dq) = sign(dq),   (2/π) atan(γ dq)   or   tanh(γ dq)
-
-and a law with the hard ``sign`` is simulated with the arctangent of the same γ, because the
-simulation needs a finite slope at rest.
+A law is a sum of terms. Each term is one column of the observation matrix times one parameter
+that is estimated; what else shapes the term, the Stribeck speed for example, is a constant that
+is given or identified around the estimate. Terms that belong together have one constructor.
 """
 
 from __future__ import annotations
 
+import difflib
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from enum import IntEnum
-from typing import Literal
 
 import numpy as np
 
-Smoothing = Literal["sign", "atan", "tanh"]
+from pivident.robot.friction_term import (
+    SLOPE_AT_RATED_SPEED,
+    FrictionColumn,
+    FrictionTerm,
+    Shape,
+    SignFunction,
+    Smoothing,
+)
 
-#: γ times rated speed: 150 s/rad (Brunot et al. 2018) on the TX40's first axis of 5 rad/s.
-SLOPE_AT_RATED_SPEED = 750.0
-
-
-class FrictionColumn(IntEnum):
-    """Code of a term's function, as the compiled kernels know it."""
-
-    VISCOUS = 0
-    COULOMB = 1
-    OFFSET = 2
-    COULOMB_POSITIVE = 3
-    COULOMB_NEGATIVE = 4
-    STRIBECK = 5
-
-
-class SignFunction(IntEnum):
-    """Code of the (smoothed) sign function."""
-
-    SIGN = 0
-    ATAN = 1
-    TANH = 2
-
-
-@dataclass(frozen=True)
-class FrictionTerm:
-    """One column of friction: parameter name stem, function and shape.
-
-    Attributes:
-        stem: stem of the parameter's name (``fv``, ``fc``, ``off`` …).
-        column: which function of the speed.
-        smoothing: how the sign function is smoothed, where the column has one.
-        gamma: slope of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
-        stribeck_speed: speed at which the Stribeck excess has fallen to 1/e [rad/s or m/s].
-        stribeck_exponent: exponent of the Stribeck curve.
-        per_speed: whether the parameter is a torque per speed (unit only).
-    """
-
-    stem: str
-    column: FrictionColumn
-    smoothing: Smoothing = "atan"
-    gamma: float | None = None
-    stribeck_speed: float = 0.0
-    stribeck_exponent: float = 2.0
-    per_speed: bool = False
-
-    def __post_init__(self) -> None:
-        if self.gamma is not None and not (math.isfinite(self.gamma) and self.gamma > 0):
-            raise ValueError(f"gamma of {self.stem!r} must be positive, not {self.gamma}")
-        if self.column is FrictionColumn.STRIBECK and not self.stribeck_speed > 0:
-            raise ValueError(f"stribeck_speed must be positive, not {self.stribeck_speed}")
-
-    @property
-    def has_sign(self) -> bool:
-        """Whether the sign function is in it."""
-        return self.column not in (FrictionColumn.VISCOUS, FrictionColumn.OFFSET)
-
-    def __str__(self) -> str:
-        """The term as a formula in dq."""
-        sign = {"sign": "sign(dq)", "atan": "(2/π) atan(γ dq)", "tanh": "tanh(γ dq)"}
-        s = sign[self.smoothing]
-        fall = f"exp(-|dq/{self.stribeck_speed:g}|^{self.stribeck_exponent:g})"
-        return {
-            FrictionColumn.VISCOUS: f"{self.stem} dq",
-            FrictionColumn.COULOMB: f"{self.stem} {s}",
-            FrictionColumn.OFFSET: self.stem,
-            FrictionColumn.COULOMB_POSITIVE: f"{self.stem} (1 + {s})/2",
-            FrictionColumn.COULOMB_NEGATIVE: f"-{self.stem} (1 - {s})/2",
-            FrictionColumn.STRIBECK: f"{self.stem} {s} {fall}",
-        }[self.column]
-
-    def encoded(self, simulated: bool = False) -> tuple[int, int, tuple[float, float, float]]:
-        """Column code, sign code and shape (γ, v_s, δ) for the compiled kernels.
-
-        Args:
-            simulated: replace the hard sign by the arctangent, as the simulator needs.
-        """
-        sign = SignFunction[self.smoothing.upper()]
-        if simulated and sign is SignFunction.SIGN:
-            sign = SignFunction.ATAN
-        gamma = SLOPE_AT_RATED_SPEED if self.gamma is None else self.gamma
-        return int(self.column), int(sign), (gamma, self.stribeck_speed, self.stribeck_exponent)
+__all__ = [
+    "DEFAULT_FRICTION",
+    "SLOPE_AT_RATED_SPEED",
+    "FrictionColumn",
+    "FrictionLaw",
+    "FrictionTerm",
+    "Shape",
+    "SignFunction",
+    "Smoothing",
+    "asymmetric_coulomb",
+    "asymmetric_viscous",
+    "coulomb",
+    "counterbalance",
+    "dahl",
+    "load_dependent",
+    "lugre",
+    "maxwell_slip",
+    "offset",
+    "power_viscous",
+    "ripple",
+    "spring",
+    "stribeck",
+    "viscous",
+]
 
 
 def viscous() -> FrictionTerm:
     """Friction fv dq, fv in [N m s/rad] or [N s/m]."""
-    return FrictionTerm("fv", FrictionColumn.VISCOUS, per_speed=True)
+    return FrictionTerm("fv", FrictionColumn.VISCOUS)
+
+
+def asymmetric_viscous() -> tuple[FrictionTerm, FrictionTerm]:
+    """Friction fvp max(dq, 0) + fvn min(dq, 0): one slope for each direction."""
+    return (
+        FrictionTerm("fvp", FrictionColumn.VISCOUS_POSITIVE),
+        FrictionTerm("fvn", FrictionColumn.VISCOUS_NEGATIVE),
+    )
+
+
+def power_viscous(
+    exponent: float,
+    stem: str = "fvx",
+    smoothing: Smoothing = "atan",
+    gamma: float | None = None,
+    free: bool = True,
+) -> FrictionTerm:
+    """Friction fvx sign(dq) |dq|^p [N m (s/rad)^p]: polynomials (2, 3), harmonic drives (1/3).
+
+    Below p = 1 the slope at rest would be infinite, and the smoothed sign is taken.
+
+    Args:
+        exponent: p.
+        stem: of the parameter's name, where a law has several such terms.
+        smoothing: of the sign, for p < 1.
+        gamma: slope of the smoothed sign [s/rad or s/m].
+        free: whether p is identified where shapes are.
+    """
+    name = "viscous_exponent" if stem == "fvx" else f"{stem}_exponent"
+    shape = Shape(name, exponent, "1", 0.02, 5.0, free)
+    return FrictionTerm(stem, FrictionColumn.POWER, smoothing, gamma, (shape,))
 
 
 def coulomb(smoothing: Smoothing = "atan", gamma: float | None = None) -> FrictionTerm:
@@ -138,7 +112,154 @@ def stribeck(
     gamma: float | None = None,
 ) -> FrictionTerm:
     """Friction fs s(dq) exp(-|dq/v_s|^δ): excess of the break-away level over Coulomb friction."""
-    return FrictionTerm("fs", FrictionColumn.STRIBECK, smoothing, gamma, speed, exponent)
+    shapes = _stribeck_shapes(speed, exponent)
+    return FrictionTerm("fs", FrictionColumn.STRIBECK, smoothing, gamma, shapes)
+
+
+def load_dependent(smoothing: Smoothing = "atan", gamma: float | None = None) -> FrictionTerm:
+    """Friction fl |load| s(dq): grows with the torque that the joint carries, fl without unit.
+
+    The load is the torque of inertia, gravity and rotor, M ddq + h, without friction. It depends
+    on the other parameters, so estimators take it from their last estimate.
+    """
+    return FrictionTerm("fl", FrictionColumn.LOAD, smoothing, gamma)
+
+
+def ripple(order: float, name: str | None = None) -> tuple[FrictionTerm, FrictionTerm]:
+    """Torque A cos(n q) + B sin(n q) that repeats with the position: gear teeth, cogging.
+
+    Args:
+        order: n, periods per 2π of joint position (per revolution); of a prismatic joint 2π
+            times the periods per metre.
+        name: what follows ``rc`` and ``rs`` in the parameters' names, such as ``a``; None: the
+            order between underscores.
+    """
+    label = f"_{order:.6g}_" if name is None else name
+    shape = (Shape(f"order{label}", order, "1/position", 1e-6, 1e6, False),)
+    return (
+        FrictionTerm(f"rc{label}", FrictionColumn.COSINE, shapes=shape),
+        FrictionTerm(f"rs{label}", FrictionColumn.SINE, shapes=shape),
+    )
+
+
+def spring() -> FrictionTerm:
+    """Torque ks q of a linear spring [N m/rad] or [N/m]; its rest position is in the offset."""
+    return FrictionTerm("ks", FrictionColumn.SPRING)
+
+
+def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTerm]:
+    """Torque of a strut or cylinder between two links, force F0 + k l along its length l.
+
+    With b the distance of its fixed end from the joint's axis, a = ρ b that of the moving end,
+    and q = φ where both are in line on the same side,
+
+        l = b √(1 + ρ² - 2ρ cos(q - φ)),    torque = (F0 + k l) dl/dq
+          = cbf sin(q - φ)/√(1 + ρ² - 2ρ cos(q - φ)) + cbk sin(q - φ)
+
+    cbf = F0 a and cbk = k a b [N m]. A spring of no preload, cbk alone, cannot be told from the
+    weight of an arm; the first term can.
+
+    Args:
+        ratio: ρ = a/b, between 0 and 1 (exchange the ends where it is larger).
+        angle: φ [rad].
+    """
+    shapes = (
+        Shape("strut_ratio", ratio, "1", 0.01, 0.99),
+        Shape("strut_angle", angle, "angle", -4.0 * math.pi, 4.0 * math.pi),
+    )
+    return (
+        FrictionTerm("cbf", FrictionColumn.STRUT, shapes=shapes),
+        FrictionTerm("cbk", FrictionColumn.STRUT_STIFFNESS, shapes=shapes),
+    )
+
+
+def dahl(distance: float) -> FrictionTerm:
+    """Dahl's presliding friction fc z with dz/dt = (dq - |dq| z)/d: Coulomb friction with a state.
+
+    After a reversal it needs some times d of travel to come to its new level.
+
+    Args:
+        distance: d, presliding distance [rad or m]; stiffness at rest is fc/d.
+    """
+    return FrictionTerm("fc", FrictionColumn.PRESLIDING, shapes=_presliding(distance))
+
+
+def lugre(
+    distance: float, excess: float, speed: float, exponent: float = 2.0, damped: bool = True
+) -> tuple[FrictionTerm, ...]:
+    """LuGre friction (Canudas de Wit et al. 1995): presliding with a Stribeck curve.
+
+        dz/dt = (dq - |dq| z/g)/d,    g = 1 + ρ exp(-|dq/v_s|^δ),    friction fc z + fd d dz/dt
+
+    In the usual symbols σ0 = fc/d, σ1 = fd, and g fc is the curve from static to Coulomb level.
+
+    Args:
+        distance: d [rad or m].
+        excess: ρ, static level over Coulomb level less one.
+        speed: v_s [rad/s or m/s].
+        exponent: δ.
+        damped: whether the micro-damping fd is a term.
+    """
+    shapes = (
+        *_presliding(distance),
+        Shape("stribeck_excess", excess, "1", 0.0, 10.0),
+        *_stribeck_shapes(speed, exponent),
+    )
+    terms = (FrictionTerm("fc", FrictionColumn.PRESLIDING, shapes=shapes),)
+    if not damped:
+        return terms
+    return (*terms, FrictionTerm("fd", FrictionColumn.PRESLIDING_RATE, shapes=shapes))
+
+
+def maxwell_slip(
+    distances: Sequence[float],
+    excess: float = 0.0,
+    speed: float = 1.0,
+    exponent: float = 2.0,
+) -> tuple[FrictionTerm, ...]:
+    """Generalised Maxwell slip: Σ fm_i z_i of elements that stick for d_i and then slip.
+
+        z_i ← min(max(z_i + Δq/d_i, -g), g),    g = 1 + ρ exp(-|dq/v_s|^δ)
+
+    Its hysteresis remembers every reversal that has not been passed. An element that slips is at
+    its level at once (the attraction of Al-Bender et al. 2005 in the limit of no delay).
+
+    Args:
+        distances: d_i [rad or m], a grid; not identified unless asked for.
+        excess: ρ.
+        speed: v_s [rad/s or m/s].
+        exponent: δ.
+
+    Raises:
+        ValueError: two elements are alike, or a constant is outside its range.
+    """
+    if len(set(distances)) < len(distances):
+        raise ValueError(f"slip distances must differ from each other, not {list(distances)}")
+    weakening: tuple[Shape, ...] = ()
+    if excess != 0.0:
+        weakening = (
+            Shape("stribeck_excess", excess, "1", 0.0, 10.0),
+            *_stribeck_shapes(speed, exponent),
+        )
+    return tuple(
+        FrictionTerm(
+            f"fm{chr(ord('a') + i)}",
+            FrictionColumn.MAXWELL,
+            shapes=(Shape(f"slip_distance{i + 1}", d, "position", 1e-12, 1e3, False), *weakening),
+        )
+        for i, d in enumerate(distances)
+    )
+
+
+def _presliding(distance: float) -> tuple[Shape]:
+    return (Shape("presliding_distance", distance, "position", 1e-12, 1e3),)
+
+
+def _stribeck_shapes(speed: float, exponent: float) -> tuple[Shape, Shape]:
+    return (
+        Shape("stribeck_speed", speed, "speed", 1e-9, math.inf),
+        Shape("stribeck_exponent", exponent, "1", 0.1, 10.0, False),
+    )
 
 
 @dataclass(frozen=True)
@@ -151,12 +272,28 @@ class FrictionLaw:
         stems = [term.stem for term in self.terms]
         repeated = {stem for stem in stems if stems.count(stem) > 1}
         if repeated:
-            raise ValueError(f"friction terms named twice: {', '.join(sorted(repeated))}")
+            advice = ""
+            if "fc" in repeated and any(t.has_memory for t in self.terms):
+                advice = "; 'dahl' and 'lugre' take the place of 'coulomb': drop that term"
+            raise ValueError(f"friction terms named twice: {', '.join(sorted(repeated))}{advice}")
         if {"fc", "fcp"} <= set(stems) or {"off", "fcp"} <= set(stems):
             raise ValueError(
                 "asymmetric Coulomb friction (fcp, fcn) already contains fc and off: "
                 "drop the terms 'coulomb' and 'offset'"
             )
+        if {"fv", "fvp"} <= set(stems):
+            raise ValueError(
+                "asymmetric viscous friction (fvp, fvn) already contains fv: drop the term "
+                "'viscous'"
+            )
+
+        values: dict[str, float] = {}
+        for shape in (s for term in self.terms for s in term.shapes):
+            if values.setdefault(shape.name, shape.value) != shape.value:
+                raise ValueError(
+                    f"{shape.name} is {values[shape.name]:g} in one term and {shape.value:g} in "
+                    "another; terms of a law share it, give them the same value"
+                )
 
     def __str__(self) -> str:
         """The law as a formula in dq, ``fv dq + fc (2/π) atan(γ dq) + off``."""
@@ -168,18 +305,53 @@ class FrictionLaw:
         smoothed = (t for t in self.terms if t.has_sign and t.smoothing != "sign")
         return tuple(dict.fromkeys(t.encoded()[2][0] for t in smoothed))
 
+    @property
+    def shapes(self) -> tuple[Shape, ...]:
+        """Its constants of shape, each once, in the order of its terms."""
+        return tuple({s.name: s for term in self.terms for s in term.shapes}.values())
+
+    def with_shapes(self, values: Mapping[str, float]) -> FrictionLaw:
+        """The same law with other constants of shape; ``gamma`` is that of all smoothed signs.
+
+        Args:
+            values: by the names of ``shapes``, or ``gamma``.
+
+        Raises:
+            ValueError: names an unknown constant, or one outside its range.
+        """
+        known = [s.name for s in self.shapes] + ["gamma"] * any(t.has_sign for t in self.terms)
+        for name in values:
+            if name not in known:
+                near = difflib.get_close_matches(name, known, n=1)
+                hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
+                raise ValueError(f"the law {self} has no constant {name!r}; {hint}")
+        return FrictionLaw(tuple(t.with_shapes(dict(values)) for t in self.terms))
+
     def with_default_gamma(self, gamma: float) -> FrictionLaw:
         """The same law with every γ that was left open set to ``gamma`` [s/rad or s/m]."""
         return FrictionLaw(
             tuple(t if t.gamma is not None else replace(t, gamma=gamma) for t in self.terms)
         )
 
-    def columns(self, dq: np.ndarray, simulated: bool = False) -> np.ndarray:
-        """Columns of the law, f_k(dq): shape ``dq.shape + (terms,)``.
+    def columns(
+        self,
+        dq: np.ndarray,
+        q: np.ndarray | None = None,
+        load: np.ndarray | None = None,
+        *,
+        simulated: bool = False,
+    ) -> np.ndarray:
+        """Columns of the law: shape ``dq.shape + (terms,)``.
 
         Args:
-            dq: joint speed [rad/s or m/s], any shape.
+            dq: joint speed [rad/s or m/s], any shape; shape (samples,) where terms have memory,
+                which starts relaxed.
+            q: joint position [rad or m], likewise; terms of position and with memory need it.
+            load: torque that the joint carries [N m or N], likewise; load-dependent ones need it.
             simulated: replace the hard sign by its smooth form, as the simulator does.
+
+        Raises:
+            ValueError: a term needs position or load, and they are not given.
         """
         from pivident.dynamics.friction import friction_column
 
@@ -187,7 +359,7 @@ class FrictionLaw:
         out = np.empty((*dq.shape, len(self.terms)))
         for k, term in enumerate(self.terms):
             column, sign, shape = term.encoded(simulated)
-            out[..., k] = friction_column(column, sign, shape, dq)
+            out[..., k] = friction_column(column, sign, shape, dq, q, load)
         return out
 
 

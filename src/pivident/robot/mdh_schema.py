@@ -33,13 +33,53 @@ GRAVITY_BY_NAME = {
     "+z": [0.0, 0.0, STANDARD_GRAVITY],
 }
 
-#: Shape keys of each friction term.
-TERM_SHAPES = {
-    "viscous": set(),
-    "coulomb": {"smoothing", "gamma"},
-    "offset": set(),
-    "asymmetric": {"smoothing", "gamma"},
-    "stribeck": {"speed", "exponent", "smoothing", "gamma"},
+_SIGN = {"smoothing", "gamma"}
+
+TermName = Literal[
+    "viscous",
+    "coulomb",
+    "offset",
+    "asymmetric",
+    "stribeck",
+    "asymmetric_viscous",
+    "power",
+    "load",
+    "ripple",
+    "spring",
+    "counterbalance",
+    "dahl",
+    "lugre",
+    "maxwell_slip",
+]
+
+#: Keys of each friction term: those it needs, and those it may have.
+TERM_KEYS: dict[TermName, tuple[set[str], set[str]]] = {
+    "viscous": (set(), set()),
+    "coulomb": (set(), _SIGN),
+    "offset": (set(), set()),
+    "asymmetric": (set(), _SIGN),
+    "stribeck": ({"speed"}, {"exponent", *_SIGN}),
+    "asymmetric_viscous": (set(), set()),
+    "power": ({"exponent"}, {"name", *_SIGN}),
+    "load": (set(), _SIGN),
+    "ripple": ({"order"}, {"name"}),
+    "spring": (set(), set()),
+    "counterbalance": ({"ratio", "angle"}, set()),
+    "dahl": ({"distance"}, set()),
+    "lugre": ({"distance", "excess", "speed"}, {"exponent", "damped"}),
+    "maxwell_slip": ({"distances"}, {"excess", "speed", "exponent"}),
+}
+
+#: What a needed key is, where it is missing.
+_MEANING = {
+    "angle": "its angle in rad",
+    "distance": "its presliding distance in rad or m",
+    "distances": "its slip distances in rad or m, such as [1e-4, 1e-3]",
+    "excess": "its excess, the static level over the Coulomb level less one",
+    "exponent": "its exponent of the speed",
+    "order": "its order, periods per revolution (per 2π m of a prismatic joint)",
+    "ratio": "its ratio of lever arms, between 0 and 1",
+    "speed": "its speed in rad/s or m/s",
 }
 
 
@@ -70,34 +110,53 @@ class Entry(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
 
+def _known_term(value: Any) -> Any:
+    """Refuse an unknown term with the nearest known one, not with a list of all."""
+    if isinstance(value, str) and value not in TERM_KEYS:
+        raise ValueError(f"there is no such friction term; {nearest(value, TERM_KEYS)}")
+    return value
+
+
 class FrictionEntry(Entry):
     """One term of a friction law; shapes are SI (gamma in s/rad or s/m) whatever the units."""
 
-    term: Literal["viscous", "coulomb", "offset", "asymmetric", "stribeck"]
+    term: Annotated[TermName, BeforeValidator(_known_term)]
     smoothing: Literal["sign", "atan", "tanh"] = "atan"
     gamma: PositiveFloat | None = None
     speed: PositiveFloat | None = None
-    exponent: PositiveFloat = 2.0
+    exponent: PositiveFloat | None = None
+    distance: PositiveFloat | None = None
+    distances: Annotated[list[PositiveFloat], Field(min_length=1)] | None = None
+    excess: NonNegativeFloat | None = None
+    damped: bool = True
+    order: PositiveFloat | None = None
+    ratio: PositiveFloat | None = None
+    angle: float | None = None
+    name: Annotated[str, Field(pattern="^[a-z_]+$")] | None = None
 
     @model_validator(mode="after")
-    def _shape_belongs_to_term(self) -> FrictionEntry:
-        foreign = self.model_fields_set - {"term"} - TERM_SHAPES[self.term]
+    def _keys_belong_to_term(self) -> FrictionEntry:
+        needed, possible = TERM_KEYS[self.term]
+        given = self.model_fields_set - {"term"}
+        foreign = sorted(given - needed - possible)
         if foreign:
-            raise ValueError(
-                f"the term {self.term!r} has no {', '.join(sorted(foreign))}; remove the key"
-            )
-        if self.term == "stribeck" and self.speed is None:
-            raise ValueError("the term 'stribeck' needs its speed in rad/s or m/s")
+            own = sorted(needed | possible)
+            advice = f"it has {', '.join(own)}" if own else "remove the key"
+            raise ValueError(f"the term {self.term!r} has no {', '.join(foreign)}; {advice}")
+        missing = sorted(needed - given)
+        if missing:
+            wanted = " and ".join(_MEANING[key] for key in missing)
+            raise ValueError(f"the term {self.term!r} needs {wanted} ({', '.join(missing)})")
         return self
 
 
 def _terms(value: Any) -> Any:
-    if isinstance(value, list) and all(isinstance(term, dict) for term in value):
-        return value
+    if isinstance(value, list) and all(isinstance(term, (dict, str)) for term in value):
+        return [{"term": term} if isinstance(term, str) else term for term in value]
     named = value if isinstance(value, str) and value in ("sign", "atan", "tanh") else "tanh"
     raise ValueError(
-        'must be a list of terms, such as [{term = "viscous"}, {term = "coulomb", smoothing = '
-        f'"{named}"}}, {{term = "offset"}}]; terms are {", ".join(TERM_SHAPES)}'
+        'must be a list of terms, such as ["viscous", {term = "coulomb", smoothing = '
+        f'"{named}"}}, "offset"]; terms are {", ".join(TERM_KEYS)}'
     )
 
 

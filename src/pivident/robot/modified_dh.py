@@ -31,10 +31,10 @@ joints), ``[transmission]`` with ``reduction`` or ``reduction_matrix``, ``drive_
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -48,8 +48,17 @@ from pivident.robot.friction import (
     FrictionLaw,
     FrictionTerm,
     asymmetric_coulomb,
+    asymmetric_viscous,
     coulomb,
+    counterbalance,
+    dahl,
+    load_dependent,
+    lugre,
+    maxwell_slip,
     offset,
+    power_viscous,
+    ripple,
+    spring,
     stribeck,
     viscous,
 )
@@ -254,22 +263,50 @@ def friction_law(entries: Sequence[FrictionEntry] | None) -> FrictionLaw:
     """The friction law of a list of terms; viscous, Coulomb and offset where there is none."""
     if entries is None:
         return DEFAULT_FRICTION
+    terms: list[FrictionTerm] = []
+    for entry in entries:
+        try:
+            terms += _terms(entry)
+        except ValueError as error:
+            raise RobotDescriptionError(f"key 'friction': term {entry.term!r}: {error}") from error
     try:
-        return FrictionLaw(tuple(term for entry in entries for term in _terms(entry)))
+        return FrictionLaw(tuple(terms))
     except ValueError as error:
         raise RobotDescriptionError(f"key 'friction': {error}") from error
 
 
 def _terms(entry: FrictionEntry) -> tuple[FrictionTerm, ...]:
-    if entry.term == "viscous":
-        return (viscous(),)
-    if entry.term == "coulomb":
-        return (coulomb(entry.smoothing, entry.gamma),)
-    if entry.term == "offset":
-        return (offset(),)
-    if entry.term == "asymmetric":
-        return asymmetric_coulomb(entry.smoothing, entry.gamma)
-    return (stribeck(entry.speed or 0.0, entry.exponent, entry.smoothing, entry.gamma),)
+    """The terms of an entry; its keys have the names of the constructor's arguments."""
+    from pivident.robot.mdh_schema import TERM_KEYS
+
+    constructor = _CONSTRUCTORS[entry.term]
+    needed, possible = TERM_KEYS[entry.term]
+    given = entry.model_fields_set & (needed | possible)
+    made = constructor(**{key: getattr(entry, key) for key in given})
+    return (made,) if isinstance(made, FrictionTerm) else made
+
+
+def _power(name: str = "", **options: Any) -> FrictionTerm:
+    return power_viscous(stem=f"fvx{name}", **options)
+
+
+#: What makes the terms of each entry.
+_CONSTRUCTORS: dict[str, Callable[..., FrictionTerm | tuple[FrictionTerm, ...]]] = {
+    "viscous": viscous,
+    "asymmetric_viscous": asymmetric_viscous,
+    "power": _power,
+    "coulomb": coulomb,
+    "offset": offset,
+    "asymmetric": asymmetric_coulomb,
+    "stribeck": stribeck,
+    "load": load_dependent,
+    "ripple": ripple,
+    "spring": spring,
+    "counterbalance": counterbalance,
+    "dahl": dahl,
+    "lugre": lugre,
+    "maxwell_slip": maxwell_slip,
+}
 
 
 def _nominal_friction(robot: Robot, rows: Sequence[JointEntry]) -> dict[str, float]:

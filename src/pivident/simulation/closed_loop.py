@@ -27,6 +27,7 @@ from pivident.simulation.loop_kernel import (
     TOO_FAR,
     TOO_FAST,
     initial_state,
+    path_arguments,
     run_loop,
 )
 from pivident.simulation.python_loop import run_python_loop
@@ -46,6 +47,8 @@ class Trajectory:
         ddq: accelerations, right after each sample's torque [rad/s² or m/s²].
         tau: joint torques or forces, held from each sample on [N m or N].
         command: controller output after saturation [unit of the controller].
+        friction_states: states z of friction that remembers its path, in the order of
+            ``dynamics.forward.friction_states``, shape (samples, states).
     """
 
     rate: float
@@ -54,6 +57,7 @@ class Trajectory:
     ddq: np.ndarray
     tau: np.ndarray
     command: np.ndarray
+    friction_states: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -126,15 +130,18 @@ def simulate(
     if isinstance(controller, PythonController):
         if dq_ref is None:
             dq_ref = backward_difference(q_ref, rate)
-        what, joint, sample = run_python_loop(
+        what, joint, sample, record = run_python_loop(
             model, controller, begin, rate, q_ref, dq_ref, inputs, noise, limits, steps, oracle,
             channels, failure,
         )  # fmt: skip
     else:
         law = controller.law(rate, q_ref, dq_ref)
+        state = initial_state(model, law, *begin)
+        on_path = path_arguments(model.friction, state, samples)
+        record = on_path[-1]
         what, joint, sample = run_loop(
-            model, law, initial_state(model, law, *begin), rate, q_ref, inputs, noise, limits,
-            steps, oracle, 0, samples, channels, failure,
+            model, law, state, rate, q_ref, inputs, noise, limits,
+            steps, oracle, 0, samples, channels, failure, *on_path,
         )  # fmt: skip
     time, value = sample / rate, float(failure[0])
     if what == INDEFINITE:
@@ -143,7 +150,9 @@ def simulate(
         fast = what == TOO_FAST
         bound = float(limits[SPEED if fast else DISTANCE, joint])
         raise SimulationDiverged(joint_names[joint], time, value, bound, speed=fast)
-    return Trajectory(rate, *channels)
+    states = np.zeros((samples, 0)) if record is None else record[:, model.friction.memories]
+    q, dq, ddq, tau, command = channels
+    return Trajectory(rate, q, dq, ddq, tau, command, states)
 
 
 def _signal(name: str, signal: np.ndarray | None, samples: int, joints: int) -> np.ndarray:

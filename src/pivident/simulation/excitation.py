@@ -161,7 +161,9 @@ def optimised_series(
     def judged(raw: np.ndarray) -> FourierSeries:
         series = _fitted(raw, limits, frequency)
         rate, samples = _grid(frequency, harmonics)
-        phi = regressor.matrix(*series.sampled(rate, samples)).reshape(-1, len(parameters))
+        motion = series.sampled(rate, samples)
+        inner = regressor.levels(motion[1].T)
+        phi = regressor.matrix(*motion, inner=inner).reshape(-1, len(parameters))
         least, *_, most = np.linalg.eigvalsh(phi.T @ phi)
         cost = float(most / least + 100.0 / np.sqrt(least)) if least > 0.0 else np.inf
         return FourierSeries(series.frequency, series.offset, series.a, series.b, cost)

@@ -25,7 +25,16 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.dynamics.forward import FrictionTable, friction_torque
+from pivident.dynamics.friction_table import (
+    AHEAD,
+    MIDWAY,
+    RATE,
+    STATE,
+    accept_states,
+    friction_torque,
+    path_torque,
+    spring_torque,
+)
 from pivident.dynamics.kernels import (
     bias_torque,
     composite_mass_matrix,
@@ -60,7 +69,9 @@ FRICTION, LEVEL = 3, 4  # friction torque at V, largest dry friction (for tolera
 BIAS, LAST_BIAS, MIDDLE_BIAS = 5, 6, 7  # h now, one step before, extrapolated to the middle
 RENEWED_AT = 8  # positions at which M⁻¹ was computed last
 _A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = 9, 10, 11, 12, 13, 14, 15, 16
-ROWS = 17
+STILL = 17  # no travel
+ROWS = 24  # more scratch, see ``path_integration``
+_Z0, _DZ = MIDWAY, MIDWAY + 1  # rows of ``path``, where the oracle keeps states meanwhile
 # Layers of ``matrices``, shape (LAYERS, joints, joints):
 INVERSE, CHANGE, RENEWED, MIDDLE, MASS, FACTOR = 0, 1, 2, 3, 4, 5  # M⁻¹, its rate, …
 LAYERS = 6
@@ -71,18 +82,8 @@ SINCE, RENEWALS, FRICTION_KNOWN, STEPS = 0, 1, 2, 3
 _inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
-def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
-    """Largest dry friction of each joint, the scale of the integrator's tolerance."""
-    level = np.full(joints, 1e-9)
-    np.add.at(level, friction.term_index[:, 0], np.abs(friction.term_value[:, 0]))
-    ratio, _, dry, _ = friction.pair_value.T
-    np.add.at(level, friction.pair_index[:, 0], np.abs(dry))
-    np.add.at(level, friction.pair_index[:, 1], np.abs(ratio * dry))
-    return level
-
-
 @_inline
-def _apply(matrices, layer, vectors, torque, bias, friction, out):
+def apply_matrix(matrices, layer, vectors, torque, bias, friction, out):
     """Out = matrix (torque - bias - friction), matrix symmetric."""
     n = torque.size
     for i in range(n):
@@ -107,7 +108,7 @@ def _has_moved(vectors, clock):
 @_inline
 def evaluate(
     parent, prismatic, rotation, translation, gravity, inertia, rotor,
-    linear, term_index, term_value, pair_index, pair_value,
+    linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, clock, pose, motion, force, composite, torque, exact,
 ):  # fmt: skip
     """Rigid body, friction and acceleration at the present state under ``torque``.
@@ -120,14 +121,17 @@ def evaluate(
         gravity: acceleration of gravity in the base frame.
         inertia: ten inertial parameters of every link, shape (joints, 10).
         rotor: rotor inertias, shape (joints, joints).
-        linear: friction, see ``FrictionTable``; likewise the next four.
+        linear: friction, see ``FrictionTable``; likewise the next six.
         term_index: nonlinear terms.
         term_value: their values.
         pair_index: couplings.
         pair_value: their values.
+        path_index: terms of position, path and load, or None.
+        path_value: their values, or None.
+        path: states of friction, see ``friction_table``, or None.
         vectors: state, changed in place; likewise the next three.
         matrices: mass matrices.
-        slopes: friction slopes at V and scratch, shape (2, joints + couplings).
+        slopes: friction slopes at V and scratch, shape (4, joints + couplings) or wider.
         clock: see above.
         pose: scratch of the rigid body; likewise the next three.
         motion: scratch.
@@ -144,6 +148,8 @@ def evaluate(
         vectors[LAST_BIAS, i] = vectors[BIAS, i]
     link_poses(prismatic, rotation, translation, vectors[Q], pose)
     bias_torque(parent, prismatic, gravity, pose, inertia, vectors[V], motion, force, vectors[BIAS])
+    if path is not None:  # decided by its type: laws of speed alone are compiled without
+        spring_torque(path_index, path_value, vectors, Q, BIAS)
     if exact or _has_moved(vectors, clock):
         composite_mass_matrix(parent, prismatic, pose, inertia, rotor, composite, matrices[MASS])
         joint = invert_mass_matrix(matrices[MASS], matrices[FACTOR], matrices[INVERSE])
@@ -170,12 +176,18 @@ def evaluate(
         friction_torque(
             linear, term_index, term_value, pair_index, pair_value, vectors, V, FRICTION, slopes, 0
         )
-    _apply(matrices, INVERSE, vectors, torque, BIAS, FRICTION, DDQ)
+        if path is not None:
+            path_torque(
+                path_index, path_value, path, AHEAD, pair_index.shape[0], torque,
+                vectors, Q, V, 0.0, STILL, V, FRICTION, slopes, 0,
+            )  # fmt: skip
+            accept_states(path)
+    apply_matrix(matrices, INVERSE, vectors, torque, BIAS, FRICTION, DDQ)
     return -1
 
 
 @_inline
-def _stiffness(pair_index, pair_value, matrices, slopes, row):
+def damping_rate(pair_index, pair_value, matrices, slopes, row):
     """Upper bound of the largest eigenvalue of M⁻¹ D, D the friction's slope matrix: its trace."""
     n = matrices.shape[1]
     total = 0.0
@@ -191,7 +203,7 @@ def _stiffness(pair_index, pair_value, matrices, slopes, row):
 
 
 @_inline
-def _slope_times(pair_index, pair_value, slopes, row, vectors, y, out):
+def slope_times(pair_index, pair_value, slopes, row, vectors, y, out):
     """Out = D y."""
     n = vectors.shape[1]
     for i in range(n):
@@ -205,7 +217,7 @@ def _slope_times(pair_index, pair_value, slopes, row, vectors, y, out):
 
 
 @_inline
-def _subtract_product(matrices, vectors, x, scale, base, out):
+def subtract_product(matrices, vectors, x, scale, base, out):
     """Out = base - scale · M⁻¹ x, M⁻¹ that of the middle."""
     n = vectors.shape[1]
     for i in range(n):
@@ -214,6 +226,21 @@ def _subtract_product(matrices, vectors, x, scale, base, out):
         factor = scale * vectors[x, j]
         for i in range(n):
             vectors[out, i] -= matrices[MIDDLE, j, i] * factor
+
+
+@_inline
+def freeze_at_middle(vectors, matrices, clock, h):
+    """Extrapolate h and M⁻¹ to the middle of the step of length ``h`` [s]."""
+    n = vectors.shape[1]
+    weight = 0.0 if clock[RENEWALS] < 2.0 else 0.5
+    for i in range(n):
+        vectors[MIDDLE_BIAS, i] = vectors[BIAS, i] + weight * (
+            vectors[BIAS, i] - vectors[LAST_BIAS, i]
+        )
+        for j in range(n):
+            matrices[MIDDLE, i, j] = matrices[INVERSE, i, j] + 0.5 * h * matrices[CHANGE, i, j]
+    clock[SINCE] += h
+    clock[STEPS] += 1.0
 
 
 @_inline
@@ -226,18 +253,10 @@ def advance(
     The state must come from ``evaluate``; the arguments are described there.
     """
     n = torque.size
-    weight = 0.0 if clock[RENEWALS] < 2.0 else 0.5
-    for i in range(n):
-        vectors[MIDDLE_BIAS, i] = vectors[BIAS, i] + weight * (
-            vectors[BIAS, i] - vectors[LAST_BIAS, i]
-        )
-        for j in range(n):
-            matrices[MIDDLE, i, j] = matrices[INVERSE, i, j] + 0.5 * h * matrices[CHANGE, i, j]
-    clock[SINCE] += h
-    clock[STEPS] += 1.0
-    _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, FRICTION, _A0)
+    freeze_at_middle(vectors, matrices, clock, h)
+    apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, FRICTION, _A0)
     _linear_step(pair_index, pair_value, vectors, matrices, slopes, h)
-    _slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
+    slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
     for i in range(n):
         vectors[_AHEAD, i] = vectors[V, i] + vectors[_Y, i]
     friction_torque(
@@ -255,13 +274,13 @@ def advance(
         )  # fmt: skip
         clock[FRICTION_KNOWN] = 0.0
         return
-    _subtract_product(matrices, vectors, _REST, h / 3.0, _AHEAD, V)
+    subtract_product(matrices, vectors, _REST, h / 3.0, _AHEAD, V)
     for i in range(n):
         vectors[FRICTION, i] += vectors[_Z, i] + vectors[_REST, i]
         vectors[_A, i] = vectors[V, i] - vectors[_AHEAD, i]
         vectors[Q, i] += vectors[_X, i] + 0.25 * h * vectors[_A, i]
     # f was taken at the uncorrected speed: carried on by its slope there
-    _slope_times(pair_index, pair_value, slopes, 1, vectors, _A, _Z)
+    slope_times(pair_index, pair_value, slopes, 1, vectors, _A, _Z)
     for i in range(n):
         vectors[FRICTION, i] += vectors[_Z, i]
     for k in range(slopes.shape[1]):
@@ -277,7 +296,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     y(s) = s (1 - sK/2 (1 - sK/3 (1 - sK/4))) a.
     """
     n = vectors.shape[1]
-    stiffness = _stiffness(pair_index, pair_value, matrices, slopes, 0)
+    stiffness = damping_rate(pair_index, pair_value, matrices, slopes, 0)
     count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MOST_INNER_STEPS)))
     step = h / count
     for i in range(n):
@@ -286,8 +305,8 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
         for i in range(n):
             vectors[_W, i] = vectors[_A, i]
         for order in range(4, 1, -1):
-            _slope_times(pair_index, pair_value, slopes, 0, vectors, _W, _Z)
-            _subtract_product(matrices, vectors, _Z, step / order, _A, _W)
+            slope_times(pair_index, pair_value, slopes, 0, vectors, _W, _Z)
+            subtract_product(matrices, vectors, _Z, step / order, _A, _W)
             if order == 3:
                 for i in range(n):
                     vectors[_X, i] += step * (
@@ -296,8 +315,8 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
         for i in range(n):
             vectors[_Y, i] += step * vectors[_W, i]
         if s < count - 1:
-            _slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
-            _subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
+            slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
+            subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -316,10 +335,10 @@ def _nonlinear_step(
         friction_torque(
             linear, term_index, term_value, pair_index, pair_value, vectors, V, f, slopes, 1
         )
-        stiffness = _stiffness(pair_index, pair_value, matrices, slopes, 1)
+        stiffness = damping_rate(pair_index, pair_value, matrices, slopes, 1)
         step = left / np.ceil(max(stiffness * left / NONLINEAR_STIFFNESS, 1e-3))
         step = min(max(step, shortest), left)
-        _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
+        apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
         stage = 1
         while stage < 4:
             last = k1 if stage == 1 else (k2 if stage == 2 else k3)
@@ -329,13 +348,13 @@ def _nonlinear_step(
             friction_torque(
                 linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes, 1
             )
-            ahead = _stiffness(pair_index, pair_value, matrices, slopes, 1)
+            ahead = damping_rate(pair_index, pair_value, matrices, slopes, 1)
             if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
                 step = max(NONLINEAR_STIFFNESS / ahead, shortest)
                 stage = 1
                 continue
             target = k2 if stage == 1 else (k3 if stage == 2 else k4)
-            _apply(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, target)
+            apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, target)
             stage += 1
         for i in range(n):
             inner = vectors[k2, i] + vectors[k3, i]
@@ -347,7 +366,7 @@ def _nonlinear_step(
 @njit(cache=True, nogil=True, error_model="numpy")
 def advance_runge_kutta(
     parent, prismatic, rotation, translation, gravity, inertia, rotor,
-    linear, term_index, term_value, pair_index, pair_value,
+    linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, clock, pose, motion, force, composite, torque, h, substeps,
 ):  # fmt: skip
     """Integrate one step by classical Runge–Kutta on the full dynamics, the oracle.
@@ -366,12 +385,15 @@ def advance_runge_kutta(
             joint = evaluate(
                 parent, prismatic, rotation, translation, gravity, inertia, rotor,
                 linear, term_index, term_value, pair_index, pair_value,
+                path_index, path_value, path,
                 vectors, matrices, slopes, clock, pose, motion, force, composite, torque, True,
             )  # fmt: skip
             if joint >= 0:
                 return joint
             weight = 2.0 if stage in (1, 2) else 1.0
             ahead = step if stage == 2 else 0.5 * step
+            if path is not None:
+                _advance_states(path_index, path, vectors, stage, weight, ahead)
             for i in range(n):
                 vectors[dq, i] += weight * vectors[V, i]
                 vectors[dv, i] += weight * vectors[DDQ, i]
@@ -380,4 +402,18 @@ def advance_runge_kutta(
         for i in range(n):
             vectors[Q, i] = vectors[q0, i] + step / 6.0 * vectors[dq, i]
             vectors[V, i] = vectors[v0, i] + step / 6.0 * vectors[dv, i]
+        if path is not None:
+            for k in range(path.shape[1]):
+                path[STATE, k] = path[_Z0, k] + step / 6.0 * path[_DZ, k]
     return -1
+
+
+@_inline
+def _advance_states(path_index, path, vectors, stage, weight, ahead):
+    """One stage for the states of friction: their differential equation, dz/dt = v dz/dx."""
+    for k in range(path.shape[1]):
+        if stage == 0:
+            path[_Z0, k], path[_DZ, k] = path[STATE, k], 0.0
+        rate = path[RATE, k] * vectors[V, path_index[k, 0]]
+        path[_DZ, k] += weight * rate
+        path[STATE, k] = path[_Z0, k] + ahead * rate

@@ -8,10 +8,20 @@ import numpy as np
 from numba import njit
 
 from pivident.dynamics.forward import Model
+from pivident.dynamics.friction_table import (
+    PATH_ROWS,
+    STATE,
+    FrictionTable,
+    dry_friction_level,
+    friction_torque,
+    slopes_width,
+)
+from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import TAPS, SampledLaw
 from pivident.simulation.integration import (
     DDQ,
     FACTOR,
+    FRICTION,
     LAYERS,
     LEVEL,
     ROWS,
@@ -19,9 +29,9 @@ from pivident.simulation.integration import (
     V,
     advance,
     advance_runge_kutta,
-    dry_friction_level,
     evaluate,
 )
+from pivident.simulation.path_integration import AT_REST, SLOPE_ROWS, advance_on_path
 
 #: What may happen: nothing, M(q) is indefinite, a joint is too far off, a joint is too fast.
 DONE, INDEFINITE, TOO_FAR, TOO_FAST = 0, 1, 2, 3
@@ -42,6 +52,7 @@ class LoopState(NamedTuple):
         vectors: state of the robot and more, see ``integration``; likewise the next three.
         matrices: mass matrices.
         slopes: friction slopes.
+        path: states of friction, shape (PATH_ROWS, entries); may have no entries.
         clock: how old M⁻¹ is.
         pose: scratch of the rigid body; likewise the next three.
         motion: scratch.
@@ -55,6 +66,7 @@ class LoopState(NamedTuple):
     vectors: np.ndarray
     matrices: np.ndarray
     slopes: np.ndarray
+    path: np.ndarray
     clock: np.ndarray
     pose: np.ndarray
     motion: np.ndarray
@@ -67,11 +79,13 @@ class LoopState(NamedTuple):
 
 def initial_state(model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray) -> LoopState:
     """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest."""
-    n = len(model.inertia)
+    n, friction = len(model.inertia), model.friction
+    couplings, entries = len(friction.pair_index), len(friction.path_index)
     state = LoopState(
         vectors=np.zeros((ROWS, n)),
         matrices=np.zeros((LAYERS, n, n)),
-        slopes=np.zeros((2, n + len(model.friction.pair_index))),
+        slopes=np.zeros((SLOPE_ROWS, slopes_width(n, couplings))),
+        path=np.zeros((PATH_ROWS, entries)),
         clock=np.zeros(4),
         pose=np.zeros((n, 12)),
         motion=np.zeros((n, 9)),
@@ -81,18 +95,38 @@ def initial_state(model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray) 
         integral=np.zeros(n),
         past=np.zeros((n, TAPS)),
     )
+    friction_torque(*friction[:5], state.vectors, V, FRICTION, state.slopes, AT_REST)
     state.vectors[Q], state.vectors[V] = q, dq
-    state.vectors[LEVEL] = dry_friction_level(model.friction, n)
+    state.vectors[LEVEL] = dry_friction_level(friction, n)
     # the filters hold their stationary state
     total = law.pole.sum(axis=1)
     state.past[:] = np.divide(q, total, out=np.zeros(n), where=total != 0.0)[:, None]
     return state
 
 
+def path_arguments(
+    friction: FrictionTable, state: LoopState, samples: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray] | tuple[None, None, None, None]:
+    """Arguments of ``run_loop`` for friction of position, path and load; Nones without such.
+
+    Powers of the speed and one-sided viscous friction have the kinks that its scheme looks out
+    for, too. The last argument receives the states, shape (samples, entries).
+    """
+    kinked = (
+        FrictionColumn.POWER,
+        FrictionColumn.VISCOUS_POSITIVE,
+        FrictionColumn.VISCOUS_NEGATIVE,
+    )
+    if not len(friction.path_index) and not np.isin(friction.term_index[:, 1], kinked).any():
+        return None, None, None, None
+    record = np.zeros((samples, len(friction.path_index)))
+    return friction.path_index, friction.path_value, state.path, record
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_loop(
     model, law, state, rate, q_ref, inputs, noise, limits, steps, oracle, first, last, channels,
-    failure,
+    failure, path_index, path_value, path, path_record,
 ):  # fmt: skip
     """Simulate the samples from ``first`` to before ``last``.
 
@@ -111,6 +145,10 @@ def run_loop(
         last: one past the last sample.
         channels: receives the motion, see above, shape (CHANNELS, samples, joints).
         failure: receives the pivot, distance or speed that ended the run, shape (1,).
+        path_index: from ``path_arguments``; likewise the next three.
+        path_value: values of these terms.
+        path: their states.
+        path_record: receives these.
 
     Returns:
         What happened, to which joint, at which sample.
@@ -159,6 +197,7 @@ def run_loop(
             joint = evaluate(
                 parent, prismatic, rotation, translation, gravity, inertia, rotor,
                 linear, term_index, term_value, pair_index, pair_value,
+                path_index, path_value, path,
                 vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
                 oracle is not None,
             )  # fmt: skip
@@ -176,10 +215,14 @@ def run_loop(
                     failure[0] = abs(vectors[V, j])
                     if not failure[0] <= limits[SPEED, j]:
                         return TOO_FAST, j, k
+                if path is not None:
+                    for entry in range(path.shape[1]):
+                        path_record[k, entry] = path[STATE, entry]
             if oracle is not None:  # decided by its type: the oracle is compiled when asked for
                 joint = advance_runge_kutta(
                     parent, prismatic, rotation, translation, gravity, inertia, rotor,
                     linear, term_index, term_value, pair_index, pair_value,
+                    path_index, path_value, path,
                     vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
                     period, oracle,
                 )  # fmt: skip
@@ -187,8 +230,15 @@ def run_loop(
                     failure[0] = matrices[FACTOR, joint, joint]
                     return INDEFINITE, joint, k
                 break
-            advance(
-                linear, term_index, term_value, pair_index, pair_value,
-                vectors, matrices, slopes, clock, torque, period / steps,
-            )  # fmt: skip
+            if path is not None:  # so are laws of friction on the path
+                advance_on_path(
+                    linear, term_index, term_value, pair_index, pair_value,
+                    path_index, path_value, path,
+                    vectors, matrices, slopes, clock, torque, period / steps,
+                )  # fmt: skip
+            else:
+                advance(
+                    linear, term_index, term_value, pair_index, pair_value,
+                    vectors, matrices, slopes, clock, torque, period / steps,
+                )  # fmt: skip
     return DONE, -1, -1

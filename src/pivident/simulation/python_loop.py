@@ -10,7 +10,7 @@ from pivident.dynamics.forward import Model
 from pivident.errors import ExperimentError
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
 from pivident.simulation.integration import Q
-from pivident.simulation.loop_kernel import DONE, initial_state, run_loop
+from pivident.simulation.loop_kernel import DONE, initial_state, path_arguments, run_loop
 
 #: A law may keep a state of its own: records that are simulated in parallel must not share it.
 _ONE_RUN_AT_A_TIME = threading.Lock()
@@ -30,8 +30,10 @@ def run_python_loop(
     oracle: int | None,
     channels: np.ndarray,
     failure: np.ndarray,
-) -> tuple[int, int, int]:
+) -> tuple[int, int, int, np.ndarray | None]:
     """Simulate all samples of the reference; arguments and answer are those of ``run_loop``.
+
+    The answer ends with the states of friction, see ``path_arguments``.
 
     Args:
         model: robot with parameter values.
@@ -57,6 +59,7 @@ def run_python_loop(
     said = np.zeros((samples, n))
     law = SampledLaw(none, unit, none, np.zeros(n), said, said)
     state = initial_state(model, law, *start)
+    on_path = path_arguments(model.friction, state, samples)
     heard = np.zeros((1, n))
     q_wanted, dq_wanted = q_ref.view(), dq_ref.view()
     q_wanted.flags.writeable = dq_wanted.flags.writeable = False
@@ -68,11 +71,11 @@ def run_python_loop(
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
                 model, law, state, rate, q_ref, inputs, heard, limits, steps, oracle, k, k + 1,
-                channels, failure,
+                channels, failure, *on_path,
             )  # fmt: skip
             if what != DONE:
-                return what, joint, k
-    return DONE, -1, -1
+                return what, joint, k, on_path[-1]
+    return DONE, -1, -1, on_path[-1]
 
 
 def _checked(answer: object, k: int, joints: int) -> np.ndarray:

@@ -56,7 +56,9 @@ def efficiency_bounds(bench: Bench) -> Bounds:
     q = bench.noise_free.q[:: entry.step]
     dq, ddq = central_differences(q, entry.rate)
     inside = slice(ENDS, len(q) - ENDS)
-    packed = bench.regressor.packed(q[inside].T, dq[inside].T, ddq[inside].T)
+    motion = (q[inside].T, dq[inside].T, ddq[inside].T)
+    inner = bench.regressor.inner(*motion, bench.expected)
+    packed = bench.regressor.packed(*motion, inner=inner)
     sensor = np.broadcast_to(np.asarray(noise.torque, float), (n,)) ** 2
     through = loop_noise(bench)
     equation = sensor[:, None] * (np.arange(ORDER + 1) == 0) + through

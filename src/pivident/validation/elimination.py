@@ -204,13 +204,12 @@ class EliminationRound:
     def _is_last_friction(self, place: int) -> bool:
         """Whether a joint would be left without any friction."""
         own = self._parameter(place)
-        if own.friction is None:
+        if not _rubs(own):
             return False
         siblings = [
             k
             for k in self.kept
-            if self.found.parameters[k].friction is not None
-            and self.found.parameters[k].joint == own.joint
+            if _rubs(self.found.parameters[k]) and self.found.parameters[k].joint == own.joint
         ]
         return len(siblings) == 1
 
@@ -246,6 +245,11 @@ class EliminationRound:
         theta = np.zeros(self.found.theta.size)
         theta[self.kept] = self.theta
         return torque_error(self.sums, theta, self.weights)
+
+
+def _rubs(p: Parameter) -> bool:
+    """Whether it is friction proper: ripple and springs hold no joint back."""
+    return p.friction is not None and not p.friction.depends_on_position
 
 
 def _solve(block: np.ndarray, right: np.ndarray) -> np.ndarray:

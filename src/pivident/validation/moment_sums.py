@@ -19,7 +19,9 @@ from pivident.estimation.auxiliary_model import central_differences
 from pivident.estimation.sandwich import Share, Windows, windows_of
 
 if TYPE_CHECKING:
+    from pivident.dynamics.regressor import Regressor
     from pivident.estimation.equations import Equations, Motion
+    from pivident.estimation.full_rate import FullRateRecord
     from pivident.estimation.identification import Identification
 
 ExtraInstruments = Literal["reference", "delayed"]
@@ -249,8 +251,7 @@ def further_instruments(
         if extra == "delayed":
             motions.append(_delayed(source.motion) if full else _one_later(source.z))
         elif full and recording.q_ref is not None:
-            dq, ddq = central_differences(recording.q_ref, recording.rate)
-            motions.append(Signals(*(_time_last(x) for x in (recording.q_ref, dq, ddq))))
+            motions.append(_on_reference(equations.regressor, source))
         else:
             why = "no q_ref" if recording.q_ref is None else "decimated equations"
             raise IdentificationError(
@@ -268,15 +269,32 @@ class Signals:
         q: positions [rad or m], shape (joints, samples).
         dq: speeds [rad/s or m/s].
         ddq: accelerations [rad/s² or m/s²].
+        inner: columns with memory or load, shape (inner entries, samples).
     """
 
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
+    inner: np.ndarray | None = None
 
 
 def _delayed(motion: Motion) -> Signals:
-    return Signals(*(_one_later(x) for x in (motion.q, motion.dq, motion.ddq)))
+    inner = None if motion.inner is None else _one_later(motion.inner)
+    return Signals(_one_later(motion.q), _one_later(motion.dq), _one_later(motion.ddq), inner)
+
+
+def _on_reference(regressor: Regressor, record: FullRateRecord) -> Signals:
+    """The reference's motion; loads, which need the parameters, are those of the instruments."""
+    recording = record.kinematics.recording
+    assert recording.q_ref is not None
+    dq, ddq = central_differences(recording.q_ref, recording.rate)
+    q_ref, dq, ddq = (_time_last(x) for x in (recording.q_ref, dq, ddq))
+    inner = regressor.inner(q_ref, dq, ddq)
+    own = None if record.motion is None else record.motion.inner
+    if own is not None:
+        of_load = regressor.load_parameters[regressor.column[regressor.inner_entries]]
+        inner[of_load] = own[of_load]
+    return Signals(q_ref, dq, ddq, inner)
 
 
 def _one_later(x: np.ndarray) -> np.ndarray:

@@ -29,7 +29,11 @@ _SENTENCES = (
     "let {joints} hold and slowly change more postures against gravity",
     "move {joints} faster and in both directions",
     "accelerate {joints} harder, in different postures",
+    "move {joints} slowly through more of its range",
 )
+
+#: Sentence for ripple and springs, which posture shows, but not against gravity.
+_OWN_POSITION = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,8 +98,11 @@ def column_parts(robot: Robot, parameters: tuple[Parameter, ...], limits: Limits
     ddq = rng.uniform(-limits.acceleration, limits.acceleration, shape)
     still = np.zeros(shape)
     regressor = Regressor.build(robot, parameters)
-    rest = regressor.matrix(q, still, still)
-    moving, accelerated = regressor.matrix(q, dq, still), regressor.matrix(q, still, ddq)
+    # friction with memory or load shows in steady motion, not at random states
+    level, none = regressor.levels(dq.T), regressor.levels(still.T)
+    rest = regressor.matrix(q, still, still, inner=none)
+    moving = regressor.matrix(q, dq, still, inner=level)
+    accelerated = regressor.matrix(q, still, ddq, inner=none)
     parts = (rest - rest.mean(axis=0), moving - rest, accelerated - rest)
     return np.column_stack([np.sqrt(np.mean(p**2, axis=0).max(axis=0)) for p in parts])
 
@@ -103,7 +110,9 @@ def column_parts(robot: Robot, parameters: tuple[Parameter, ...], limits: Limits
 def motion_for(
     robot: Robot, parameter: Parameter, parts: np.ndarray, limits: Limits
 ) -> tuple[int, tuple[str, ...]]:
-    """Quantity (0 posture, 1 speed, 2 acceleration) and joints that would excite a parameter.
+    """Quantity and joints that would excite a parameter.
+
+    Quantities are 0 posture, 1 speed, 2 acceleration, 3 position of the joint alone.
 
     Args:
         robot: the robot.
@@ -119,6 +128,8 @@ def motion_for(
     # an offset has a constant column: what tells it from Coulomb friction are both directions
     quantity = 1 if parameter.stem == "off" else int(np.argmax(parts))
     room = [j for j in joints if limits.used[j, quantity] < LITTLE] or [parameter.joint]
+    if parameter.friction is not None and parameter.friction.depends_on_position:
+        quantity = _OWN_POSITION
     return quantity, tuple(robot.joints[j].name for j in room)
 
 

@@ -1,0 +1,382 @@
+"""Friction of a whole robot as the simulator evaluates it: tables of terms and their torques.
+
+Terms of speed alone have a table of their own, and laws of no other terms cost nothing more. What
+depends on the position, on the path so far or on the load is in the *path* table. In a step,
+friction is a function F(x, v) of the travels and speeds; slope ∂F/∂v, stiffness ∂F/∂x.
+
+Friction fl |L| s(v) that grows with the load L = τ - f of the joint is solved in closed form. With
+f₀ all other friction and a = fl s(v),
+
+    f = f₀ + a |τ - f|   ⇔   L = τ - f = (τ - f₀)/(1 + a sign(τ - f₀)),   |a| < 1
+
+and every slope and stiffness of f₀ counts 1/(1 + a sign(τ - f₀)) times, the *share*. Springs carry
+load as gravity does, so they belong to the torques of the rigid body.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from pivident.dynamics.elementary import sine_and_cosine
+from pivident.dynamics.entry_plan import coupling_sign
+from pivident.dynamics.friction_kernels import (
+    friction_value_and_slope,
+    level_and_slope,
+    presliding_stiffness,
+    slip_stiffness,
+    smooth_sign_and_slope,
+    state_after_way,
+    travel_to_reversal,
+)
+from pivident.dynamics.parameters import Parameter
+from pivident.robot.description import Robot
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import MOST_SHAPES, FrictionTerm
+
+_COSINE, _SINE = int(FrictionColumn.COSINE), int(FrictionColumn.SINE)
+_SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
+_STRUT_STIFFNESS = int(FrictionColumn.STRUT_STIFFNESS)
+_LOAD = int(FrictionColumn.LOAD)
+_PRESLIDING = int(FrictionColumn.PRESLIDING)
+_PRESLIDING_RATE = int(FrictionColumn.PRESLIDING_RATE)
+_MAXWELL = int(FrictionColumn.MAXWELL)
+
+#: Columns whose parameters share one entry of the path table: entry's code, place of the parameter.
+_SHARED = {_SINE: (_COSINE, 1), _PRESLIDING_RATE: (_PRESLIDING, 1), _STRUT_STIFFNESS: (_STRUT, 1)}
+
+#: Largest fl that clipped values keep; at 1 friction would hold any torque.
+LARGEST_LOAD_SHARE = 0.9
+
+# Rows of ``path``, shape (PATH_ROWS, entries): states and levels at the start of the step, then
+# states, levels and dz/dx at some travel: at the end of the step, at its middle.
+STATE, START_LEVEL, AHEAD, MIDWAY, PATH_ROWS = 0, 1, 2, 5, 8
+RATE = AHEAD + 2  # dz/dx at the end of the step
+
+_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
+
+
+class FrictionTable(NamedTuple):
+    """Friction of all joints as the simulator evaluates it.
+
+    Attributes:
+        linear: viscous parameter and constant torque of each joint, shape (joints, 2).
+        term_index: joint, function and smoothed sign of each nonlinear term of speed, shape
+            (terms, 3).
+        term_value: parameter, γ, two constants of shape of each, shape (terms, 4).
+        pair_index: motor, joint and smoothed sign of each coupling, shape (couplings, 3).
+        pair_value: ratio, fvm, fcm, γ of each coupling, shape (couplings, 4).
+        path_index: joint, function and smoothed sign of terms of position, path or load, those of
+            load last, shape (entries, 3).
+        path_value: two parameters, then four constants, shape (entries, 6). Ripple: A, B, n.
+            Strut: cbf, cbk, ρ, φ. Presliding: fc, fd, 1/d, ρ, 1/v_s, δ; slip: fm, 0, and likewise.
+            Load: fl, 0, γ.
+    """
+
+    linear: np.ndarray
+    term_index: np.ndarray
+    term_value: np.ndarray
+    pair_index: np.ndarray
+    pair_value: np.ndarray
+    path_index: np.ndarray
+    path_value: np.ndarray
+
+    @property
+    def memories(self) -> np.ndarray:
+        """Entries of the path table that have a state."""
+        return np.flatnonzero(np.isin(self.path_index[:, 1], (_PRESLIDING, _MAXWELL)))
+
+
+def make_friction_table(
+    robot: Robot, parameters: tuple[Parameter, ...], values: np.ndarray
+) -> FrictionTable:
+    """Arrange the values of friction and coupling parameters; others are left out.
+
+    Args:
+        robot: the robot.
+        parameters: standard parameters (or heads of base groups).
+        values: shape (parameters,).
+
+    Raises:
+        ValueError: friction that grows with the load as fast as the load, |fl| >= 1, or two such
+            terms on one joint.
+    """
+    linear = np.zeros((robot.size, 2))
+    terms: list[tuple[tuple[int, ...], tuple[float, ...]]] = []
+    pairs = {c: np.array([c.ratio, 0.0, 0.0, 0.0]) for c in robot.couplings}
+    for p, value in zip(parameters, values.tolist(), strict=True):
+        if p.coupling is not None and p.stem in ("fvm", "fcm"):
+            pairs[p.coupling][1 if p.stem == "fvm" else 2] = value
+        if p.friction is None or not _is_of_speed_alone(p.friction):
+            continue
+        code, sign, shape = p.friction.encoded(simulated=True)
+        if code == FrictionColumn.VISCOUS:
+            linear[p.joint, 0] += value
+        elif code == FrictionColumn.OFFSET:
+            linear[p.joint, 1] += value
+        else:
+            terms.append(((p.joint, code, sign), (value, *shape[:3])))
+    signs = [coupling_sign(robot, c.motor, simulated=True) for c in robot.couplings]
+    for c, (_, gamma) in zip(robot.couplings, signs, strict=True):
+        pairs[c][3] = gamma
+    path = path_entries(parameters, values)
+    return FrictionTable(
+        linear,
+        np.array([index for index, _ in terms], dtype=np.int64).reshape(-1, 3),
+        np.array([value for _, value in terms], dtype=float).reshape(-1, 4),
+        np.array(
+            [(c.motor, c.joint, sign) for c, (sign, _) in zip(pairs, signs, strict=True)],
+            dtype=np.int64,
+        ).reshape(-1, 3),
+        np.array(list(pairs.values()), dtype=float).reshape(-1, 4),
+        np.array([e.codes for e in path], dtype=np.int64).reshape(-1, 3),
+        np.array([e.values for e in path], dtype=float).reshape(-1, 2 + MOST_SHAPES),
+    )
+
+
+class PathEntry(NamedTuple):
+    """One entry of the path table.
+
+    Attributes:
+        name: name of its first parameter.
+        codes: joint, function and smoothed sign.
+        values: two parameters and four constants.
+    """
+
+    name: str
+    codes: tuple[int, int, int]
+    values: tuple[float, ...]
+
+
+def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[PathEntry]:
+    """Entries of the path table, joint by joint, those of load last.
+
+    Args:
+        parameters: standard parameters (or heads of base groups).
+        values: shape (parameters,).
+
+    Raises:
+        ValueError: see :func:`make_friction_table`.
+    """
+    found: dict[tuple, tuple[str, list[float]]] = {}
+    for p, value in zip(parameters, values.tolist(), strict=True):
+        if p.friction is None or _is_of_speed_alone(p.friction):
+            continue
+        code, sign, shape = p.friction.encoded(simulated=True)
+        if code == _LOAD and not abs(value) < 1.0:
+            raise ValueError(
+                f"{p.name} = {value:g}: friction must grow slower than the load; give a value "
+                "between 0 and 1"
+            )
+        head, place = _SHARED.get(code, (code, 0))
+        _, both = found.setdefault(
+            (head == _LOAD, p.joint, head, sign, shape), (p.name, [0.0, 0.0])
+        )
+        both[place] += value
+    ordered = sorted(found.items(), key=lambda item: item[0][:2])
+    loaded = [joint for (of_load, joint, *_), _ in ordered if of_load]
+    if len(set(loaded)) < len(loaded):
+        raise ValueError("a joint has two terms of load-dependent friction; give it one")
+    return [
+        PathEntry(name, (joint, code, sign), (*both, *_constants(code, shape)))
+        for (_, joint, code, sign, shape), (name, both) in ordered
+    ]
+
+
+def clipped_friction(term: FrictionTerm, value: float) -> float:
+    """The value, or the nearest with which friction takes energy out of the simulated loop."""
+    if term.is_dissipative or term.column is FrictionColumn.PRESLIDING_RATE:
+        value = max(value, 0.0)
+    return min(value, LARGEST_LOAD_SHARE) if term.depends_on_load else value
+
+
+def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
+    """Largest dry friction of each joint, the scale of the integrator's tolerance.
+
+    Friction that grows with speed is the scale only where there is no other.
+    """
+    grows = (FrictionColumn.POWER, FrictionColumn.VISCOUS_POSITIVE, FrictionColumn.VISCOUS_NEGATIVE)
+    fast = np.isin(friction.term_index[:, 1], grows)
+    fast &= ~((friction.term_index[:, 1] == FrictionColumn.POWER) & (friction.term_value[:, 2] < 1))
+    level, other = np.full(joints, 1e-9), np.zeros(joints)
+    for where, into in ((~fast, level), (fast, other)):
+        np.add.at(into, friction.term_index[where, 0], np.abs(friction.term_value[where, 0]))
+    ratio, _, dry, _ = friction.pair_value.T
+    np.add.at(level, friction.pair_index[:, 0], np.abs(dry))
+    np.add.at(level, friction.pair_index[:, 1], np.abs(ratio * dry))
+    column = friction.path_index[:, 1]
+    first, second = np.abs(friction.path_value[:, :2]).T
+    for k, joint in enumerate(friction.path_index[:, 0]):
+        if column[k] in (_PRESLIDING, _MAXWELL):
+            level[joint] += first[k]
+        elif column[k] == _COSINE:
+            level[joint] += math.hypot(first[k], second[k])
+    return np.where(level > 1e-9, level, level + other)
+
+
+def _is_of_speed_alone(term: FrictionTerm) -> bool:
+    return not (term.depends_on_position or term.has_memory or term.depends_on_load)
+
+
+def _constants(column: int, shape: tuple[float, ...]) -> tuple[float, ...]:
+    """The four constants of an entry of the path table from γ and the term's shape."""
+    gamma, first, second, third, fourth = shape
+    if column == _LOAD:
+        return gamma, 0.0, 0.0, 0.0
+    if column in (_PRESLIDING, _MAXWELL):
+        return 1.0 / first, second, 1.0 / third if second else 0.0, fourth
+    return first, second, third, fourth
+
+
+@_inline
+def friction_torque(
+    linear, term_index, term_value, pair_index, pair_value, vectors, speed, out, slopes, row
+):
+    """Friction torques of terms of speed, and the slopes of the own and of the coupled terms.
+
+    Args:
+        linear: see :class:`FrictionTable`; likewise the next four.
+        term_index: nonlinear terms.
+        term_value: their values.
+        pair_index: couplings.
+        pair_value: their values.
+        vectors: rows of joint quantities, shape (rows, joints).
+        speed: row of ``vectors`` that holds the speeds.
+        out: row of ``vectors`` that receives the friction torques.
+        slopes: receives in ``row`` d torque / d v of each joint, then of each coupling's dry
+            friction over the speed of its rotor, shape (rows, joints + couplings) or wider.
+        row: row of ``slopes``.
+    """
+    n = vectors.shape[1]
+    for j in range(n):
+        vectors[out, j] = linear[j, 0] * vectors[speed, j] + linear[j, 1]
+        slopes[row, j] = linear[j, 0]
+    for k in range(term_index.shape[0]):
+        j = term_index[k, 0]
+        f, df = friction_value_and_slope(
+            term_index[k, 1],
+            term_index[k, 2],
+            term_value[k, 1],
+            term_value[k, 2],
+            term_value[k, 3],
+            vectors[speed, j],
+        )
+        vectors[out, j] += term_value[k, 0] * f
+        slopes[row, j] += term_value[k, 0] * df
+    for k in range(pair_index.shape[0]):
+        i, j = pair_index[k, 0], pair_index[k, 1]
+        ratio, viscous, dry = pair_value[k, 0], pair_value[k, 1], pair_value[k, 2]
+        vi, vj = vectors[speed, i], vectors[speed, j]
+        f, df = smooth_sign_and_slope(pair_index[k, 2], pair_value[k, 3], vi + ratio * vj)
+        vectors[out, i] += ratio * viscous * vj + dry * f
+        vectors[out, j] += ratio * (viscous * vi + dry * f)
+        slopes[row, n + k] = dry * df
+
+
+@_inline
+def slopes_width(joints, couplings):
+    """Columns of ``slopes`` with a path table: D, coupled D, K, share and fl|L| of each joint."""
+    return 4 * joints + couplings
+
+
+@_inline
+def path_torque(
+    path_index, path_value, path, at, couplings, torque,
+    vectors, position, start_speed, elapsed, travel, speed, out, slopes, row,
+):  # fmt: skip
+    """Add friction of position, path and load to what ``friction_torque`` has found.
+
+    Args:
+        path_index: see :class:`FrictionTable`; likewise the next.
+        path_value: values.
+        path: states; AHEAD or MIDWAY rows are written.
+        at: which of these.
+        couplings: number of couplings.
+        torque: torques of the drives, shape (joints,).
+        vectors: rows of joint quantities.
+        position: row of the positions at the start of the step.
+        start_speed: row of the speeds then.
+        elapsed: time since [s].
+        travel: row of the travels since.
+        speed: row of the speeds after that travel.
+        out: row of the friction torques.
+        slopes: slopes, stiffnesses K, shares and fl|L|, see ``slopes_width``.
+        row: row of ``slopes``.
+    """
+    n = vectors.shape[1]
+    stiffness, share, carried = n + couplings, 2 * n + couplings, 3 * n + couplings
+    for j in range(n):
+        slopes[row, stiffness + j] = 0.0
+        slopes[row, share + j] = 1.0
+        slopes[row, carried + j] = 0.0
+    for k in range(path_index.shape[0]):
+        j, column = path_index[k, 0], path_index[k, 1]
+        x, v = vectors[travel, j], vectors[speed, j]
+        first, second, constant = path_value[k, 0], path_value[k, 1], path_value[k, 2]
+        if column == _COSINE:
+            sine, cosine = sine_and_cosine(constant * (vectors[position, j] + x))
+            vectors[out, j] += first * cosine + second * sine
+            slopes[row, stiffness + j] += constant * (second * cosine - first * sine)
+        elif column == _PRESLIDING or column == _MAXWELL:
+            excess, inverse_speed, exponent = path_value[k, 3], path_value[k, 4], path_value[k, 5]
+            level, fall = level_and_slope(excess, inverse_speed, exponent, v)
+            z, start_level, v_start = path[STATE, k], path[START_LEVEL, k], vectors[start_speed, j]
+            if v_start * v < 0.0:
+                way = travel_to_reversal(v_start, v, elapsed)
+                z = state_after_way(
+                    column, z, v_start, start_level, 0.0, 1.0 + excess, way,
+                    constant, excess, inverse_speed, exponent,
+                )  # fmt: skip
+                v_start, start_level, x = 0.0, 1.0 + excess, x - way
+            z = state_after_way(
+                column, z, v_start, start_level, v, level, x,
+                constant, excess, inverse_speed, exponent,
+            )  # fmt: skip
+            vectors[out, j] += first * z
+            if column == _PRESLIDING:
+                rate = presliding_stiffness(z, level, v, constant)
+                # micro-damping fd d dz/dt = fd (v - |v| z/g)
+                damping = second * rate / constant
+                vectors[out, j] += damping * v
+                slopes[row, j] += damping + second * abs(v) * z * fall / (level * level)
+                slopes[row, stiffness + j] += (first - second * abs(v) / level) * rate
+            else:
+                rate = slip_stiffness(z, level, v, constant)
+                slopes[row, stiffness + j] += first * rate
+                if rate == 0.0:
+                    slopes[row, j] += first * math.copysign(fall, z * fall)
+            path[at, k], path[at + 1, k], path[at + 2, k] = z, level, rate
+        elif column == _LOAD:
+            s, slope = smooth_sign_and_slope(path_index[k, 2], constant, v)
+            net = torque[j] - vectors[out, j]
+            one = math.copysign(1.0, net)
+            part = 1.0 / (1.0 + first * s * one)
+            load = net * part
+            vectors[out, j] = torque[j] - load
+            slopes[row, share + j] = part
+            slopes[row, carried + j] = abs(first * load)
+            slopes[row, j] += abs(load) * first * slope
+
+
+@_inline
+def spring_torque(path_index, path_value, vectors, position, out):
+    """Add the torques of springs and struts at the positions of a row to another row."""
+    for k in range(path_index.shape[0]):
+        j, column = path_index[k, 0], path_index[k, 1]
+        if column == _SPRING:
+            vectors[out, j] += path_value[k, 0] * vectors[position, j]
+        elif column == _STRUT:
+            ratio = path_value[k, 2]
+            sine, cosine = sine_and_cosine(vectors[position, j] - path_value[k, 3])
+            length = math.sqrt(1.0 + ratio * ratio - 2.0 * ratio * cosine)
+            vectors[out, j] += sine * (path_value[k, 0] / length + path_value[k, 1])
+
+
+@_inline
+def accept_states(path):
+    """Let the states and levels of the AHEAD rows be those at the start of the next step."""
+    for k in range(path.shape[1]):
+        path[STATE, k], path[START_LEVEL, k] = path[AHEAD, k], path[AHEAD + 1, k]
