@@ -203,6 +203,7 @@ def loop_signals(
         limit=np.broadcast_to(np.asarray(loop.limit, float), (n,)).copy(),
         bound=np.maximum(10.0 * tracking, np.minimum(0.5, 0.5 * reach + 1e-3)),
         speed_bound=5.0 * speed + 1e-3,
+        drive_delay=recording.drive_delay,
     )
     return signals, (q[0].copy(), dq[0].copy())
 

@@ -75,7 +75,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         recording.rate,
         timing,
         control_rate=recording.control_rate,
-        delay=recording.delay,
+        delay=recording.delay - recording.drive_delay,
     )
     unknown = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()

@@ -22,7 +22,15 @@ from pivident.simulation.controllers import PID, Cascade, Controller
 from pivident.simulation.virtual_pd import virtual_pd
 
 #: Fields of a recording that a file may set for a public record too.
-ADJUSTABLE = ("name", "control_rate", "torque_timing", "delay", "saturation", "allow_constant")
+ADJUSTABLE = (
+    "name",
+    "control_rate",
+    "torque_timing",
+    "delay",
+    "drive_delay",
+    "saturation",
+    "allow_constant",
+)
 
 Loader = Callable[[Robot], Recording]
 

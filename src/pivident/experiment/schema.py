@@ -193,6 +193,7 @@ class RecordingEntry(Entry):
     control_rate: PositiveFloat | None = None
     torque_timing: TorqueTiming | None = None
     delay: float | None = None
+    drive_delay: NonNegativeFloat | None = None
     saturation: Saturation | None = None
     allow_constant: bool | None = None
     part: Interval | None = None

@@ -49,6 +49,8 @@ class Recording:
             ``averaged``: mean over the period before its instant; ``sampled``: value at its
             instant.
         delay: how much later the torque channel is than the positions [s].
+        drive_delay: how much later than its sample a logged torque acts: the log holds what the
+            drive was told, and the simulated loop waits as long [s].
         start_time: time of the first sample [s].
         simulated: whether the record comes from a simulation.
         sources: the files it was read from.
@@ -78,6 +80,7 @@ class Recording:
     control_rate: float = 0.0
     torque_timing: TorqueTiming = "held"
     delay: float = 0.0
+    drive_delay: float = field(default=0.0, kw_only=True)
     start_time: float = 0.0
     simulated: bool = False
     sources: tuple[SourceFile, ...] = ()
@@ -117,9 +120,14 @@ class Recording:
         """Refuse rates, times and choices that mean nothing."""
         checks.check_positive("rate", self.rate)
         checks.check_positive("control_rate", self.control_rate)
-        for name in ("delay", "start_time"):
+        for name in ("delay", "drive_delay", "start_time"):
             if not np.isfinite(getattr(self, name)):
                 raise RecordingError(f"{name} is {getattr(self, name)!r} s; a number is needed")
+        if self.drive_delay < 0:
+            raise RecordingError(
+                f"drive_delay is {self.drive_delay:g} s; a torque that is logged late is declared "
+                "by delay"
+            )
         taken = [name for name in self.inputs if name in CHANNELS]
         if taken:
             raise RecordingError(f"an input is called {taken[0]!r} like a channel; rename it")

@@ -12,6 +12,7 @@ import numpy as np
 
 from pivident.dynamics.forward import Model
 from pivident.errors import (
+    ExperimentError,
     MassMatrixNotPositiveDefinite,
     ShapeMismatch,
     SimulationDiverged,
@@ -75,6 +76,7 @@ class LoopSignals:
         bound: largest distance from the reference before the run counts as diverged [rad or m],
             shape (joints,).
         speed_bound: largest speed before the run counts as diverged, shape (joints,).
+        drive_delay: time from a sample until the torque that answers it acts [s].
     """
 
     rate: float
@@ -86,6 +88,7 @@ class LoopSignals:
     limit: np.ndarray
     bound: np.ndarray
     speed_bound: np.ndarray
+    drive_delay: float = 0.0
 
 
 def simulate(
@@ -116,12 +119,17 @@ def simulate(
     """
     n = len(model.inertia)
     rate, samples = float(signals.rate), len(signals.q_ref)
+    delay = float(signals.drive_delay)
+    if not 0.0 <= delay < samples / rate:
+        raise ExperimentError(
+            f"drive_delay is {delay:g} s; it lies between 0 and the {samples / rate:g} s of the run"
+        )
     q_ref = _signal("q_ref", signals.q_ref, samples, n)
     dq_ref = None if signals.dq_ref is None else _signal("dq_ref", signals.dq_ref, samples, n)
     inputs = _signal("inputs", signals.inputs, samples, n)
     noise = _signal("noise", signals.noise, samples, n)
     begin = (q_ref[0], np.zeros(n)) if start is None else start
-    steps = max(1, int(np.ceil(1.0 / (rate * LONGEST_STEP) - 1e-9)))
+    steps = max(1, int(np.ceil(1.0 / (rate * LONGEST_STEP) - 1e-9))) if oracle is None else 1
     limits = np.empty((4, n))
     limits[GAIN], limits[OUTPUT] = signals.drive_gain, signals.limit
     limits[DISTANCE], limits[SPEED] = signals.bound, signals.speed_bound
@@ -131,16 +139,16 @@ def simulate(
         if dq_ref is None:
             dq_ref = backward_difference(q_ref, rate)
         what, joint, sample, record = run_python_loop(
-            model, controller, begin, rate, q_ref, dq_ref, inputs, noise, limits, steps, oracle,
-            channels, failure,
+            model, controller, begin, rate, delay, q_ref, dq_ref, inputs, noise, limits, steps,
+            oracle, channels, failure,
         )  # fmt: skip
     else:
         law = controller.law(rate, q_ref, dq_ref)
-        state = initial_state(model, law, *begin)
+        state = initial_state(model, law, *begin, late=int(delay * rate + 1e-9))
         on_path = path_arguments(model.friction, state, samples)
         record = on_path[-1]
         what, joint, sample = run_loop(
-            model, law, state, rate, q_ref, inputs, noise, limits,
+            model, law, state, rate, delay, q_ref, inputs, noise, limits,
             steps, oracle, 0, samples, channels, failure, *on_path,
         )  # fmt: skip
     time, value = sample / rate, float(failure[0])

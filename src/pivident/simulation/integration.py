@@ -76,8 +76,9 @@ _Z0, _DZ = MIDWAY, MIDWAY + 1  # rows of ``path``, where the oracle keeps states
 INVERSE, CHANGE, RENEWED, MIDDLE, MASS, FACTOR = 0, 1, 2, 3, 4, 5  # M⁻¹, its rate, …
 LAYERS = 6
 # Entries of ``clock``: time since M⁻¹ was computed, how often it was, whether FRICTION is valid,
-# steps since M⁻¹ was computed.
-SINCE, RENEWALS, FRICTION_KNOWN, STEPS = 0, 1, 2, 3
+# steps since M⁻¹ was computed, length of the last step.
+SINCE, RENEWALS, FRICTION_KNOWN, STEPS, LAST_STEP = 0, 1, 2, 3, 4
+CLOCKS = 5
 
 _inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
@@ -232,7 +233,7 @@ def subtract_product(matrices, vectors, x, scale, base, out):
 def freeze_at_middle(vectors, matrices, clock, h):
     """Extrapolate h and M⁻¹ to the middle of the step of length ``h`` [s]."""
     n = vectors.shape[1]
-    weight = 0.0 if clock[RENEWALS] < 2.0 else 0.5
+    weight = 0.0 if clock[RENEWALS] < 2.0 else 0.5 * (h / clock[LAST_STEP])
     for i in range(n):
         vectors[MIDDLE_BIAS, i] = vectors[BIAS, i] + weight * (
             vectors[BIAS, i] - vectors[LAST_BIAS, i]
@@ -241,6 +242,7 @@ def freeze_at_middle(vectors, matrices, clock, h):
             matrices[MIDDLE, i, j] = matrices[INVERSE, i, j] + 0.5 * h * matrices[CHANGE, i, j]
     clock[SINCE] += h
     clock[STEPS] += 1.0
+    clock[LAST_STEP] = h
 
 
 @_inline

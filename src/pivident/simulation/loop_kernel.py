@@ -19,6 +19,7 @@ from pivident.dynamics.friction_table import (
 from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import TAPS, SampledLaw
 from pivident.simulation.integration import (
+    CLOCKS,
     DDQ,
     FACTOR,
     FRICTION,
@@ -58,7 +59,9 @@ class LoopState(NamedTuple):
         motion: scratch.
         force: scratch.
         composite: scratch.
-        torque: held joint torques, shape (joints,).
+        torque: joint torques that act, shape (joints,).
+        commanded: torques of the last samples, the newest first, for drives that answer late,
+            shape (samples of delay + 2, joints).
         integral: I of the control law, shape (joints,).
         past: inner state of B/A and W/A in direct form II, shape (joints, TAPS).
     """
@@ -73,12 +76,23 @@ class LoopState(NamedTuple):
     force: np.ndarray
     composite: np.ndarray
     torque: np.ndarray
+    commanded: np.ndarray
     integral: np.ndarray
     past: np.ndarray
 
 
-def initial_state(model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray) -> LoopState:
-    """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest."""
+def initial_state(
+    model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray, late: int = 0
+) -> LoopState:
+    """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest.
+
+    Args:
+        model: robot with parameter values.
+        law: the sampled law.
+        q: positions [rad or m], shape (joints,).
+        dq: speeds.
+        late: whole control periods by which the drives answer late.
+    """
     n, friction = len(model.inertia), model.friction
     couplings, entries = len(friction.pair_index), len(friction.path_index)
     state = LoopState(
@@ -86,12 +100,13 @@ def initial_state(model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray) 
         matrices=np.zeros((LAYERS, n, n)),
         slopes=np.zeros((SLOPE_ROWS, slopes_width(n, couplings))),
         path=np.zeros((PATH_ROWS, entries)),
-        clock=np.zeros(4),
+        clock=np.zeros(CLOCKS),
         pose=np.zeros((n, 12)),
         motion=np.zeros((n, 9)),
         force=np.zeros((n, 6)),
         composite=np.zeros((n, 10)),
         torque=np.zeros(n),
+        commanded=np.zeros((late + 2, n)),
         integral=np.zeros(n),
         past=np.zeros((n, TAPS)),
     )
@@ -125,8 +140,8 @@ def path_arguments(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_loop(
-    model, law, state, rate, q_ref, inputs, noise, limits, steps, oracle, first, last, channels,
-    failure, path_index, path_value, path, path_record,
+    model, law, state, rate, delay, q_ref, inputs, noise, limits, steps, oracle, first, last,
+    channels, failure, path_index, path_value, path, path_record,
 ):  # fmt: skip
     """Simulate the samples from ``first`` to before ``last``.
 
@@ -135,6 +150,7 @@ def run_loop(
         law: the sampled law, discretised for this reference.
         state: state of the loop, changed in place.
         rate: control rate [Hz].
+        delay: time from a sample until the torque that answers it acts [s].
         q_ref: reference positions, shape (samples, joints).
         inputs: added to the law's output, shape (samples, joints) or (1, joints).
         noise: added to the measured positions, likewise.
@@ -166,7 +182,12 @@ def run_loop(
     integrand_reference = law.integrand_reference
     vectors, matrices, slopes, clock = state.vectors, state.matrices, state.slopes, state.clock
     pose, motion, force, composite = state.pose, state.motion, state.force, state.composite
-    torque, integral, past = state.torque, state.integral, state.past
+    torque, commanded, integral, past = state.torque, state.commanded, state.integral, state.past
+    # the torque of ``late`` samples ago comes a part of a period after the sample
+    late = int(delay * rate + 1e-9)
+    waiting = max(delay - late * period, 0.0)
+    if waiting < 1e-9 * period:
+        waiting = 0.0
     heard = 0  # row of noise and of inputs; a single row stands for all samples
     given = 0
     for k in range(first, last):
@@ -192,8 +213,19 @@ def run_loop(
             if (u - held) * growth <= 0.0:
                 integral[j] += growth
             channels[_COMMAND, k, j] = held
-            torque[j] = limits[GAIN, j] * held
-        for s in range(steps):
+            for m in range(late + 1, 0, -1):
+                commanded[m, j] = commanded[m - 1, j]
+            commanded[0, j] = limits[GAIN, j] * held
+            if k == 0:  # until the first answer acts the torque is as if it did
+                for m in range(1, late + 2):
+                    commanded[m, j] = commanded[0, j]
+        for turn in range(2 * steps):
+            before = turn < steps  # the torque of the sample before is still acting
+            if before and waiting == 0.0:
+                continue
+            step = (waiting if before else period - waiting) / steps
+            for j in range(n):
+                torque[j] = commanded[late + 1 if before else late, j]
             joint = evaluate(
                 parent, prismatic, rotation, translation, gravity, inertia, rotor,
                 linear, term_index, term_value, pair_index, pair_value,
@@ -204,7 +236,7 @@ def run_loop(
             if joint >= 0:
                 failure[0] = matrices[FACTOR, joint, joint]
                 return INDEFINITE, joint, k
-            if s == 0:
+            if turn == 0 or (turn == steps and waiting == 0.0):
                 for j in range(n):
                     channels[_Q, k, j], channels[_DQ, k, j] = vectors[Q, j], vectors[V, j]
                     channels[_DDQ, k, j], channels[_TAU, k, j] = vectors[DDQ, j], torque[j]
@@ -224,21 +256,20 @@ def run_loop(
                     linear, term_index, term_value, pair_index, pair_value,
                     path_index, path_value, path,
                     vectors, matrices, slopes, clock, pose, motion, force, composite, torque,
-                    period, oracle,
+                    step, oracle,
                 )  # fmt: skip
                 if joint >= 0:
                     failure[0] = matrices[FACTOR, joint, joint]
                     return INDEFINITE, joint, k
-                break
             if path is not None:  # so are laws of friction on the path
                 advance_on_path(
                     linear, term_index, term_value, pair_index, pair_value,
                     path_index, path_value, path,
-                    vectors, matrices, slopes, clock, torque, period / steps,
+                    vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
             else:
                 advance(
                     linear, term_index, term_value, pair_index, pair_value,
-                    vectors, matrices, slopes, clock, torque, period / steps,
+                    vectors, matrices, slopes, clock, torque, step,
                 )  # fmt: skip
     return DONE, -1, -1

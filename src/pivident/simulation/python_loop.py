@@ -21,6 +21,7 @@ def run_python_loop(
     controller: PythonController,
     start: tuple[np.ndarray, np.ndarray],
     rate: float,
+    delay: float,
     q_ref: np.ndarray,
     dq_ref: np.ndarray,
     inputs: np.ndarray,
@@ -40,6 +41,7 @@ def run_python_loop(
         controller: the law.
         start: initial positions and speeds, each (joints,).
         rate: control rate [Hz].
+        delay: time from a sample until the torque that answers it acts [s].
         q_ref: reference positions, shape (samples, joints).
         dq_ref: reference speeds.
         inputs: added to the law's output, shape (samples, joints) or (1, joints).
@@ -58,7 +60,7 @@ def run_python_loop(
     none, unit = np.zeros((n, TAPS)), np.tile(np.eye(1, TAPS), (n, 1))
     said = np.zeros((samples, n))
     law = SampledLaw(none, unit, none, np.zeros(n), said, said)
-    state = initial_state(model, law, *start)
+    state = initial_state(model, law, *start, late=int(delay * rate + 1e-9))
     on_path = path_arguments(model.friction, state, samples)
     heard = np.zeros((1, n))
     q_wanted, dq_wanted = q_ref.view(), dq_ref.view()
@@ -70,7 +72,7 @@ def run_python_loop(
             measured = state.vectors[Q] + noise[k if len(noise) > 1 else 0]
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
-                model, law, state, rate, q_ref, inputs, heard, limits, steps, oracle, k, k + 1,
+                model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle, k, k + 1,
                 channels, failure, *on_path,
             )  # fmt: skip
             if what != DONE:
