@@ -19,6 +19,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
 from pivident.cli.console import error_line, note
+from pivident.cli.laws import laws  # laws
 from pivident.cli.study import study
 from pivident.errors import DatasetUnavailable, PividentError
 
@@ -38,6 +39,7 @@ datasets_app = App(
 )
 app.command(datasets_app)
 app.command(study)
+app.command(laws)  # laws
 
 
 @app.command
