@@ -30,6 +30,7 @@ if TYPE_CHECKING:
         RandomWalk,
     )
     from pivident.estimation.problem import Loop, Problem
+    from pivident.estimation.shapes import identify_shapes
     from pivident.estimation.unknown_loop import complete_loop
     from pivident.experiment import load_experiment
     from pivident.recording.load import load_recording
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from pivident.validation.cross_validation import cross_validate
     from pivident.validation.essential_parameters import essential_parameters
     from pivident.validation.examination import examine
+    from pivident.validation.law_choice import choose_laws
     from pivident.validation.verdict import verdict
 
 #: Where each name of the front door lives.
@@ -65,12 +67,14 @@ _HOME = {
     "base_parameters": "pivident.dynamics.base_parameters",
     "build_regression": "pivident.estimation.identify",
     "complete_loop": "pivident.estimation.unknown_loop",
+    "choose_laws": "pivident.validation.law_choice",
     "cross_validate": "pivident.validation.cross_validation",
     "essential_parameters": "pivident.validation.essential_parameters",
     "examine": "pivident.validation.examination",
     "identify": "pivident.estimation.identify",
     "identify_controller": "pivident.estimation.controller_identification",
     "identify_free_law": "pivident.estimation.free_law",
+    "identify_shapes": "pivident.estimation.shapes",
     "load_experiment": "pivident.experiment",
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
@@ -100,6 +104,7 @@ __all__ = [
     "__version__",
     "base_parameters",
     "build_regression",
+    "choose_laws",
     "complete_loop",
     "cross_validate",
     "essential_parameters",
@@ -107,6 +112,7 @@ __all__ = [
     "identify",
     "identify_controller",
     "identify_free_law",
+    "identify_shapes",
     "load_experiment",
     "load_recording",
     "load_robot",

@@ -22,6 +22,7 @@ from pivident.cli.console import error_line, note
 from pivident.cli.flexibility import flexibility
 from pivident.cli.friction import friction
 from pivident.cli.gains import gains
+from pivident.cli.laws import laws
 from pivident.cli.study import study
 from pivident.errors import DatasetUnavailable, PividentError
 
@@ -44,6 +45,7 @@ app.command(study)
 app.command(friction)
 app.command(flexibility)
 app.command(gains)
+app.command(laws)
 
 
 @app.command

@@ -18,6 +18,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
+from pivident.estimation.shapes import identify_shapes
 from pivident.estimation.tables import comparison_table, rows_kind
 from pivident.files import atomic_folder
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
@@ -88,9 +89,12 @@ def run_experiment(
         check_output(folder)
         problem, validation = experiment.problem(progress.say), experiment.content.validation
         unseen = experiment.unseen_recordings()
-        essential = None
+        essential, shaped = None, None
+        last = list(methods.values())[-1]
+        if experiment.content.identify.shapes == "identify":
+            shaped = identify_shapes(problem, last, progress=progress.say)
+            problem = shaped.problem
         if experiment.content.identify.essential:
-            last = list(methods.values())[-1]
             essential = essential_parameters(problem, last, progress=progress.say)
             problem = replace(problem, parameters=essential.names)
         outcome = identify_all(problem, methods, progress)
@@ -108,6 +112,8 @@ def run_experiment(
         results = Results(outcome.identifications, examination, essential)
         write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
+    if shaped is not None:
+        print("\n".join(["", "Constants of the friction laws:", shaped.table(), *shaped.notes]))
     return outcome
 
 

@@ -144,7 +144,7 @@ def simulate(
         )  # fmt: skip
     else:
         law = controller.law(rate, q_ref, dq_ref)
-        state = initial_state(model, law, *begin, late=int(delay * rate + 1e-9))
+        state = initial_state(model, law, begin[0], begin[1], int(delay * rate + 1e-9))
         on_path = path_arguments(model.friction, state, samples)
         record = on_path[-1]
         what, joint, sample = run_loop(

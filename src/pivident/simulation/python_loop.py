@@ -60,7 +60,7 @@ def run_python_loop(
     none, unit = np.zeros((n, TAPS)), np.tile(np.eye(1, TAPS), (n, 1))
     said = np.zeros((samples, n))
     law = SampledLaw(none, unit, none, np.zeros(n), said, said)
-    state = initial_state(model, law, *start, late=int(delay * rate + 1e-9))
+    state = initial_state(model, law, start[0], start[1], int(delay * rate + 1e-9))
     on_path = path_arguments(model.friction, state, samples)
     heard = np.zeros((1, n))
     q_wanted, dq_wanted = q_ref.view(), dq_ref.view()
@@ -72,8 +72,8 @@ def run_python_loop(
             measured = state.vectors[Q] + noise[k if len(noise) > 1 else 0]
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
-                model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle, k, k + 1,
-                channels, failure, *on_path,
+                model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle,
+                k, k + 1, channels, failure, *on_path,
             )  # fmt: skip
             if what != DONE:
                 return what, joint, k, on_path[-1]

@@ -1,0 +1,93 @@
+"""The command ``pivident laws``: which friction law each joint of a record has."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pivident.cli.console import Progress, note
+
+if TYPE_CHECKING:
+    from pivident.estimation.methods import Method
+    from pivident.estimation.problem import Problem
+    from pivident.validation.chosen_laws import LawChoice
+
+
+def laws(
+    experiment: Path,
+    /,
+    *,
+    method: str | None = None,
+    joint: Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)] = (),
+    blocks: int = 10,
+    depth: int = 3,
+) -> int:
+    """Try friction laws on each joint of a record and say which one predicts best.
+
+    The experiment's own laws come first; each other one is a change of the best so far. Laws are
+    judged on blocks of the motion that they were not fitted to. The chosen ones are printed as
+    lines for the experiment file, after a check of the whole robot with and without them.
+
+    Parameters
+    ----------
+    experiment
+        The experiment file (.toml).
+    method
+        Estimator on whose equations laws are compared: ls, iv, iv-full-rate or piv. Default: least
+        squares at the full rate.
+    joint
+        Names of the joints; several with commas or by repetition. Default: all.
+    blocks
+        Blocks of the motion that are held out in turn.
+    depth
+        Most changes of a law.
+    """
+    from pivident.experiment import load_experiment
+    from pivident.validation.law_choice import choose_laws
+
+    given = load_experiment(experiment)
+    chosen: Method | None = None if method is None else given.methods([method])[method]
+    names = [name for text in joint for name in text.replace(" ", "").split(",") if name]
+    with Progress() as progress:
+        problem = given.problem(progress.say)
+        choice = choose_laws(
+            problem,
+            chosen,
+            joints=names or None,
+            folds=blocks,
+            depth=depth,
+            progress=progress.say,
+        )
+        progress.say("checking the whole robot")
+        checked = _checked(problem, choice, chosen, given.unseen_recordings())
+    print(choice)
+    print(f"\n{checked}")
+    if all(j.chosen is j.base for j in choice.joints):
+        note("no law predicts better than the present ones")
+    return 0
+
+
+def _checked(problem: Problem, choice: LawChoice, method: Method | None, unseen: Sequence) -> str:
+    """Errors on motion that was not fitted, of the whole robot before and after."""
+    from pivident.estimation.methods import LeastSquares, RandomWalk
+    from pivident.validation.cross_validation import cross_validate
+    from pivident.validation.plain_table import plain_table
+
+    method = method or LeastSquares(signals=RandomWalk())
+    rows = []
+    for name, own in (("present laws", problem), ("chosen laws", choice.problem)):
+        judged = cross_validate(own, method, recording=unseen or None)
+        replay = "–" if judged.replay is None else f"{judged.replay.total:.2f}"
+        rows.append((name, f"{judged.prediction.total_in_band:.2f}", replay))
+    band = judged.prediction.band
+    what = "another recording" if unseen else "5 blocks"
+    return plain_table(
+        [
+            (f"held-out error on {what}", "<", [r[0] for r in rows]),
+            (f"torque % < {band:g} Hz", ".", [r[1] for r in rows]),
+            ("simulated loop %", ".", [r[2] for r in rows]),
+        ]
+    )

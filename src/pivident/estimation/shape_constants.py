@@ -1,0 +1,213 @@
+"""Constants of shape that are identified: where they are, in which coordinate, between what bounds.
+
+A Stribeck speed or a presliding distance may be wrong by orders of magnitude, so positive constants
+are sought and bounded in their logarithm u = ln s; angles, excesses and orders stay as they are.
+The bounds are those of the law, narrowed to what the record can speak of: a Stribeck speed beyond
+the fastest motion is Coulomb friction, one far below the slowest is nothing.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.estimation.kinematics import Kinematics
+from pivident.robot.description import Robot
+from pivident.robot.friction import FrictionLaw, Shape
+from pivident.robot.naming import find_joint, nearest
+
+#: Slope of all smoothed signs of a law; not among its shapes, but identifiable like one.
+GAMMA = "gamma"
+
+#: Starting points along each constant.
+GRID = 11
+
+#: Share of the samples that must be slower than three Stribeck speeds for it to be told.
+SLOWEST_SHARE = 2e-3
+
+
+@dataclass(frozen=True)
+class ShapeConstant:
+    """One constant of one joint's friction law.
+
+    Attributes:
+        joint: index of the joint.
+        joint_name: its name.
+        name: as the law has it, ``stribeck_speed``, or ``gamma``.
+        value: where the search starts, or what it found.
+        unit: of the value, ``rad/s``; ``1`` without one.
+        low: smallest value that the record can tell from others.
+        high: largest one.
+        logarithmic: whether the coordinate is ln s.
+    """
+
+    joint: int
+    joint_name: str
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    logarithmic: bool
+
+    @property
+    def label(self) -> str:
+        """Name with its joint, ``stribeck_speed[carriage]``."""
+        return f"{self.name}[{self.joint_name}]"
+
+    def coordinate(self, value: float) -> float:
+        """The u of a value s."""
+        return math.log(value) if self.logarithmic else value
+
+    def at(self, coordinate: float) -> float:
+        """The value s of a u, inside the bounds."""
+        value = math.exp(min(coordinate, 700.0)) if self.logarithmic else coordinate
+        return min(max(value, self.low), self.high)
+
+    def slope(self, value: float) -> float:
+        """Derivative ds/du at a value."""
+        return value if self.logarithmic else 1.0
+
+    @property
+    def span(self) -> float:
+        """Distance of the bounds in the coordinate u."""
+        return self.coordinate(self.high) - self.coordinate(self.low)
+
+    def grid(self) -> np.ndarray:
+        """Values from which the search may start, shape (points,)."""
+        if self.logarithmic:
+            return np.geomspace(self.low, self.high, GRID)
+        if self.low == 0.0:  # an excess: small ones are likely, and none would hide its speed
+            return self.high * np.linspace(0.0, 1.0, GRID)[1:] ** 3
+        return np.linspace(self.low, self.high, GRID)
+
+
+def chosen_names(
+    robot: Robot, names: Mapping[str, Sequence[str]] | Sequence[str] | None
+) -> dict[int, tuple[str, ...]]:
+    """Constants to identify, by joint.
+
+    Args:
+        robot: its joints' laws have the constants.
+        names: by joint name; a list: those of each joint that has them; None: all free ones.
+
+    Raises:
+        ExperimentError: a joint or a constant does not exist, or there is nothing to identify.
+    """
+    chosen: dict[int, tuple[str, ...]] = {}
+    if isinstance(names, Mapping):
+        for named, wanted in names.items():
+            j = find_joint(robot.joint_names, named)
+            known = _known(robot.joints[j].friction)
+            for name in wanted:
+                if name not in known:
+                    raise ExperimentError(
+                        f"friction of joint {named!r}, {robot.joints[j].friction}, has no constant "
+                        f"{name!r}; {nearest(name, known) if known else 'it has none at all'}"
+                    )
+            chosen[j] = tuple(dict.fromkeys(wanted))
+    else:
+        for j, joint in enumerate(robot.joints):
+            free = [s.name for s in joint.friction.shapes if s.free]
+            known = _known(joint.friction)
+            chosen[j] = tuple(free if names is None else [n for n in names if n in known])
+        unknown = set(names or ()) - {n for own in chosen.values() for n in own}
+        if unknown:
+            raise ExperimentError(f"no joint's friction has a constant {sorted(unknown)[0]!r}")
+    chosen = {j: own for j, own in sorted(chosen.items()) if own}
+    if not chosen:
+        raise ExperimentError(
+            "no friction law has a free constant of shape; give a joint such a law (Stribeck, "
+            "power, presliding), or name the constants"
+        )
+    return chosen
+
+
+def shape_constants(
+    robot: Robot, joint: int, names: Iterable[str], motions: Sequence[Kinematics]
+) -> list[ShapeConstant]:
+    """The constants of one joint with the bounds that its motion allows.
+
+    Args:
+        robot: the robot.
+        joint: index of the joint.
+        names: of the constants.
+        motions: smoothed motion of all recordings.
+    """
+    law, kind = robot.joints[joint].friction, robot.joints[joint].kind
+    q = [k.q[joint, k.start : k.stop] for k in motions]
+    dq = np.abs(np.concatenate([k.dq[joint, k.start : k.stop] for k in motions]))
+    travel = max(float(np.ptp(x)) for x in q)
+    step = float(np.median(np.abs(np.concatenate([np.diff(x) for x in q])))) or 1e-12
+    fastest = float(dq.max())
+    slowest = max(float(np.quantile(dq, SLOWEST_SHARE)) / 3.0, 1e-4 * fastest)
+    made = []
+    for name in names:
+        if name == GAMMA:
+            value = law.slopes[0]
+            bounds, unit, log = (1.0 / fastest, 10.0 / slowest), _unit("1/speed", kind), True
+        else:
+            shape = next(s for s in law.shapes if s.name == name)
+            value, unit = shape.value, _unit(shape.unit, kind)
+            bounds = _told_by_motion(shape, travel, step, slowest, fastest)
+            log = shape.low > 0.0 and shape.unit not in ("angle", "1/position")
+        low, high = min(bounds), max(bounds)
+        made.append(
+            ShapeConstant(
+                joint,
+                robot.joint_names[joint],
+                name,
+                float(np.clip(value, low, high)),
+                unit,
+                low,
+                high,
+                log,
+            )
+        )
+    return made
+
+
+def with_shapes(robot: Robot, constants: Iterable[ShapeConstant]) -> Robot:
+    """The same robot with these values in its friction laws."""
+    joints = list(robot.joints)
+    for c in constants:
+        law = joints[c.joint].friction.with_shapes({c.name: c.value})
+        joints[c.joint] = joints[c.joint].with_friction(law)
+    return replace(robot, joints=tuple(joints))
+
+
+def _known(law: FrictionLaw) -> list[str]:
+    return [s.name for s in law.shapes] + [GAMMA] * bool(law.slopes)
+
+
+def _told_by_motion(
+    shape: Shape, travel: float, step: float, slowest: float, fastest: float
+) -> tuple[float, float]:
+    """Bounds of a constant, those of its law narrowed to what the motion reaches."""
+    low, high = {
+        "speed": (slowest, 2.0 * fastest),
+        "position": (0.05 * step, travel),
+        "1/speed": (1.0 / fastest, 10.0 / slowest),
+        # orders next to each other differ by one period over the whole travel
+        "1/position": (shape.value - 4.0 * np.pi / travel, shape.value + 4.0 * np.pi / travel),
+        "angle": (shape.value - np.pi, shape.value + np.pi),
+        "1": (shape.low, shape.high),
+    }[shape.unit]
+    return max(low, shape.low), min(high, shape.high)
+
+
+def _unit(unit: str, kind: str) -> str:
+    """Unit of a constant on a revolute or prismatic joint."""
+    length = "rad" if kind == "revolute" else "m"
+    return {
+        "speed": f"{length}/s",
+        "position": length,
+        "1/speed": f"s/{length}",
+        "1/position": f"1/{length}",
+        "angle": "rad",
+        "1": "1",
+    }[unit]

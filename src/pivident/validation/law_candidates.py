@@ -1,0 +1,171 @@
+"""Friction laws that are tried on a joint: changes of the law that it has.
+
+A change adds a term or puts one in another's place; a law that does not allow it (Dahl's friction
+has no Coulomb term to be replaced) is left as it is. Changes are applied one after the other, so a
+short list makes many laws.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.robot.friction import (
+    FrictionColumn,
+    FrictionLaw,
+    FrictionTerm,
+    asymmetric_coulomb,
+    asymmetric_viscous,
+    dahl,
+    load_dependent,
+    lugre,
+    maxwell_slip,
+    power_viscous,
+    stribeck,
+)
+
+#: A change of a law; None where the law does not allow it.
+Change = Callable[[FrictionLaw], FrictionLaw | None]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """How far and how fast a joint moves in the records.
+
+    Attributes:
+        travel: between its ends [rad or m].
+        fastest: largest speed [rad/s or m/s].
+    """
+
+    travel: float
+    fastest: float
+
+
+def default_changes(reach: Reach) -> dict[str, Change]:
+    """The usual changes, with constants of shape to start from.
+
+    Args:
+        reach: of the joint.
+    """
+    dry = (FrictionColumn.COULOMB,)
+    speed, distance = 0.05 * reach.fastest, 1e-3 * reach.travel
+    slips = [float(d) for d in np.geomspace(1e-3, 1e-1, 3) * reach.travel]
+
+    def asymmetric(law: FrictionLaw) -> FrictionLaw | None:
+        old = _term(law, FrictionColumn.COULOMB)
+        # with an offset the law has two levels already: fc s + off
+        if old is None or _has(law, FrictionColumn.OFFSET):
+            return None
+        return _replaced(law, dry, asymmetric_coulomb(old.smoothing, old.gamma))
+
+    def with_stribeck(law: FrictionLaw) -> FrictionLaw | None:
+        if _has(law, FrictionColumn.STRIBECK) or _excess(law):
+            return None
+        old = _term(law, FrictionColumn.COULOMB) or _term(law, FrictionColumn.COULOMB_POSITIVE)
+        smoothing, gamma = (old.smoothing, old.gamma) if old else ("atan", None)
+        return _replaced(law, (), (stribeck(speed, 2.0, smoothing, gamma),))
+
+    def with_power(law: FrictionLaw) -> FrictionLaw | None:
+        if _has(law, FrictionColumn.POWER):
+            return None
+        return _replaced(law, (), (power_viscous(2.0),))
+
+    def power_only(law: FrictionLaw) -> FrictionLaw | None:
+        if not _has(law, FrictionColumn.VISCOUS) or _has(law, FrictionColumn.POWER):
+            return None
+        return _replaced(law, (FrictionColumn.VISCOUS,), (power_viscous(2.0),))
+
+    def two_slopes(law: FrictionLaw) -> FrictionLaw | None:
+        if not _has(law, FrictionColumn.VISCOUS):
+            return None
+        return _replaced(law, (FrictionColumn.VISCOUS,), asymmetric_viscous())
+
+    def with_load(law: FrictionLaw) -> FrictionLaw | None:
+        if _has(law, FrictionColumn.LOAD):
+            return None
+        old = _term(law, FrictionColumn.COULOMB)
+        smoothing, gamma = (old.smoothing, old.gamma) if old else ("atan", None)
+        return _replaced(law, (), (load_dependent(smoothing, gamma),))
+
+    return {
+        "asymmetric Coulomb": asymmetric,
+        "Stribeck": with_stribeck,
+        "power": with_power,
+        "power for viscous": power_only,
+        "asymmetric viscous": two_slopes,
+        "load": with_load,
+        "Dahl": in_place_of_coulomb((dahl(distance),)),
+        "LuGre": in_place_of_coulomb(lugre(distance, 0.3, speed)),
+        "Maxwell slip": in_place_of_coulomb(maxwell_slip(slips)),
+    }
+
+
+def adding(terms: tuple[FrictionTerm, ...]) -> Change:
+    """The change that adds given terms, a ripple of a known order for example."""
+    stems = {t.stem for t in terms}
+
+    def change(law: FrictionLaw) -> FrictionLaw | None:
+        if stems & {t.stem for t in law.terms}:
+            return None
+        return _replaced(law, (), terms)
+
+    return change
+
+
+def in_place_of_coulomb(terms: tuple[FrictionTerm, ...]) -> Change:
+    """The change that puts terms with memory in the place of Coulomb and Stribeck friction."""
+
+    def change(law: FrictionLaw) -> FrictionLaw | None:
+        if not _has(law, FrictionColumn.COULOMB):
+            return None
+        return _replaced(law, (FrictionColumn.COULOMB, FrictionColumn.STRIBECK), terms)
+
+    return change
+
+
+def changed(
+    law: FrictionLaw, changes: Mapping[str, Change], known: set[frozenset[str]]
+) -> dict[str, FrictionLaw]:
+    """Laws one change away that were not tried yet; ``known`` learns their terms.
+
+    Args:
+        law: where to start.
+        changes: by name.
+        known: laws tried before, as sets of their terms' functions.
+    """
+    found = {}
+    for name, change in changes.items():
+        try:
+            new = change(law)
+        except ValueError:  # terms that exclude each other
+            continue
+        if new is None or (key := key_of(new)) in known:
+            continue
+        known.add(key)
+        found[name] = new
+    return found
+
+
+def key_of(law: FrictionLaw) -> frozenset[str]:
+    """What distinguishes laws: their terms, and whether presliding has a Stribeck curve."""
+    return frozenset(f"{t.stem}{t.column.name}{len(t.shapes)}" for t in law.terms)
+
+
+def _term(law: FrictionLaw, column: FrictionColumn) -> FrictionTerm | None:
+    return next((t for t in law.terms if t.column is column), None)
+
+
+def _has(law: FrictionLaw, column: FrictionColumn) -> bool:
+    return _term(law, column) is not None
+
+
+def _excess(law: FrictionLaw) -> bool:
+    return any(s.name == "stribeck_speed" for s in law.shapes)
+
+
+def _replaced(
+    law: FrictionLaw, without: tuple[FrictionColumn, ...], new: tuple[FrictionTerm, ...]
+) -> FrictionLaw:
+    return FrictionLaw((*(t for t in law.terms if t.column not in without), *new))
