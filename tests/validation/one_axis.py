@@ -33,7 +33,7 @@ def reference(samples):
     return q[:, None], dq[:, None], ddq[:, None]
 
 
-def motion(samples=4 * PERIOD, truth=None):
+def motion(samples=4 * PERIOD, truth=None, delay=0.0):
     """The axis on its reference, simulated with the true parameters."""
     robot = load_robot("emps")
     heads = base_parameters(robot).parameters
@@ -50,6 +50,7 @@ def motion(samples=4 * PERIOD, truth=None):
         np.full(1, np.inf),
         np.ones(1),
         np.full(1, 50.0),
+        delay,
     )
     return simulate(model, CONTROLLER, signals, robot.joint_names)
 

@@ -261,6 +261,7 @@ def run_loop(
                 if joint >= 0:
                     failure[0] = matrices[FACTOR, joint, joint]
                     return INDEFINITE, joint, k
+                continue
             if path is not None:  # so are laws of friction on the path
                 advance_on_path(
                     linear, term_index, term_value, pair_index, pair_value,
