@@ -48,6 +48,8 @@ def test_emps(public_data, capsys):
     for name in ("ls", "iv", "iv-full-rate", "piv"):
         assert rows[name][1] < 5.85 and rows[name][2] < 2.6, name
     assert force < 5.85 and position < 2.6
+    _, force, position = rows["friction"]
+    assert force < 3.5 and position < 1.5
     assert "unseen force" in capsys.readouterr().out
 
 

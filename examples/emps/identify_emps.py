@@ -4,12 +4,14 @@ First the benchmark authors' own least squares: their published values come out 
 digit. Then the methods of experiment.toml. All are judged on the validation run, which repeats the
 reference while pulses are added to the drive's input: the whole loop (controller, saturation,
 pulses, robot) is simulated with the identified parameters, and force and position are compared
-with the log.
+with the log. Last the law of friction.toml: viscous friction for each direction, Stribeck friction,
+and a drive that answers late.
 
     PIVIDENT_DATA=FOLDER python identify_emps.py [--folder FOLDER]
 """
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +21,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.recording.public_records import load_emps_pulses
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
+from pivident.validation.replay import as_logged
 
 HERE = Path(__file__).parent
 
@@ -45,10 +48,12 @@ def unseen_error(problem: Problem, theta: np.ndarray) -> tuple[float, float]:
     Returns:
         Relative error of the force [%], rms error of the position [µm].
     """
-    pulses = load_emps_pulses()
+    drive_delay = problem.recordings[0].drive_delay
+    pulses = replace(load_emps_pulses(), drive_delay=drive_delay)
     simulation = AuxiliaryModel(Problem(problem.robot, (pulses,), problem.loop), differences=False)
     (motion,) = simulation.simulate(theta)
-    force = np.linalg.norm(motion.tau.T - pulses.tau) / np.linalg.norm(pulses.tau)
+    error = as_logged(motion.tau.T, pulses) - pulses.tau
+    force = np.linalg.norm(error) / np.linalg.norm(pulses.tau)
     position = np.sqrt(np.mean((motion.q.T - pulses.q) ** 2))
     return 100 * float(force), 1e6 * float(position)
 
@@ -77,7 +82,22 @@ def main(folder: Path = HERE) -> dict[str, tuple[np.ndarray, float, float]]:
         rows[name] = (theta, force, position)
         values = " ".join(f"{value:9.4f}" for value in theta)
         print(f"{name:12s} {values}  {force:5.2f} %, {position:5.2f} µm")
+    rows["friction"] = friction_that_fits(folder)
     return rows
+
+
+def friction_that_fits(folder: Path) -> tuple[np.ndarray, float, float]:
+    """PIV with the laws of friction.toml: parameters, unseen force [%] and position [µm]."""
+    experiment = load_experiment(folder / "friction.toml")
+    problem = experiment.problem()
+    found = identify(problem, experiment.methods()["piv"])
+    force, position = unseen_error(problem, found.theta)
+    values = " ".join(
+        f"{name} {value:.4g} ± {2 * std:.2g}"
+        for name, value, std in zip(found.names, found.theta, found.std, strict=True)
+    )
+    print(f"piv, friction that fits (±2σ): {values}  {force:.2f} %, {position:.2f} µm")
+    return found.theta, force, position
 
 
 if __name__ == "__main__":

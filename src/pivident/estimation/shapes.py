@@ -287,7 +287,14 @@ def _answer(
         joint_sums[j] = searchers[j].rows.windowed_sums(u, theta, len(listed))
         listed += list(own)
     unknowns = np.r_[theta, np.zeros(len(listed))]
-    robust = sandwich(joint_sums, unknowns, eq.variance, eq.weight_power)
+    try:
+        robust = sandwich(joint_sums, unknowns, eq.variance, eq.weight_power)
+    except np.linalg.LinAlgError as error:
+        values = ", ".join(f"{c.label} = {c.value:.3g}" for c in listed)
+        raise IdentificationError(
+            f"with {values} one of these constants has no effect any more, and the record cannot "
+            "give it an interval; give that one, or leave its term out of the law"
+        ) from error
     formula = _formula(joint_sums, eq.variance, unknowns.size)
     slopes = np.r_[np.ones(theta.size), [c.slope(c.value) for c in listed]]
     covariance, formula = (x * np.outer(slopes, slopes) for x in (robust, formula))

@@ -74,7 +74,8 @@ def sign_warnings(
     return sentences + [
         f"{name} = {value:.3g} {p.unit} is negative; friction and rotor inertia cannot be "
         f"({abs(value) / max(s, 1e-300):.1f} standard deviations below zero). Look at the "
-        "low-speed mask, the signs of the torque and the friction law."
+        "low-speed mask, the signs of the torque and the friction law"
+        + ("; a simulated loop takes it as zero." if p.friction is not None else ".")
         for p, name, value, s in zip(parameters, names, theta, std, strict=True)
         if p.is_dissipative and value < 0 and p.joint not in joints
     ]
