@@ -47,9 +47,9 @@ def test_friction_block_chooses_another_law(tmp_path):
     head, table = re.split(r"^robot = .*\n", text, flags=re.MULTILINE)
     path.write_text(head + friction + table, encoding="utf-8")
     shoulder, elbow = load_experiment(path).robot.joints
-    assert str(shoulder.friction) == "fv dq + fc sign(dq) + off"
-    assert str(elbow.friction).endswith("+ fs tanh(γ dq) exp(-|dq/0.05|^2)")
-    assert elbow.friction.slopes == (400.0,)
+    assert str(shoulder.friction) == "fvp max(dq, 0) + fvn min(dq, 0) + fc sign(dq) + off"
+    assert "+ fs tanh(γ dq) exp(-|dq/0.05|^2) + fl |load|" in str(elbow.friction)
+    assert elbow.friction.slopes[0] == 400.0
 
 
 def test_block_for_an_unknown_loop_loads(tmp_path):

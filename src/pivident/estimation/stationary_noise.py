@@ -37,6 +37,9 @@ LONGEST_LAG = 10.0 / MOTION_BAND
 #: Fewest lags of it, for slow logs.
 FEWEST_LAGS = 50
 
+#: Largest share of a record that a lag may be: on short records few independent pairs are left.
+LARGEST_SHARE = 1.0 / 14.0
+
 #: Share of pairs of samples that must vote for a lag to be estimated.
 FEWEST_PAIRS = 0.05
 
@@ -104,7 +107,8 @@ def _spectra(
     """Empty sums of every joint."""
     rate = records[0].kinematics.recording.rate
     longest = min(max(r.votes.shape[1] for r in records), LONGEST_STRETCH)
-    lags = int(min(max(LONGEST_LAG * rate, FEWEST_LAGS), longest - 1))
+    lags = min(LONGEST_LAG * rate, LARGEST_SHARE * longest)
+    lags = int(min(max(lags, FEWEST_LAGS), longest - 1))
     metrics = [inverse[np.ix_(s.columns, s.columns)] for s in sums]
     return [JointSpectra(0.5 * (metric + metric.T), longest, lags) for metric in metrics]
 

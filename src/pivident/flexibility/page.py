@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,6 +19,9 @@ from pivident.flexibility.compliance import Compliance
 from pivident.flexibility.joint_study import JointFlexibility, agreement_lines, flexibility_lines
 from pivident.flexibility.resonance import Resonance
 from pivident.report.figures import MEASURED, METHOD_COLOURS, Figure
+
+#: Characters of a line.
+WIDTH = 96
 
 #: Points of one trace.
 POINTS = 1500
@@ -46,11 +50,11 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
     sections = []
     agreement = agreement_lines(found)
     if agreement:
-        text = Markup(body.render(text="\n".join(agreement), figures=[]))
+        text = Markup(body.render(text=_wrapped(agreement), figures=[]))
         sections.append(("agreement", "Recordings compared", text))
     for number, one in enumerate(found, start=1):
         drawn = _figures(one)
-        text = Markup(body.render(text="\n".join(flexibility_lines(one)[1:]), figures=drawn))
+        text = Markup(body.render(text=_wrapped(flexibility_lines(one)[1:]), figures=drawn))
         sections.append((f"joint-{number}", f"{one.recording}: {one.joint}", text))
     return environment.get_template("page.html").render(
         title="Flexible joints",
@@ -59,6 +63,17 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
+
+
+def _wrapped(lines: Sequence[str]) -> str:
+    """Lines of a report, broken where a page is narrower, with what follows indented further."""
+    broken: list[str] = []
+    for line in lines:
+        indent = " " * (len(line) - len(line.lstrip()))
+        broken += textwrap.wrap(
+            line, WIDTH, initial_indent="", subsequent_indent=f"{indent}    ", drop_whitespace=False
+        ) or [""]
+    return "\n".join(part.rstrip() for part in broken)
 
 
 def _figures(one: JointFlexibility) -> list[Figure]:
