@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -18,6 +19,7 @@ def friction(
     *,
     method: str | None = None,
     standstill: float | None = None,
+    ripple: bool = False,
     out: Path | None = None,
 ) -> int:
     """Show friction against speed, position, load and time before choosing a law for it.
@@ -31,16 +33,22 @@ def friction(
         a controller, else ls.
     standstill
         Share of the rated speed that passes for standstill, 0 to 1. Default: 0.01.
+    ripple
+        Also search for lines that repeat with the position (some seconds per joint).
     out
         Folder for friction.html, friction.json, curves.csv and curves.parquet. Default:
         NAME-friction for NAME.toml.
     """
-    run_friction(experiment, method, standstill, out)
+    run_friction(experiment, method, standstill, out, ripple)
     return 0
 
 
 def run_friction(
-    path: Path, method: str | None, standstill: float | None, out: Path | None
+    path: Path,
+    method: str | None,
+    standstill: float | None,
+    out: Path | None,
+    ripple: bool = False,
 ) -> FrictionExamination:
     """Identify, take the rigid part off, see the friction, print what stands out, write the files.
 
@@ -49,6 +57,7 @@ def run_friction(
         method: short name of the method, or None.
         standstill: share of the rated speed that passes for standstill, or None.
         out: folder for the results, or None.
+        ripple: whether lines over position are searched.
 
     Raises:
         PividentError: the file, its data or the output folder cannot be used, the estimate
@@ -59,6 +68,7 @@ def run_friction(
     from pivident.experiment import load_experiment
     from pivident.friction.curves import write_friction
     from pivident.friction.examination import examine_friction
+    from pivident.friction.ripple_search import find_ripple
 
     if standstill is not None and not 0.0 < standstill < 1.0:
         raise ExperimentError(
@@ -74,6 +84,10 @@ def run_friction(
         chosen = experiment.methods([name])[name]
         found = identify(problem, chosen, progress.say)
         examination = examine_friction(problem, found, standstill=standstill, progress=progress.say)
+        if ripple:
+            progress.say("searching for ripple")
+            lines = find_ripple(found, problem.recordings)
+            examination = replace(examination, ripple=lines)
         progress.say("writing the page")
         page = write_friction(examination, folder, f"{experiment.title}: friction")
     print_friction(examination)
@@ -96,3 +110,5 @@ def print_friction(examination: FrictionExamination) -> None:
             print(f"  {'!' if finding.clear and finding.brief else '·'} {finding.sentence}{terms}")
     for name, reason in examination.left_out.items():
         print(f"{name}: left out: {reason}")
+    if examination.ripple is not None:
+        print(f"\nRipple over position\n{examination.ripple}")

@@ -15,6 +15,8 @@ from pivident.friction.examination import FrictionExamination, JointFriction
 if TYPE_CHECKING:
     import polars as pl
 
+    from pivident.friction.ripple_lines import Ripple
+
 #: Number of the layout of ``friction.json``.
 SCHEMA = 1
 
@@ -92,7 +94,32 @@ def as_json(examination: FrictionExamination) -> dict[str, Any]:
         "recordings": list(examination.recordings),
         "left_out": dict(examination.left_out),
         "joints": [_joint_json(joint) for joint in examination.joints],
+        "ripple": None if examination.ripple is None else _ripple_json(examination.ripple),
     }
+
+
+def _ripple_json(ripple: Ripple) -> list[dict[str, Any]]:
+    """Lines of ripple, joint by joint."""
+    return [
+        {
+            "joint": joint.name,
+            "unit": joint.unit,
+            "lines": [
+                {
+                    "order": line.order,
+                    "order_std": line.order_std,
+                    "over": line.angle.name,
+                    "amplitude": line.amplitude,
+                    "interval": list(line.interval),
+                    "phase_rad": _finite(line.phase),
+                    "sentence": str(line),
+                }
+                for line in joint.lines
+            ],
+            "notes": list(joint.notes),
+        }
+        for joint in ripple.joints
+    ]
 
 
 def _joint_json(joint: JointFriction) -> dict[str, Any]:

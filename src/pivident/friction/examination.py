@@ -14,6 +14,7 @@ from pivident.friction.findings import Finding, findings
 from pivident.friction.friction_map import FrictionMap, FrictionPlane, friction_map, friction_plane
 from pivident.friction.friction_torque import FrictionTorque, friction_torques
 from pivident.friction.held_out import HeldOutError, constant_law_error, held_out_error
+from pivident.friction.ripple_lines import Ripple
 from pivident.friction.state_dependent import (
     StateDependence,
     StateDependentFit,
@@ -86,6 +87,7 @@ class FrictionExamination:
         recordings: names of the recordings.
         joints: the joints that could be examined.
         left_out: why others could not, by joint.
+        ripple: lines over position, where they were searched.
     """
 
     robot: str
@@ -93,6 +95,7 @@ class FrictionExamination:
     recordings: tuple[str, ...]
     joints: tuple[JointFriction, ...]
     left_out: dict[str, str]
+    ripple: Ripple | None = None
 
 
 def examine_friction(

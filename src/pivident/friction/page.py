@@ -12,6 +12,7 @@ from pivident import __version__
 from pivident.friction.examination import FrictionExamination
 from pivident.friction.figures import gain_figure, joint_figures
 from pivident.friction.findings import Finding, headline
+from pivident.friction.ripple_figures import ripple_figures
 from pivident.report.builder import page_environment
 from pivident.report.figures import METHOD_COLOURS
 
@@ -37,6 +38,12 @@ def render_page(examination: FrictionExamination, title: str | None = None) -> s
     for number, joint in enumerate(examination.joints, start=1):
         body = template.render(joint=joint, figures=joint_figures(joint))
         sections.append((f"joint-{number}", joint.name, Markup(body)))
+    if examination.ripple is not None:
+        drawn = {j.name: ripple_figures(j) for j in examination.ripple.joints}
+        body = environment.get_template("friction_ripple.html").render(
+            ripple=examination.ripple, figures=drawn
+        )
+        sections.append(("ripple", "Ripple over position", Markup(body)))
     return environment.get_template("page.html").render(
         title=title or f"{examination.robot}: friction",
         sections=sections,
