@@ -16,6 +16,7 @@ from pivident.friction.examination import FrictionExamination, joint_friction
 from pivident.friction.page import render_page
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.friction.made_up import friction_torque
+from tests.friction.test_ripple_lines import cosine, found_in, record
 from tests.planar_log import write_experiment
 
 
@@ -51,6 +52,18 @@ def test_names_are_escaped(examination):
     joint = replace(joint, torque=replace(joint.torque, name=name))
     text = render_page(replace(examination, robot=name, joints=(joint,), left_out={name: name}))
     assert "<script>alert" not in text and "&lt;script&gt;alert" in text
+
+
+@pytest.mark.usefixtures("_without_plotly")
+def test_ripple_has_its_section(examination, tmp_path):
+    ripple = found_in(record(3, cosine(40.0, 0.1, 1.0), joints=1), lag=0.0)
+    (line,) = (line for line in ripple.lines if abs(line.order - 40.0) < 1.0)
+    with_ripple = replace(examination, ripple=ripple)
+    assert str(line) in html.unescape(render_page(with_ripple))
+    page = write_friction(with_ripple, tmp_path / "out")
+    content = json.loads((page.parent / "friction.json").read_text("utf-8"))
+    stored = content["ripple"][0]["lines"][0]
+    assert stored["order"] == line.order and stored["interval"] == list(line.interval)
 
 
 @needs_browser
