@@ -172,6 +172,11 @@ def _findings(
     step = ""
     if severity != "fine":
         step = f"Set delay = {total:.3g} under [recording]."
+        if total < 0:
+            step += (
+                f" If the log holds what the drive was told, and the drive answers late, set "
+                f"drive_delay = {-total:.3g} instead: the simulated loop then waits as long."
+            )
         if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
             step += ' Half a sample is what torque_timing = "sampled" would explain too.'
     findings = [

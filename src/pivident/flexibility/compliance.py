@@ -23,32 +23,19 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
+from functools import partial
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.flexibility.deflection_fit import DeflectionFit, fit_deflection, torque_through_spring
+from pivident.flexibility.deflection_motion import DeflectionMotion, deflection_motion
+from pivident.flexibility.jackknife import STUDENT
 from pivident.flexibility.measured import Measured
-from pivident.flexibility.transmission_error import (
-    TransmissionLine,
-    find_orders,
-    largest_order,
-    line_columns,
-)
+from pivident.flexibility.transmission_error import TransmissionLine, find_orders, largest_order
 from pivident.recording.recording import Recording
-from pivident.signals.bandpass import butterworth, central_difference
-
-#: Blocks of the jackknife, and the 97.5 % point of Student's t with one degree fewer.
-BLOCKS, STUDENT = 10, 2.262
 
 #: Cut-off of torque and acceleration [Hz].
 CUTOFF = 10.0
-
-#: Joints below this share of their highest speed stand still: the sign of friction is not known.
-STANDSTILL = 0.02
-
-#: Share of the torque's range over which hysteresis and backlash change sides.
-TRANSITION = 0.1
 
 #: Samples by which an encoder may be late; more is viscous friction.
 MOST_LAG = 20.0
@@ -110,25 +97,6 @@ class Compliance:
     fitted: np.ndarray = field(repr=False)
 
 
-@dataclass(frozen=True, eq=False)
-class _Motion:
-    """Moving samples of one joint; ``followed`` is the torque that follows from the reference."""
-
-    t: np.ndarray
-    angle: np.ndarray
-    deflection: np.ndarray
-    torque: np.ndarray
-    followed: np.ndarray
-    torque_rate: np.ndarray
-    speed: np.ndarray
-    sign: np.ndarray
-    direction: np.ndarray
-    instruments: np.ndarray | None
-    known_lag: tuple[float, float] | None
-    retimed: float
-    recorded: tuple[float, float]
-
-
 def identify_compliance(
     recording: Recording,
     joint: int = 0,
@@ -156,23 +124,31 @@ def identify_compliance(
         IdentificationError: there is no link encoder, or too little motion.
     """
     name = recording.joint_names[joint]
-    settings = (reduction, cutoff, encoder_lag, gamma)
-    motion = _motion(recording, joint, motor_inertia, *settings)
-    retimed = _fit(motion, (), ()).value("speed")
+    prepared = partial(
+        deflection_motion,
+        recording,
+        joint,
+        reduction=reduction,
+        cutoff=cutoff,
+        known_lag=encoder_lag,
+        gamma=gamma,
+    )
+    motion = prepared(motor_inertia)
+    retimed = fit_deflection(motion, (), ()).value("speed")
     if abs(retimed) * recording.rate < MOST_LAG:
-        motion = _motion(recording, joint, motor_inertia, *settings, retimed)
+        motion = prepared(motor_inertia, retimed=retimed)
     orders = _orders(motion, recording, joint, reduction)
-    plain = _fit(motion, orders, ())
-    backlash = _torque_changes_sides(_through_spring(motion, plain))
+    plain = fit_deflection(motion, orders, ())
+    backlash = _torque_changes_sides(torque_through_spring(motion, plain))
     optional = ["hysteresis", "damping"] + (["backlash"] if backlash else [])
-    tried = {term: _fit(motion, orders, (term,)) for term in optional}
+    tried = {term: fit_deflection(motion, orders, (term,)) for term in optional}
     kept = tuple(term for term in optional if abs(tried[term].ratio(term)) > CLEAR)
-    final = _fit(motion, orders, kept) if kept else plain
+    final = fit_deflection(motion, orders, kept) if kept else plain
     tried |= {term: final for term in kept}
     notes = _notes(recording, motion, final, kept, motor_inertia)
     k = final.measured("torque", "", inverse="N m/rad")
     compliance = final.value("torque")
-    torque = _through_spring(motion, final)
+    torque = torque_through_spring(motion, final)
     strained = torque * compliance
     left = motion.deflection - final.columns @ final.theta
     without_lines = motion.deflection - final.of_lines()
@@ -182,16 +158,15 @@ def identify_compliance(
         of_one = compliance**2
         value, std = -slope.value("damping") / of_one, slope.std("damping") / of_one
         damping = Measured.around(value, std, "N m s/rad", STUDENT)
-    other = _fit(
-        _motion(recording, joint, 1.1 * motor_inertia, *settings, motion.retimed), orders, kept
-    ).value("torque")
+    heavier = prepared(1.1 * motor_inertia, retimed=motion.retimed)
+    other = fit_deflection(heavier, orders, kept).value("torque")
     return Compliance(
         recording=recording.name,
         joint=name,
         stiffness=k,
         motor_inertia=motor_inertia,
         stiffness_change=100 * (compliance / other - 1) if final.tells_stiffness else math.nan,
-        friction=_ratio(final, "sign", "N m"),
+        friction=final.over_compliance("sign", "N m"),
         encoder_lag=_lag(final, motion),
         offset=final.measured("offset", "rad"),
         hysteresis=tried["hysteresis"].measured("hysteresis", "rad", -2.0),
@@ -255,259 +230,21 @@ def identify_compliances(
     return tuple(found)
 
 
-@dataclass(frozen=True, eq=False)
-class _Fit:
-    """A linear fit of the deflection, with its jackknife."""
-
-    names: tuple[str, ...]
-    columns: np.ndarray
-    theta: np.ndarray
-    replicates: np.ndarray
-    line_count: int
-    by_lag: np.ndarray
-
-    @property
-    def tells_stiffness(self) -> bool:
-        """Whether the compliance is clearly positive."""
-        return self.value("torque") - STUDENT * self.std("torque") > 0
-
-    def value(self, name: str) -> float:
-        return float(self.theta[self.names.index(name)])
-
-    def std(self, name: str) -> float:
-        i = self.names.index(name)
-        return math.hypot(_jackknife(self.replicates[:, i]), self.by_lag[i])
-
-    def ratio(self, name: str) -> float:
-        return self.value(name) / max(self.std(name), 1e-300)
-
-    def measured(
-        self, name: str, unit: str, factor: float = 1.0, inverse: str | None = None
-    ) -> Measured:
-        value, std = self.value(name), self.std(name)
-        if inverse is not None:
-            return Measured.inverse(value, std, inverse, STUDENT)
-        return Measured.around(factor * value, abs(factor) * std, unit, STUDENT)
-
-    def of_lines(self) -> np.ndarray:
-        n = self.line_count
-        return self.columns[:, len(self.theta) - n :] @ self.theta[len(self.theta) - n :]
-
-    def lines(self, orders: Sequence[float]) -> tuple[TransmissionLine, ...]:
-        first = len(self.theta) - self.line_count
-        found = []
-        for i, order in enumerate(orders):
-            pair = slice(first + 2 * i, first + 2 * i + 2)
-            amplitude = float(np.hypot(*self.theta[pair]))
-            along = self.replicates[:, pair] @ self.theta[pair] / max(amplitude, 1e-300)
-            std = _jackknife(along)
-            found.append(TransmissionLine(order, Measured.around(amplitude, std, "rad", STUDENT)))
-        return tuple(sorted(found, key=lambda line: -line.amplitude.value))
-
-
-def _jackknife(replicates: np.ndarray) -> float:
-    """Standard deviation from the estimates without each block."""
-    n = len(replicates)
-    return float(np.sqrt((n - 1) / n * np.sum((replicates - replicates.mean()) ** 2)))
-
-
-def _lag(fit: _Fit, motion: _Motion) -> Measured:
-    """How much later the link encoder is read: what was moved and what is left [s]."""
-    lag = motion.retimed + fit.value("speed")
-    return Measured.around(lag, fit.std("speed"), "s", STUDENT)
-
-
-def _ratio(fit: _Fit, name: str, unit: str) -> Measured:
-    """-coefficient/compliance, with its own jackknife."""
-    i, j = fit.names.index(name), fit.names.index("torque")
-    if not fit.tells_stiffness:
-        return Measured(math.nan, -math.inf, math.inf, unit)
-    value = -fit.theta[i] / fit.theta[j]
-    std = _jackknife(-fit.replicates[:, i] / fit.replicates[:, j])
-    return Measured.around(value, std, unit, STUDENT)
-
-
-def _motion(
-    recording: Recording,
-    joint: int,
-    motor_inertia: float,
-    reduction: float,
-    cutoff: float,
-    known_lag: tuple[float, float] | None,
-    gamma: float | None,
-    retimed: float = 0.0,
-) -> _Motion:
-    """Signals of the samples in motion."""
-    if recording.q_link is None:
-        raise IdentificationError(
-            f"recording {recording.name!r} has no link encoder; name its columns as q_link, or use "
-            "the resonance in the loop (pivident.flexibility.resonance)"
-        )
-    rate = recording.rate
-    cutoff = min(cutoff, 0.4 * rate)
-    q, tau = recording.q[:, joint], recording.tau[:, joint]
-    if recording.torque_timing == "held" and recording.control_rate <= 1.01 * rate:
-        tau = 0.5 * (tau + np.concatenate([tau[:1], tau[:-1]]))
-    smooth = butterworth(q, rate, cutoff, 2)
-    speed = central_difference(smooth, rate)
-    acceleration = central_difference(speed, rate)
-    torque = butterworth(tau, rate, cutoff, 2) - motor_inertia * acceleration
-    fastest = float(np.abs(speed).max())
-    kept = np.abs(speed) > STANDSTILL * fastest
-    edge = math.ceil(rate / cutoff)
-    kept[:edge] = kept[-edge:] = False
-    if kept.sum() < 20 * BLOCKS:
-        raise IdentificationError(
-            f"joint {recording.joint_names[joint]!r} of recording {recording.name!r} moves for "
-            f"{kept.sum()} samples; {20 * BLOCKS} are needed: record a longer motion"
-        )
-    if gamma is None:
-        sign = np.tanh(speed / (0.5 * STANDSTILL * fastest))
-    else:
-        sign = 2 / np.pi * np.arctan(gamma * speed)
-    raw = q - recording.q_link[:, joint]
-    deflection = q - _earlier(recording.q_link[:, joint], rate, retimed)
-    functions = _reference_functions(recording)
-    followed = torque
-    if functions is not None:
-        followed = functions @ np.linalg.lstsq(functions[kept], torque[kept], rcond=None)[0]
-    direction = _stop(followed, TRANSITION * float(np.ptp(followed[kept])))
-    return _Motion(
-        t=recording.t[kept],
-        angle=reduction * q[kept],
-        deflection=deflection[kept],
-        torque=torque[kept],
-        followed=followed[kept],
-        torque_rate=central_difference(torque, rate)[kept],
-        speed=speed[kept],
-        sign=sign[kept],
-        direction=direction[kept],
-        instruments=None if functions is None else functions[kept],
-        known_lag=None if known_lag is None else (known_lag[0] - retimed, known_lag[1]),
-        retimed=retimed,
-        recorded=(float(raw[kept].min()), float(raw[kept].max())),
-    )
-
-
-def _earlier(x: np.ndarray, rate: float, lag: float) -> np.ndarray:
-    """x(t + lag) by a cubic spline, held beyond the ends."""
-    from scipy.interpolate import CubicSpline
-
-    if lag == 0.0:
-        return x
-    at = np.arange(len(x), dtype=float)
-    return CubicSpline(at, x)(np.clip(at + lag * rate, 0, len(x) - 1))
-
-
-def _reference_functions(recording: Recording) -> np.ndarray | None:
-    """What the torque of a moving arm follows from, of the reference: free of the log's noise."""
-    if recording.q_ref is None:
-        return None
-    q = recording.q_ref
-    dq = central_difference(q, recording.rate)
-    ddq = central_difference(dq, recording.rate)
-    sign = np.tanh(dq / (STANDSTILL * np.maximum(np.abs(dq).max(axis=0), 1e-12)))
-    centred = q - q.mean(axis=0)
-    parts = [dq, sign, ddq, dq**2, np.sin(q), np.cos(q), ddq * centred, ddq * centred**2]
-    columns = np.column_stack([np.ones(len(q)), *parts])
-    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-
-
-def _stop(x: np.ndarray, width: float) -> np.ndarray:
-    """Stop operator: direction in which x moves, -1 to 1 within a change of x by ``width``."""
-    z = np.zeros(len(x))
-    scale = 2.0 / max(width, 1e-300)
-    for i in range(1, len(x)):
-        z[i] = min(1.0, max(-1.0, z[i - 1] + scale * (x[i] - x[i - 1])))
-    return z
-
-
 def _orders(
-    motion: _Motion, recording: Recording, joint: int, reduction: float
+    motion: DeflectionMotion, recording: Recording, joint: int, reduction: float
 ) -> tuple[float, ...]:
     """Orders of the transmission error, from what the other terms leave of the deflection."""
-    plain = _fit(motion, (), ())
+    plain = fit_deflection(motion, (), ())
     highest = largest_order(reduction * recording.q[:, joint], recording.rate)
     return tuple(
         find_orders(motion.deflection - plain.columns @ plain.theta, motion.angle, highest)
     )
 
 
-def _fit(motion: _Motion, orders: Sequence[float], optional: Sequence[str]) -> _Fit:
-    """Least squares, or instrumental variables where the reference is there."""
-    columns = {
-        "torque": motion.torque,
-        "speed": motion.speed,
-        "sign": motion.sign,
-        "offset": np.ones(len(motion.t)),
-    }
-    if "damping" in optional:
-        columns["damping"] = motion.torque_rate
-    if "hysteresis" in optional:
-        columns["hysteresis"] = motion.direction
-    if "backlash" in optional:
-        spring = _through_spring(motion, _fit(motion, orders, ()), motion.followed)
-        columns["backlash"] = np.tanh(spring / (0.5 * TRANSITION * np.ptp(spring)))
-    lines = line_columns(motion.angle, orders)
-    phi = np.column_stack([*columns.values(), lines])
-    z = phi.copy()
-    if motion.instruments is not None:
-        for name in ("torque", "damping"):
-            if name in columns:
-                i = list(columns).index(name)
-                basis = motion.instruments
-                z[:, i] = basis @ np.linalg.lstsq(basis, phi[:, i], rcond=None)[0]
-    names = (*columns, *(f"line {i}" for i in range(lines.shape[1])))
-    if motion.known_lag is None:
-        theta, replicates = _solve_with_jackknife(phi, z, motion.deflection)
-        return _Fit(names, phi, theta, replicates, lines.shape[1], np.zeros(len(theta)))
-    return _with_known_lag(names, phi, z, motion, lines.shape[1])
-
-
-def _with_known_lag(
-    names: tuple[str, ...], phi: np.ndarray, z: np.ndarray, motion: _Motion, line_count: int
-) -> _Fit:
-    """The fit with the lag held at its value; its deviation is handed on to the others."""
-    assert motion.known_lag is not None
-    lag, deviation = motion.known_lag
-    at = names.index("speed")
-    others = [i for i in range(len(names)) if i != at]
-    theta, by_lag = np.zeros(len(names)), np.zeros(len(names))
-    replicates = np.full((BLOCKS, len(names)), lag)
-    y = motion.deflection - lag * motion.speed
-    theta[others], replicates[:, others] = _solve_with_jackknife(phi[:, others], z[:, others], y)
-    moved, _ = _solve_with_jackknife(phi[:, others], z[:, others], y - deviation * motion.speed)
-    theta[at], by_lag[at] = lag, deviation
-    by_lag[others] = moved - theta[others]
-    return _Fit(names, phi, theta, replicates, line_count, by_lag)
-
-
-def _solve_with_jackknife(
-    phi: np.ndarray, z: np.ndarray, y: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """(ZᵀΦ)⁻¹Zᵀy, of all samples and without each block."""
-    bounds = np.linspace(0, len(y), BLOCKS + 1).astype(int)
-    parts = [slice(a, b) for a, b in pairwise(bounds)]
-    scale = np.maximum(np.linalg.norm(phi, axis=0), 1e-300)
-    phi, z = phi / scale, z / np.maximum(np.linalg.norm(z, axis=0), 1e-300)
-    moments = np.array([z[p].T @ phi[p] for p in parts])
-    right = np.array([z[p].T @ y[p] for p in parts])
-    whole, all_right = moments.sum(axis=0), right.sum(axis=0)
-    theta = np.linalg.lstsq(whole, all_right, rcond=1e-10)[0] / scale
-    without = [
-        np.linalg.lstsq(whole - m, all_right - r, rcond=1e-10)[0] / scale
-        for m, r in zip(moments, right, strict=True)
-    ]
-    return theta, np.array(without)
-
-
-def _through_spring(motion: _Motion, fit: _Fit, torque: np.ndarray | None = None) -> np.ndarray:
-    """Torque behind the friction before the spring, as far as that is known [N m]."""
-    torque = motion.torque if torque is None else torque
-    compliance = fit.value("torque")
-    if not fit.tells_stiffness:
-        return torque
-    return torque + fit.value("sign") / compliance * motion.sign
+def _lag(fit: DeflectionFit, motion: DeflectionMotion) -> Measured:
+    """How much later the link encoder is read: what was moved and what is left [s]."""
+    lag = motion.retimed + fit.value("speed")
+    return Measured.around(lag, fit.std("speed"), "s", STUDENT)
 
 
 def _torque_changes_sides(torque: np.ndarray) -> bool:
@@ -518,8 +255,8 @@ def _torque_changes_sides(torque: np.ndarray) -> bool:
 
 def _notes(
     recording: Recording,
-    motion: _Motion,
-    fit: _Fit,
+    motion: DeflectionMotion,
+    fit: DeflectionFit,
     kept: Sequence[str],
     motor_inertia: float,
 ) -> tuple[str, ...]:

@@ -1,32 +1,23 @@
 """Stiffness of a joint from its motor's encoder alone: resonance and antiresonance in the loop.
 
-From torque less friction to the motor's speed a flexible joint has the impedance
-
-    Z(p) = Jm p + fv + H(p) (Jl p + fv_l),      H(p) = (d p + k) / (Jl p² + (d + fv_l) p + k)
-
-It is large at the antiresonance √(k/Jl), where the load swings against a motor that hardly moves,
-and small at the resonance √(k (1/Jm + 1/Jl)). Coulomb friction of both sides enters as
-(fc + H fc_l) sign(dq). The fit minimises
-
-    Σ |Y - (U - (fc + H fc_l) S)/Z|² / σ²(θ)
-
-over the bins that the reference excites, with σ²(θ) from the noise of speed Y and torque U, which
-neither the reference nor the sign S of friction explains (`frequency_response`): noise that the
-loop feeds back does not bias it. The sign of the load's friction comes from the motor's speed
-through H, in a second fit; half of what that moves goes into the deviations. A rigid joint,
-Z = J p + fv, is fitted as well. Where the flexible one is not clearly better, no resonance was
-seen, and the highest excited frequency says how far that goes.
+The motor is hard to move at the antiresonance and easy to move at the resonance; the joint's
+impedance (`joint_impedance`) is fitted over the bins that the reference excites (`impedance_fit`).
+The sign of the load's friction comes from the motor's speed through the spring, in a second fit;
+half of what that moves goes into the deviations. A rigid joint is fitted as well. Where the
+flexible one is not clearly better, no resonance was seen, and the highest excited frequency says
+how far that goes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, fields
 
 import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.flexibility.frequency_response import LocalSpectra, local_spectra
+from pivident.flexibility.impedance_fit import fit_flexible, fit_rigid
+from pivident.flexibility.joint_impedance import flexible_parts, load_speed, rigid_impedance
 from pivident.flexibility.measured import Measured
 from pivident.recording.recording import Recording
 
@@ -39,14 +30,8 @@ CLEARLY_BETTER = 50.0
 #: Share of itself to which the antiresonance has to be known (95 %).
 KNOWN_TO = 0.25
 
-#: Where the search for the antiresonance starts: number of frequencies.
-STARTS = 10
-
 #: Share of what the load's own sign of friction changes that is taken for a deviation.
 FRICTION_DOUBT = 0.5
-
-#: Parameters of the flexible fit: ln Jm, ln Jl, ln ω_a, ln ζ, fv, fv_l, fc, fc_l.
-FLEXIBLE = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,14 +109,14 @@ def find_resonance(
     used = _excited(spectra)
     if len(used.frequency) < FEWEST_BINS:
         return _nothing_excited(recording, name, used)
-    rigid, rigid_cost, rigid_covariance = _fit_rigid(used)
-    flexible, cost, covariance = _fit_flexible(used, rigid, motor_inertia)
+    rigid, rigid_cost, rigid_covariance = fit_rigid(used)
+    flexible, cost, covariance = fit_flexible(used, rigid, motor_inertia)
     band = (float(used.frequency[0]), float(used.frequency[-1]))
     gain = 2 * (rigid_cost - cost)
     if _is_seen(flexible, covariance, gain, band):
         used = _excited(_loop_spectra(recording, joint, lowest, high, gamma, flexible))
         first = flexible
-        flexible, cost, covariance = _fit_flexible(used, rigid, motor_inertia, first)
+        flexible, cost, covariance = fit_flexible(used, rigid, motor_inertia, first)
         # The sign of friction is known only as well as the speeds: half of what it moved counts.
         moved = FRICTION_DOUBT * (flexible - first)
         covariance = covariance + np.outer(moved, moved)
@@ -163,7 +148,7 @@ def find_resonance(
             else f"no resonance seen below {band[1]:.3g} Hz, the highest frequency that the "
             "reference excites"
         ),
-        response=_response(used, 1 / _rigid_impedance(used, rigid)),
+        response=_response(used, 1 / rigid_impedance(used.frequency, rigid)),
     )
 
 
@@ -183,7 +168,7 @@ def _loop_spectra(
     q, tau = recording.q[:, joint], recording.tau[:, joint]
     speed = central_difference(q, rate)
     smooth = central_difference(butterworth(q, rate, 0.2 * rate), rate)
-    speeds = [smooth] if known is None else [smooth, _load_speed(smooth, rate, known)]
+    speeds = [smooth] if known is None else [smooth, load_speed(smooth, rate, known)]
     sign = 2 / np.pi * np.arctan(gamma * np.column_stack(speeds))
     reference = central_difference(recording.q_ref[:, joint], rate)
     found = local_spectra(np.column_stack([speed, tau]), reference, sign, rate, low, high)
@@ -206,121 +191,6 @@ def _excited(spectra: LocalSpectra) -> LocalSpectra:
     """The excited bins up to the highest frequency around which most are."""
     kept = spectra.excited & (spectra.frequency <= spectra.excited_up_to)
     return LocalSpectra(*(getattr(spectra, part.name)[kept] for part in fields(spectra)))
-
-
-def _residual(spectra: LocalSpectra, admittance: np.ndarray, friction: np.ndarray) -> np.ndarray:
-    """(Y - G (U - F S))/σ, real and imaginary parts."""
-    v = np.stack([np.ones_like(admittance), -admittance], axis=1)
-    e = np.einsum("ks,ks->k", v, spectra.x) + admittance * np.sum(
-        friction * spectra.disturbance, axis=1
-    )
-    variance = np.einsum("ks,kst,kt->k", v, spectra.noise, v.conj()).real
-    floor = 1e-14 * np.einsum("kss->k", spectra.noise).real
-    scaled = e / np.sqrt(np.maximum(variance, floor))
-    return np.concatenate([scaled.real, scaled.imag])
-
-
-def _least_squares(
-    residual: Callable[[np.ndarray], np.ndarray], start: np.ndarray, most: int = 200
-) -> tuple[np.ndarray, float, np.ndarray]:
-    """Minimum, its sum of squares (the cost), and the covariance."""
-    from scipy.optimize import least_squares
-
-    found = least_squares(residual, start, x_scale="jac", max_nfev=most)
-    information = 2 * found.jac.T @ found.jac
-    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
-    inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-12)
-    cost = 2 * float(found.cost)
-    # Model error widens the intervals as noise would.
-    misfit = max(1.0, cost / (len(found.fun) / 2))
-    return found.x, cost, misfit * inverse * np.outer(scale, scale)
-
-
-def _rigid_impedance(spectra: LocalSpectra, theta: np.ndarray) -> np.ndarray:
-    return 2j * np.pi * spectra.frequency * theta[0] + theta[1]
-
-
-def _fit_rigid(spectra: LocalSpectra) -> tuple[np.ndarray, float, np.ndarray]:
-    """J, fv, fc of a rigid joint."""
-    (y, u), s = spectra.x.T, spectra.disturbance[:, 0]
-    p = 2j * np.pi * spectra.frequency
-    columns = np.column_stack([p * y, y, s])
-    stacked = np.concatenate([columns.real, columns.imag])
-    start = np.linalg.lstsq(stacked, np.concatenate([u.real, u.imag]), rcond=None)[0]
-    start[0] = max(start[0], 1e-9)
-
-    def residual(theta: np.ndarray) -> np.ndarray:
-        admittance = 1 / _rigid_impedance(spectra, theta)
-        return _residual(spectra, admittance, np.full((len(y), 1), theta[2]))
-
-    return _least_squares(residual, start)
-
-
-def _passed(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """H, from the motor's to the load's speed."""
-    load, omega, zeta = np.exp(np.clip(theta[1:4], -40, 40))
-    stiffness, damping = omega**2 * load, 2 * zeta * omega * load
-    p = 2j * np.pi * frequency
-    return (damping * p + stiffness) / (load * p**2 + (damping + theta[5]) * p + stiffness)
-
-
-def _load_speed(motor_speed: np.ndarray, rate: float, theta: np.ndarray) -> np.ndarray:
-    """The load's speed as it follows from the motor's, shape (samples,) [rad/s]."""
-    n = len(motor_speed)
-    # Padded with as much rest, so that the end does not wrap around to the start.
-    spectrum = np.fft.rfft(motor_speed, 2 * n)
-    return np.fft.irfft(_passed(np.fft.rfftfreq(2 * n, 1 / rate), theta) * spectrum, 2 * n)[:n]
-
-
-def _flexible_parts(
-    frequency: np.ndarray, theta: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Admittance 1/Z, friction fc of the motor and H fc_l of the load."""
-    motor, load = np.exp(np.clip(theta[:2], -40, 40))
-    p = 2j * np.pi * frequency
-    passed = _passed(frequency, theta)
-    impedance = motor * p + theta[4] + passed * (load * p + theta[5])
-    return 1 / impedance, np.full(len(p), theta[6], dtype=complex), passed * theta[7]
-
-
-def _fit_flexible(
-    spectra: LocalSpectra,
-    rigid: np.ndarray,
-    motor_inertia: float | None,
-    known: np.ndarray | None = None,
-) -> tuple[np.ndarray, float, np.ndarray]:
-    """From a known fit, or the best of several starts; a given Jm is held."""
-    held = None if motor_inertia is None else np.log(motor_inertia)
-    free = np.arange(FLEXIBLE) if held is None else np.arange(1, FLEXIBLE)
-
-    def whole(x: np.ndarray) -> np.ndarray:
-        theta = np.zeros(FLEXIBLE)
-        theta[0] = 0.0 if held is None else held
-        theta[free] = x
-        return theta
-
-    def residual(x: np.ndarray) -> np.ndarray:
-        admittance, motor, load = _flexible_parts(spectra.frequency, whole(x))
-        # Until the load's speed is known, its friction changes its sign with the motor's.
-        both = spectra.disturbance.shape[1] == 2
-        friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
-        return _residual(spectra, admittance, friction)
-
-    low, high = spectra.frequency[0], spectra.frequency[-1]
-    best = None if known is None else (known[free], 0.0, np.empty(0))
-    for start in np.geomspace(1.3 * low, high / 1.1, STARTS if known is None else 0):
-        motor = 0.5 * rigid[0] if motor_inertia is None else motor_inertia
-        load = max(rigid[0] - motor, 0.2 * rigid[0])
-        guess = [np.log(motor), np.log(load), np.log(2 * np.pi * start), np.log(0.05)]
-        guess += [0.5 * abs(rigid[1]), 0.5 * abs(rigid[1]), 0.5 * rigid[2], 0.5 * rigid[2]]
-        found = _least_squares(residual, np.array(guess)[free], 12)
-        if best is None or found[1] < best[1]:
-            best = found
-    assert best is not None
-    best = _least_squares(residual, best[0])
-    covariance = np.zeros((FLEXIBLE, FLEXIBLE))
-    covariance[np.ix_(free, free)] = best[2]
-    return whole(best[0]), best[1], covariance
 
 
 def _is_seen(
@@ -371,7 +241,7 @@ def _seen(
         gain=gain,
         misfit=cost / len(spectra.frequency),
         conclusion=f"antiresonance at {anti} and stiffness {stiffness}",
-        response=_response(spectra, _flexible_parts(spectra.frequency, theta)[0]),
+        response=_response(spectra, flexible_parts(spectra.frequency, theta)[0]),
     )
 
 

@@ -1,0 +1,205 @@
+"""Linear fit of a joint's deflection: the terms of `compliance`, with their intervals.
+
+Terms are torque (the compliance), speed (the link encoder's lag), sign of the speed (friction
+before the spring), an offset, the lines of the transmission error and, where they are asked for,
+damping, hysteresis and backlash. Torque and its derivative are instrumented with their part that
+follows from the reference, so that noise of the torque cannot make the spring look stiff.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.flexibility.deflection_motion import TRANSITION, DeflectionMotion
+from pivident.flexibility.jackknife import (
+    BLOCKS,
+    STUDENT,
+    jackknife_deviation,
+    solve_with_jackknife,
+)
+from pivident.flexibility.measured import Measured
+from pivident.flexibility.transmission_error import TransmissionLine, line_columns
+
+
+@dataclass(frozen=True, eq=False)
+class DeflectionFit:
+    """A linear fit of the deflection, with its jackknife.
+
+    Attributes:
+        names: of the terms; those of the transmission error come last.
+        columns: regressors, shape (samples, terms).
+        theta: coefficients, shape (terms,).
+        replicates: coefficients without each block, shape (blocks, terms).
+        line_count: number of columns of the transmission error.
+        by_lag: what the known lag's deviation moves in each coefficient, shape (terms,).
+    """
+
+    names: tuple[str, ...]
+    columns: np.ndarray
+    theta: np.ndarray
+    replicates: np.ndarray
+    line_count: int
+    by_lag: np.ndarray
+
+    @property
+    def tells_stiffness(self) -> bool:
+        """Whether the compliance is clearly positive."""
+        return self.value("torque") - STUDENT * self.std("torque") > 0
+
+    def value(self, name: str) -> float:
+        """Coefficient of a term.
+
+        Args:
+            name: of the term.
+        """
+        return float(self.theta[self.names.index(name)])
+
+    def std(self, name: str) -> float:
+        """Its standard deviation, with what the known lag leaves open.
+
+        Args:
+            name: of the term.
+        """
+        i = self.names.index(name)
+        return math.hypot(jackknife_deviation(self.replicates[:, i]), self.by_lag[i])
+
+    def ratio(self, name: str) -> float:
+        """Coefficient over standard deviation.
+
+        Args:
+            name: of the term.
+        """
+        return self.value(name) / max(self.std(name), 1e-300)
+
+    def measured(
+        self, name: str, unit: str, factor: float = 1.0, inverse: str | None = None
+    ) -> Measured:
+        """A term with its interval.
+
+        Args:
+            name: of the term.
+            unit: of the coefficient times the factor.
+            factor: times the coefficient.
+            inverse: unit of 1/coefficient, where that is asked for instead.
+        """
+        value, std = self.value(name), self.std(name)
+        if inverse is not None:
+            return Measured.inverse(value, std, inverse, STUDENT)
+        return Measured.around(factor * value, abs(factor) * std, unit, STUDENT)
+
+    def of_lines(self) -> np.ndarray:
+        """Part of the deflection that is transmission error, shape (samples,) [rad]."""
+        n = self.line_count
+        return self.columns[:, len(self.theta) - n :] @ self.theta[len(self.theta) - n :]
+
+    def lines(self, orders: Sequence[float]) -> tuple[TransmissionLine, ...]:
+        """Transmission error, largest amplitude first.
+
+        Args:
+            orders: with which it was fitted, cycles per revolution of the motor.
+        """
+        first = len(self.theta) - self.line_count
+        found = []
+        for i, order in enumerate(orders):
+            pair = slice(first + 2 * i, first + 2 * i + 2)
+            amplitude = float(np.hypot(*self.theta[pair]))
+            along = self.replicates[:, pair] @ self.theta[pair] / max(amplitude, 1e-300)
+            std = jackknife_deviation(along)
+            found.append(TransmissionLine(order, Measured.around(amplitude, std, "rad", STUDENT)))
+        return tuple(sorted(found, key=lambda line: -line.amplitude.value))
+
+    def over_compliance(self, name: str, unit: str) -> Measured:
+        """-coefficient/compliance, with its own jackknife.
+
+        Args:
+            name: of the term.
+            unit: of the quotient.
+        """
+        i, j = self.names.index(name), self.names.index("torque")
+        if not self.tells_stiffness:
+            return Measured(math.nan, -math.inf, math.inf, unit)
+        value = -self.theta[i] / self.theta[j]
+        std = jackknife_deviation(-self.replicates[:, i] / self.replicates[:, j])
+        return Measured.around(value, std, unit, STUDENT)
+
+
+def fit_deflection(
+    motion: DeflectionMotion, orders: Sequence[float], optional: Sequence[str]
+) -> DeflectionFit:
+    """Least squares, or instrumental variables where the reference is there.
+
+    Args:
+        motion: samples of the joint.
+        orders: of the transmission error, cycles per revolution of the motor.
+        optional: which of the terms damping, hysteresis and backlash are fitted, too.
+    """
+    columns = {
+        "torque": motion.torque,
+        "speed": motion.speed,
+        "sign": motion.sign,
+        "offset": np.ones(len(motion.t)),
+    }
+    if "damping" in optional:
+        columns["damping"] = motion.torque_rate
+    if "hysteresis" in optional:
+        columns["hysteresis"] = motion.direction
+    if "backlash" in optional:
+        spring = torque_through_spring(motion, fit_deflection(motion, orders, ()), motion.followed)
+        columns["backlash"] = np.tanh(spring / (0.5 * TRANSITION * np.ptp(spring)))
+    lines = line_columns(motion.angle, orders)
+    phi = np.column_stack([*columns.values(), lines])
+    z = phi.copy()
+    if motion.instruments is not None:
+        for name in ("torque", "damping"):
+            if name in columns:
+                i = list(columns).index(name)
+                basis = motion.instruments
+                z[:, i] = basis @ np.linalg.lstsq(basis, phi[:, i], rcond=None)[0]
+    names = (*columns, *(f"line {i}" for i in range(lines.shape[1])))
+    if motion.known_lag is None:
+        theta, replicates = solve_with_jackknife(phi, z, motion.deflection)
+        return DeflectionFit(names, phi, theta, replicates, lines.shape[1], np.zeros(len(theta)))
+    return _with_known_lag(names, phi, z, motion, lines.shape[1])
+
+
+def _with_known_lag(
+    names: tuple[str, ...],
+    phi: np.ndarray,
+    z: np.ndarray,
+    motion: DeflectionMotion,
+    line_count: int,
+) -> DeflectionFit:
+    """The fit with the lag held at its value; its deviation is handed on to the others."""
+    assert motion.known_lag is not None
+    lag, deviation = motion.known_lag
+    at = names.index("speed")
+    others = [i for i in range(len(names)) if i != at]
+    theta, by_lag = np.zeros(len(names)), np.zeros(len(names))
+    replicates = np.full((BLOCKS, len(names)), lag)
+    y = motion.deflection - lag * motion.speed
+    theta[others], replicates[:, others] = solve_with_jackknife(phi[:, others], z[:, others], y)
+    moved, _ = solve_with_jackknife(phi[:, others], z[:, others], y - deviation * motion.speed)
+    theta[at], by_lag[at] = lag, deviation
+    by_lag[others] = moved - theta[others]
+    return DeflectionFit(names, phi, theta, replicates, line_count, by_lag)
+
+
+def torque_through_spring(
+    motion: DeflectionMotion, fit: DeflectionFit, torque: np.ndarray | None = None
+) -> np.ndarray:
+    """Torque behind the friction before the spring, as far as that is known [N m].
+
+    Args:
+        motion: samples of the joint.
+        fit: tells the friction.
+        torque: before the friction, shape (samples,) [N m]; None: that of the motion.
+    """
+    torque = motion.torque if torque is None else torque
+    compliance = fit.value("torque")
+    if not fit.tells_stiffness:
+        return torque
+    return torque + fit.value("sign") / compliance * motion.sign

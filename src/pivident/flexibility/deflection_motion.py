@@ -1,0 +1,174 @@
+"""What the fit of a deflection needs of a record: the signals of one joint while it moves.
+
+Torque and acceleration are low-passed without phase; the torque of the motor's inertia is taken
+off. The link encoder is moved back by an estimate of how much later it is read. Where the
+reference was recorded, functions of it serve as instruments, since they are free of the log's
+noise, and tell the direction in which the torque moves.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.flexibility.jackknife import BLOCKS
+from pivident.recording.recording import Recording
+from pivident.signals.bandpass import butterworth, central_difference
+
+#: Fewest samples in motion, so that each block of the jackknife has some.
+FEWEST_SAMPLES = 20 * BLOCKS
+
+#: Joints below this share of their highest speed stand still: the sign of friction is not known.
+STANDSTILL = 0.02
+
+#: Share of the torque's range over which hysteresis and backlash change sides.
+TRANSITION = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class DeflectionMotion:
+    """Moving samples of one joint, shape (samples,) each.
+
+    Attributes:
+        t: instants [s].
+        angle: of the motor [rad].
+        deflection: motor angle over gear ratio less the retimed link angle [rad].
+        torque: low-passed, less that of the motor's inertia [N m].
+        followed: the torque that follows from the reference; the torque itself without one [N m].
+        torque_rate: derivative of the torque [N m/s].
+        speed: low-passed [rad/s].
+        sign: smoothed sign of the speed.
+        direction: in which the torque moves, -1 to 1.
+        instruments: functions of the reference, shape (samples, functions), or None.
+        known_lag: how much later the retimed link encoder is read, and the deviation of that [s],
+            or None where it is to be estimated.
+        retimed: by how much the link encoder was moved back [s].
+        recorded: lowest and highest recorded difference of the encoders [rad].
+    """
+
+    t: np.ndarray
+    angle: np.ndarray
+    deflection: np.ndarray
+    torque: np.ndarray
+    followed: np.ndarray
+    torque_rate: np.ndarray
+    speed: np.ndarray
+    sign: np.ndarray
+    direction: np.ndarray
+    instruments: np.ndarray | None
+    known_lag: tuple[float, float] | None
+    retimed: float
+    recorded: tuple[float, float]
+
+
+def deflection_motion(
+    recording: Recording,
+    joint: int,
+    motor_inertia: float,
+    reduction: float,
+    cutoff: float,
+    known_lag: tuple[float, float] | None,
+    gamma: float | None,
+    retimed: float = 0.0,
+) -> DeflectionMotion:
+    """Signals of the samples in motion.
+
+    Args:
+        recording: has ``q_link``.
+        joint: index of the joint.
+        motor_inertia: Jm on the joint side [kg m²].
+        reduction: N, the gear ratio.
+        cutoff: of torque and acceleration [Hz].
+        known_lag: how much later the link encoder is read, and the deviation of that [s], or None.
+        gamma: slope of the smoothed sign of friction [s/rad]; None: it changes within 2 % of the
+            highest speed.
+        retimed: by how much the link encoder is moved back [s].
+
+    Raises:
+        IdentificationError: there is no link encoder, or too little motion.
+    """
+    if recording.q_link is None:
+        raise IdentificationError(
+            f"recording {recording.name!r} has no link encoder; name its columns as q_link, or use "
+            "the resonance in the loop (pivident.flexibility.resonance)"
+        )
+    rate = recording.rate
+    cutoff = min(cutoff, 0.4 * rate)
+    q, tau = recording.q[:, joint], recording.tau[:, joint]
+    if recording.torque_timing == "held" and recording.control_rate <= 1.01 * rate:
+        tau = 0.5 * (tau + np.concatenate([tau[:1], tau[:-1]]))
+    smooth = butterworth(q, rate, cutoff, 2)
+    speed = central_difference(smooth, rate)
+    acceleration = central_difference(speed, rate)
+    torque = butterworth(tau, rate, cutoff, 2) - motor_inertia * acceleration
+    fastest = float(np.abs(speed).max())
+    kept = np.abs(speed) > STANDSTILL * fastest
+    edge = math.ceil(rate / cutoff)
+    kept[:edge] = kept[-edge:] = False
+    if kept.sum() < FEWEST_SAMPLES:
+        raise IdentificationError(
+            f"joint {recording.joint_names[joint]!r} of recording {recording.name!r} moves for "
+            f"{kept.sum()} samples; {FEWEST_SAMPLES} are needed: record a longer motion"
+        )
+    if gamma is None:
+        sign = np.tanh(speed / (0.5 * STANDSTILL * fastest))
+    else:
+        sign = 2 / np.pi * np.arctan(gamma * speed)
+    raw = q - recording.q_link[:, joint]
+    deflection = q - _earlier(recording.q_link[:, joint], rate, retimed)
+    functions = _reference_functions(recording)
+    followed = torque
+    if functions is not None:
+        followed = functions @ np.linalg.lstsq(functions[kept], torque[kept], rcond=None)[0]
+    direction = _stop(followed, TRANSITION * float(np.ptp(followed[kept])))
+    return DeflectionMotion(
+        t=recording.t[kept],
+        angle=reduction * q[kept],
+        deflection=deflection[kept],
+        torque=torque[kept],
+        followed=followed[kept],
+        torque_rate=central_difference(torque, rate)[kept],
+        speed=speed[kept],
+        sign=sign[kept],
+        direction=direction[kept],
+        instruments=None if functions is None else functions[kept],
+        known_lag=None if known_lag is None else (known_lag[0] - retimed, known_lag[1]),
+        retimed=retimed,
+        recorded=(float(raw[kept].min()), float(raw[kept].max())),
+    )
+
+
+def _earlier(x: np.ndarray, rate: float, lag: float) -> np.ndarray:
+    """x(t + lag) by a cubic spline, held beyond the ends."""
+    from scipy.interpolate import CubicSpline
+
+    if lag == 0.0:
+        return x
+    at = np.arange(len(x), dtype=float)
+    return CubicSpline(at, x)(np.clip(at + lag * rate, 0, len(x) - 1))
+
+
+def _reference_functions(recording: Recording) -> np.ndarray | None:
+    """What the torque of a moving arm follows from, of the reference: free of the log's noise."""
+    if recording.q_ref is None:
+        return None
+    q = recording.q_ref
+    dq = central_difference(q, recording.rate)
+    ddq = central_difference(dq, recording.rate)
+    sign = np.tanh(dq / (STANDSTILL * np.maximum(np.abs(dq).max(axis=0), 1e-12)))
+    centred = q - q.mean(axis=0)
+    parts = [dq, sign, ddq, dq**2, np.sin(q), np.cos(q), ddq * centred, ddq * centred**2]
+    columns = np.column_stack([np.ones(len(q)), *parts])
+    return columns / np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
+
+
+def _stop(x: np.ndarray, width: float) -> np.ndarray:
+    """Stop operator: direction in which x moves, -1 to 1 within a change of x by ``width``."""
+    z = np.zeros(len(x))
+    scale = 2.0 / max(width, 1e-300)
+    for i in range(1, len(x)):
+        z[i] = min(1.0, max(-1.0, z[i - 1] + scale * (x[i] - x[i - 1])))
+    return z

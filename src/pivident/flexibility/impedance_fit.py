@@ -1,0 +1,124 @@
+"""Impedance of a joint fitted to spectra of its loop.
+
+The fit minimises
+
+    Σ |Y - (U - (fc + H fc_l) S)/Z|² / σ²(θ)
+
+over the bins, with Z and H of `joint_impedance` and σ²(θ) from the noise of speed Y and torque U,
+which neither the reference nor the sign S of friction explains (`frequency_response`): noise that
+the loop feeds back does not bias it. The sum is the cost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pivident.flexibility.frequency_response import LocalSpectra
+from pivident.flexibility.joint_impedance import FLEXIBLE, flexible_parts, rigid_impedance
+
+#: Where the search for the antiresonance starts: number of frequencies.
+STARTS = 10
+
+
+def fit_rigid(spectra: LocalSpectra) -> tuple[np.ndarray, float, np.ndarray]:
+    """J, fv, fc of a rigid joint.
+
+    Args:
+        spectra: of speed and torque; the sign of the speed is the disturbance.
+
+    Returns:
+        Parameters, cost and covariance.
+    """
+    (y, u), s = spectra.x.T, spectra.disturbance[:, 0]
+    p = 2j * np.pi * spectra.frequency
+    columns = np.column_stack([p * y, y, s])
+    stacked = np.concatenate([columns.real, columns.imag])
+    start = np.linalg.lstsq(stacked, np.concatenate([u.real, u.imag]), rcond=None)[0]
+    start[0] = max(start[0], 1e-9)
+
+    def residual(theta: np.ndarray) -> np.ndarray:
+        admittance = 1 / rigid_impedance(spectra.frequency, theta)
+        return _residual(spectra, admittance, np.full((len(y), 1), theta[2]))
+
+    return _least_squares(residual, start)
+
+
+def fit_flexible(
+    spectra: LocalSpectra,
+    rigid: np.ndarray,
+    motor_inertia: float | None,
+    known: np.ndarray | None = None,
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """From a known fit, or the best of several starts; a given Jm is held.
+
+    Args:
+        spectra: of speed and torque; signs of the motor's speed and, where it is known, of the
+            load's are the disturbances.
+        rigid: parameters of the rigid joint, where the starts come from.
+        motor_inertia: Jm where it is known [kg m²], or None.
+        known: parameters of an earlier fit, or None.
+
+    Returns:
+        Parameters, cost and covariance.
+    """
+    held = None if motor_inertia is None else np.log(motor_inertia)
+    free = np.arange(FLEXIBLE) if held is None else np.arange(1, FLEXIBLE)
+
+    def whole(x: np.ndarray) -> np.ndarray:
+        theta = np.zeros(FLEXIBLE)
+        theta[0] = 0.0 if held is None else held
+        theta[free] = x
+        return theta
+
+    def residual(x: np.ndarray) -> np.ndarray:
+        admittance, motor, load = flexible_parts(spectra.frequency, whole(x))
+        # Until the load's speed is known, its friction changes its sign with the motor's.
+        both = spectra.disturbance.shape[1] == 2
+        friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
+        return _residual(spectra, admittance, friction)
+
+    low, high = spectra.frequency[0], spectra.frequency[-1]
+    best = None if known is None else (known[free], 0.0, np.empty(0))
+    for start in np.geomspace(1.3 * low, high / 1.1, STARTS if known is None else 0):
+        motor = 0.5 * rigid[0] if motor_inertia is None else motor_inertia
+        load = max(rigid[0] - motor, 0.2 * rigid[0])
+        guess = [np.log(motor), np.log(load), np.log(2 * np.pi * start), np.log(0.05)]
+        guess += [0.5 * abs(rigid[1]), 0.5 * abs(rigid[1]), 0.5 * rigid[2], 0.5 * rigid[2]]
+        found = _least_squares(residual, np.array(guess)[free], 12)
+        if best is None or found[1] < best[1]:
+            best = found
+    assert best is not None
+    best = _least_squares(residual, best[0])
+    covariance = np.zeros((FLEXIBLE, FLEXIBLE))
+    covariance[np.ix_(free, free)] = best[2]
+    return whole(best[0]), best[1], covariance
+
+
+def _residual(spectra: LocalSpectra, admittance: np.ndarray, friction: np.ndarray) -> np.ndarray:
+    """(Y - G (U - F S))/σ, real and imaginary parts."""
+    v = np.stack([np.ones_like(admittance), -admittance], axis=1)
+    e = np.einsum("ks,ks->k", v, spectra.x) + admittance * np.sum(
+        friction * spectra.disturbance, axis=1
+    )
+    variance = np.einsum("ks,kst,kt->k", v, spectra.noise, v.conj()).real
+    floor = 1e-14 * np.einsum("kss->k", spectra.noise).real
+    scaled = e / np.sqrt(np.maximum(variance, floor))
+    return np.concatenate([scaled.real, scaled.imag])
+
+
+def _least_squares(
+    residual: Callable[[np.ndarray], np.ndarray], start: np.ndarray, most: int = 200
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Minimum, its sum of squares (the cost), and the covariance."""
+    from scipy.optimize import least_squares
+
+    found = least_squares(residual, start, x_scale="jac", max_nfev=most)
+    information = 2 * found.jac.T @ found.jac
+    scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
+    inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-12)
+    cost = 2 * float(found.cost)
+    # Model error widens the intervals as noise would.
+    misfit = max(1.0, cost / (len(found.fun) / 2))
+    return found.x, cost, misfit * inverse * np.outer(scale, scale)

@@ -1,0 +1,67 @@
+"""Impedance of a joint from its motor's side, rigid or flexible.
+
+A rigid joint has Z(p) = J p + fv. From torque less friction to the motor's speed a flexible one has
+
+    Z(p) = Jm p + fv + H(p) (Jl p + fv_l),      H(p) = (d p + k) / (Jl p² + (d + fv_l) p + k)
+
+with H from the motor's to the load's speed. It is large at the antiresonance √(k/Jl), where the
+load swings against a motor that hardly moves, and small at the resonance √(k (1/Jm + 1/Jl)).
+Coulomb friction of both sides enters as (fc + H fc_l) sign(dq). Parameters of the rigid joint are
+J, fv, fc; those of the flexible one ln Jm, ln Jl, ln ω_a, ln ζ, fv, fv_l, fc, fc_l, with ω_a the
+antiresonance and ζ its damping ratio.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: Number of parameters of the flexible joint.
+FLEXIBLE = 8
+
+
+def rigid_impedance(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """J p + fv, shape (bins,) [N m s/rad].
+
+    Args:
+        frequency: shape (bins,) [Hz].
+        theta: parameters of the rigid joint.
+    """
+    return 2j * np.pi * frequency * theta[0] + theta[1]
+
+
+def flexible_parts(
+    frequency: np.ndarray, theta: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Admittance 1/Z, friction fc of the motor and H fc_l of the load, shape (bins,) each.
+
+    Args:
+        frequency: shape (bins,) [Hz].
+        theta: parameters of the flexible joint.
+    """
+    motor, load = np.exp(np.clip(theta[:2], -40, 40))
+    p = 2j * np.pi * frequency
+    passed = _passed(frequency, theta)
+    impedance = motor * p + theta[4] + passed * (load * p + theta[5])
+    return 1 / impedance, np.full(len(p), theta[6], dtype=complex), passed * theta[7]
+
+
+def load_speed(motor_speed: np.ndarray, rate: float, theta: np.ndarray) -> np.ndarray:
+    """The load's speed as it follows from the motor's, shape (samples,) [rad/s].
+
+    Args:
+        motor_speed: shape (samples,) [rad/s].
+        rate: sampling rate [Hz].
+        theta: parameters of the flexible joint.
+    """
+    n = len(motor_speed)
+    # Padded with as much rest, so that the end does not wrap around to the start.
+    spectrum = np.fft.rfft(motor_speed, 2 * n)
+    return np.fft.irfft(_passed(np.fft.rfftfreq(2 * n, 1 / rate), theta) * spectrum, 2 * n)[:n]
+
+
+def _passed(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """H, from the motor's to the load's speed."""
+    load, omega, zeta = np.exp(np.clip(theta[1:4], -40, 40))
+    stiffness, damping = omega**2 * load, 2 * zeta * omega * load
+    p = 2j * np.pi * frequency
+    return (damping * p + stiffness) / (load * p**2 + (damping + theta[5]) * p + stiffness)
