@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from pivident.cli.console import Progress
+from pivident.errors import ExperimentError
 
 
 def flexibility(
@@ -33,6 +34,8 @@ def flexibility(
         write_study,
     )
 
+    if bandwidth is not None and not bandwidth > 0:
+        raise ExperimentError(f"--bandwidth {bandwidth:g} is not a frequency; give it in Hz")
     folder = out or Path(f"{experiment.stem}-flexibility")
     check_output(folder)
     with Progress() as progress:

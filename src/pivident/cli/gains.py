@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -27,26 +28,37 @@ def gains(experiment: Path, /, *, out: Path | None = None, in_log_units: bool = 
     in_log_units
         Also identify every motor's row in the unit of its own log.
     """
+    from pivident.cli.workflow import check_output
     from pivident.experiment import load_experiment
     from pivident.experiment.drive_gains import gains_of, lines_for_file
 
     if out is not None and out.exists():
         raise ExperimentError(f"{out} is there already; name another file for the gains")
+    if out is not None:
+        check_output(out.parent)
     loaded = load_experiment(experiment)
     with Progress() as progress:
         found = gains_of(loaded, progress.say)
         rows = _rows_in_log_units(loaded) if in_log_units else ()
     print(gains_text(found))
+    for row in rows:
+        print("\n" + log_units_text(row))
     lines = lines_for_file(found)
     if lines:
         print("\nFor the experiment file:\n\n" + "\n".join(lines))
     if out is not None:
         if not lines:
             raise ExperimentError(f"no gain is known, so there is nothing to write to {out}")
-        out.write_text("\n".join(lines) + "\n", encoding="utf-8")
-    for row in rows:
-        print("\n" + log_units_text(row))
+        _write(out, lines)
     return 0
+
+
+def _write(out: Path, lines: Sequence[str]) -> None:
+    """Write the lines for the experiment file, all or nothing."""
+    from pivident.files import atomic_folder
+
+    with atomic_folder(out.parent) as build:
+        (build / out.name).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
 def gains_text(found: GainsOfExperiment) -> str:

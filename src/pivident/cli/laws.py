@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pivident.cli.console import Progress, note
+from pivident.errors import ExperimentError
 
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
@@ -43,11 +44,13 @@ def laws(
     blocks
         Blocks of the motion that are held out in turn.
     depth
-        Most changes of a law.
+        How many terms a law may be changed by, at most.
     """
     from pivident.experiment import load_experiment
     from pivident.validation.law_choice import choose_laws
 
+    if depth < 1:
+        raise ExperimentError(f"--depth {depth} leaves no law to try; give 1 or more")
     given = load_experiment(experiment)
     chosen: Method | None = None if method is None else given.methods([method])[method]
     names = [name for text in joint for name in text.replace(" ", "").split(",") if name]
@@ -67,6 +70,11 @@ def laws(
     print(f"\n{checked}")
     if all(j.chosen is j.base for j in choice.joints):
         note("no law predicts better than the present ones")
+    else:
+        note(
+            f"[robot.joint_friction] belongs into {experiment.name}; where that says "
+            'robot = "NAME", write [robot] with model = "NAME" below it'
+        )
     return 0
 
 

@@ -402,7 +402,7 @@ class GainsEntry(Entry):
 
     payload: PayloadEntry | None = None
     recording: list[RecordingEntry] = Field(default_factory=list)
-    trusted: dict[str, float] = Field(default_factory=dict)
+    trusted: dict[str, PositiveFloat] = Field(default_factory=dict)
     trusted_parameters: dict[str, float] = Field(default_factory=dict)
     trusted_within: Annotated[float, Field(ge=0, lt=1)] = 0.0
     friction_under_load: bool = True

@@ -132,11 +132,10 @@ def _asymmetry(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
 def _stribeck(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
     """Fall of g from the lowest speed to its lowest point below half speed."""
     low, high = common_speeds(fit)
-    speeds = np.linspace(low, 0.5 * (low + high), SEARCHED)
-    levels = [fit.contrast(against_motion(fit, v))[0] for v in speeds]
-    lowest = float(speeds[int(np.argmin(levels))])
+    lowest = _lowest_friction(fit)
     unit = torque.torque_unit
     if lowest == low:
+        speeds = np.linspace(low, 0.5 * (low + high), SEARCHED)
         rise, std = fit.contrast(
             combined([(1.0, against_motion(fit, speeds[4])), (-1.0, against_motion(fit, low))])
         )
@@ -160,11 +159,19 @@ def _stribeck(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
     )
 
 
+def _lowest_friction(fit: StateDependentFit) -> float:
+    """Speed below half speed at which friction is lowest."""
+    low, high = common_speeds(fit)
+    speeds = np.linspace(low, 0.5 * (low + high), SEARCHED)
+    levels = [fit.contrast(against_motion(fit, v))[0] for v in speeds]
+    return float(speeds[int(np.argmin(levels))])
+
+
 def _bend(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
     """Mean slope of g over the upper half of the speeds less that over the lower half."""
     low, high = common_speeds(fit)
-    # The lowest tenth belongs to the Stribeck effect.
-    start = low + 0.1 * (high - low)
+    # What lies below the lowest friction, and a tenth beyond it, belongs to the Stribeck effect.
+    start = _lowest_friction(fit) + 0.1 * (high - low)
     middle = 0.5 * (start + high)
     halves = []
     for a, b in ((start, middle), (middle, high)):

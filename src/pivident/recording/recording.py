@@ -20,6 +20,9 @@ from pivident.robot.transmission import Transmission
 #: Fields that hold samples, besides the inputs.
 CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexible joints
 
+#: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
+LONGEST_DRIVE_DELAY = 0.1
+
 #: Which instant a torque sample speaks of, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
 
@@ -127,6 +130,11 @@ class Recording:
             raise RecordingError(
                 f"drive_delay is {self.drive_delay:g} s; a torque that is logged late is declared "
                 "by delay"
+            )
+        if self.drive_delay > LONGEST_DRIVE_DELAY:
+            raise RecordingError(
+                f"drive_delay is {self.drive_delay:g} s, longer than any drive takes; it is given "
+                "in seconds, 0.3e-3 for 0.3 ms"
             )
         taken = [name for name in self.inputs if name in CHANNELS]
         if taken:

@@ -77,7 +77,7 @@ class JointLawChoice:
                 ("gain % ± 2σ", ">", [str(self.gain(s)) for s in rows]),
                 ("ΔAIC", ".", [f"{s.aic - self.base.aic:.1f}" for s in rows]),
                 ("ΔBIC", ".", [f"{s.bic - self.base.bic:.1f}" for s in rows]),
-                ("constants", "<", [_remarks(s) for s in rows]),
+                ("constants", "<", [_remarks(s, self.unit) for s in rows]),
             ]
         )
 
@@ -105,15 +105,17 @@ class LawChoice:
         return self.joints[find_joint([j.joint for j in self.joints], name)]
 
     def toml(self) -> str:
-        """Lines for an experiment file, with the chosen laws."""
-        lines = [f'"{j.joint}" = {law_toml(j.chosen.law)}' for j in self.joints]
-        return "\n".join(["[robot.joint_friction]", *lines])
+        """Lines for an experiment file with the laws that changed; empty where none did."""
+        changed = [j for j in self.joints if j.chosen is not j.base]
+        lines = [f'"{j.joint}" = {law_toml(j.chosen.law)}' for j in changed]
+        return "\n".join(["[robot.joint_friction]", *lines]) if lines else ""
 
     def headline(self) -> str:
         """What was done and chosen, in a sentence for each joint."""
         parts = [
             f"{self.method}, {self.folds} held-out blocks, gaps of {self.gap:.2g} s. Gain: fall of "
-            "the mean square error on blocks that were not fitted."
+            "the mean square error on blocks that were not fitted. The rms holds all frequencies, "
+            "noise included."
         ]
         for j in self.joints:
             if j.chosen is j.base:
@@ -123,7 +125,8 @@ class LawChoice:
         return "\n".join(parts)
 
     def __str__(self) -> str:
-        return "\n\n".join([self.headline(), *(j.table() for j in self.joints), self.toml()])
+        parts = [self.headline(), *(j.table() for j in self.joints), self.toml()]
+        return "\n\n".join(part for part in parts if part)
 
 
 def chosen_law(scores: Sequence[LawScore]) -> LawScore:
@@ -185,9 +188,14 @@ def _gain(base: LawScore, score: LawScore) -> Gain:
     return Gain(100.0 * mean / size, 100.0 * std / size)
 
 
-def _remarks(score: LawScore) -> str:
+def _remarks(score: LawScore, torque_unit: str) -> str:
     """Constants of shape that were chosen, and whether a friction level is negative."""
+    length = "rad" if torque_unit == "N m" else "m"
+    units = {"speed": f" {length}/s", "position": f" {length}", "angle": " rad"}
     parts = [
-        f"{s.name.replace('_', ' ')} {significant(s.value)}" for s in score.law.shapes if s.free
+        f"{s.name.replace('_', ' ')} {significant(s.value)}{units.get(s.unit, '')}"
+        + (" (at its bound)" if s.value in (s.low, s.high) else "")
+        for s in score.law.shapes
+        if s.free
     ]
     return ", ".join(parts if score.physical else [*parts, "(a negative level)"])
