@@ -116,6 +116,7 @@ def figures(results: list, truth: np.ndarray, names: tuple[str, ...]) -> dict[st
     """One row: errors, coverage, bias of friction, iterations and time of one method."""
     theta = np.array([r.theta for r, _ in results])
     std = np.array([r.std for r, _ in results])
+    robust = np.array([r.robust_std for r, _ in results])
     error = theta - truth
     friction = [k for k, name in enumerate(names) if name.startswith(("fv", "fc"))]
     bias = np.abs(error.mean(axis=0) / truth)
@@ -127,6 +128,7 @@ def figures(results: list, truth: np.ndarray, names: tuple[str, ...]) -> dict[st
         "friction_bias_largest": float(bias[friction].max()),
         "largest_bias_in_deviations": float(np.abs(error.mean(axis=0) / own).max()),
         "reported_over_monte_carlo": float(np.exp(np.mean(np.log(std.mean(axis=0) / own)))),
+        "robust_over_monte_carlo": float(np.exp(np.mean(np.log(robust.mean(axis=0) / own)))),
         "iterations": max(r.iterations for r, _ in results),
         "converged": sum(r.converged for r, _ in results),
         "runs": len(results),

@@ -163,3 +163,16 @@ def test_nothing_is_written_where_nothing_is_known(folder, capsys):
     assert run(folder, HEAD, "--out", folder / "none.toml") == 1
     assert "no gain is known" in capsys.readouterr().err
     assert not (folder / "none.toml").exists()
+
+
+@pytest.mark.parametrize("gain", [-12.0, 0.0])
+def test_a_trusted_gain_is_positive(folder, capsys, gain):
+    assert run(folder, f"{HEAD}\n[gains.trusted]\nshoulder = {gain}\n") == 1
+    assert "greater than 0" in capsys.readouterr().err
+
+
+def test_a_folder_that_cannot_be_written_is_told_before_the_work(folder, capsys):
+    (folder / "file").write_text("")
+    assert run(folder, HEAD, "--out", folder / "file" / "gains.toml") == 1
+    errors = capsys.readouterr().err
+    assert "file" in errors and "smoothing" not in errors and "mistake in pivident" not in errors

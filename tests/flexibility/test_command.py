@@ -53,3 +53,8 @@ def test_a_log_with_neither_is_refused(tmp_path, capsys):
     path.write_text(path.read_text().replace(', q_ref = "r"', ""))
     assert main(["flexibility", str(path), "--out", str(tmp_path / "o")]) == 1
     assert "name the columns of one of them" in capsys.readouterr().err
+
+
+def test_a_bandwidth_that_is_none_is_refused(tmp_path, capsys):
+    assert main(["flexibility", str(write(tmp_path)), "--bandwidth", "-3"]) == 1
+    assert "--bandwidth -3 is not a frequency" in capsys.readouterr().err

@@ -179,6 +179,8 @@ def test_a_rate_that_is_not_positive_is_refused(field, value):
         ("torque_timing", "late", "held, averaged, sampled"),
         ("saturation", "perhaps", "refuse, allow"),
         ("delay", np.nan, "delay"),
+        ("drive_delay", -1e-3, "declared by delay"),
+        ("drive_delay", 0.3, "0.3e-3 for 0.3 ms"),
         ("start_time", np.inf, "start_time"),
         ("inputs", {"tau": np.zeros((400, 2))}, "rename"),
         ("q", np.ones((400, 2)) * 1j, "complex"),

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.cli import main
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, RandomWalk
@@ -182,3 +183,9 @@ def test_errors_name_the_next_step():
     short = replace(given, recordings=(given.recordings[0].slice(0.0, 2.0),))
     with pytest.raises(IdentificationError, match="ask for fewer"):
         choose_laws(short, folds=40, gap=0.2)
+
+
+def test_a_depth_of_nothing_is_refused(tmp_path, capsys):
+    (tmp_path / "arm.toml").write_text('robot = "planar_2r"\n')
+    assert main(["laws", str(tmp_path / "arm.toml"), "--depth", "0"]) == 1
+    assert "--depth 0 leaves no law to try" in capsys.readouterr().err
