@@ -1,7 +1,7 @@
 # make demo   set up and run the demonstration: simulate a TX40, identify it, write a report
 # make test   set up and run all checks
 # make bench  set up and print the table of speeds, with the peers run beside us
-# make truth  coverage and errors on simulated records, errors on held-out motion (40 minutes)
+# make truth  coverage and errors on simulated records, errors on held-out motion (some hours)
 # make lint   style and types only
 #
 # Everything lives in .venv; PYTHON names the interpreter (3.11 or newer).
@@ -33,6 +33,10 @@ truth: .venv/.pivident
 	$(BIN)/python benchmarks/unknown_loop.py
 	$(BIN)/python benchmarks/linear_truth.py
 	$(BIN)/python benchmarks/kuka_kr300_blocks.py
+	$(BIN)/python benchmarks/friction_laws.py
+	$(BIN)/python benchmarks/friction_law_recovery.py --choice-runs 10
+	$(BIN)/python benchmarks/drive_gains.py
+	$(BIN)/python benchmarks/two_mass.py
 
 .venv/.pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
