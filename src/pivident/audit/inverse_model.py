@@ -283,7 +283,7 @@ def _described(base: BaseParameters, motion: object) -> tuple[np.ndarray, np.nda
     """Torques of gravity, and of everything else but friction, after the robot's description."""
     nominal = nominal_values(base.robot, base.standard)
     for k, p in enumerate(base.standard):
-        if p.friction is not None or (p.coupling is not None and p.stem != "iam"):
+        if not p.carries_load:
             nominal[k] = 0.0
     regressor = Regressor.build(base.robot, base.parameters)
     theta = base.values(nominal)

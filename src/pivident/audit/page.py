@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-import plotly.io
-from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
-from jinja2.utils import htmlsafe_json_dumps
+from jinja2 import ChoiceLoader, Environment, PackageLoader
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -14,6 +12,7 @@ from pivident import __version__
 from pivident.audit import figures
 from pivident.audit.audit import Audit
 from pivident.audit.finding import Finding, gravest_first, grouped
+from pivident.report.builder import page_environment
 from pivident.report.figures import METHOD_COLOURS, Figure
 
 #: Checks in the order of the page, with their headings.
@@ -87,14 +86,8 @@ def _figures(audit: Audit, check: str) -> list[Figure]:
 
 def _environment() -> Environment:
     """Own templates first, then those of the report; everything is escaped."""
-    environment = Environment(
-        loader=ChoiceLoader([PackageLoader("pivident.audit"), PackageLoader("pivident.report")]),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["script_json"] = lambda figure: htmlsafe_json_dumps(
-        figure.plot, plotly.io.to_json, validate=False
+    environment = page_environment()
+    environment.loader = ChoiceLoader(
+        [PackageLoader("pivident.audit"), PackageLoader("pivident.report")]
     )
     return environment

@@ -1,80 +1,43 @@
 """Friction with a state, along a sampled path: presliding (Dahl, LuGre) and Maxwell slip.
 
-Between two samples the joint goes Δq, and the state is advanced by the exact solution over that
-distance, so that a column hardly depends on the sampling rate:
-
-    presliding    z ← s g + (z - s g) exp(-u),   s = sign(Δq),   u = |Δq|/(d g)
-    Maxwell slip  z ← min(max(z + Δq/d, -g), g)
-
-with g = 1 + ρ exp(-|dq/v_s|^δ), the level to which the friction falls with speed (Stribeck).
-Where g changes from g₀ to g₁ on the way, presliding takes it as linear along the travel,
-
-    z ← s g₁ + (z - s g₀) exp(-u) - s (g₁ - g₀) (1 - exp(-u))/u
-
-with the mean of both in u. Where the speed changes its sign between two samples, the way out, up
-to the turning point of a motion of constant acceleration, and the way back are gone one after the
-other. The path starts relaxed, z = 0.
+Between two samples the state is advanced by the exact solution over the distance that the joint
+goes, with the kernels of the simulator (see ``friction_kernels``), so that a column hardly depends
+on the sampling rate. Where the speed changes its sign between two samples, the way out, up to the
+turning point of a motion of constant acceleration, and the way back are gone one after the other.
+The path starts relaxed, z = 0.
 """
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
+from pivident.dynamics.friction_kernels import (
+    level_and_slope,
+    state_after_way,
+    travel_to_reversal,
+)
 from pivident.robot.friction import FrictionColumn
 
+_PRESLIDING = int(FrictionColumn.PRESLIDING)
 _RATE = int(FrictionColumn.PRESLIDING_RATE)
-_MAXWELL = int(FrictionColumn.MAXWELL)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def stribeck_level(dq, excess, speed, exponent):
-    """Level g = 1 + ρ exp(-|dq/v_s|^δ) over Coulomb friction; 1 where there is no excess ρ."""
-    if excess == 0.0:
-        return 1.0
-    return 1.0 + excess * math.exp(-(abs(dq / speed) ** exponent))
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def presliding_step(z, travel, before, level, distance):
-    """State after ``travel`` in one direction, on which g goes from ``before`` to ``level``."""
-    steps = abs(travel) / (distance * 0.5 * (before + level))
-    if steps == 0.0:
-        return z
-    direction = math.copysign(1.0, travel)
-    rest = math.exp(-steps)
-    lag = (level - before) * -math.expm1(-steps) / steps
-    return direction * (level - lag) + (z - direction * before) * rest
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def slip_step(z, travel, level, distance):
-    """State of an element that sticks until its level is reached, after ``travel``."""
-    return min(max(z + travel / distance, -level), level)
-
-
-@njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
-def _step(column, z, travel, before, level, distance):
-    if column == _MAXWELL:
-        return slip_step(z, travel, level, distance)
-    return presliding_step(z, travel, before, level, distance)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _along(column, distance, excess, speed, exponent, period, q, dq, out):
+    kind = _PRESLIDING if column == _RATE else column
+    shape = (1.0 / distance, excess, 1.0 / speed if excess > 0.0 else 0.0, exponent)
     z, before, resting = 0.0, 1.0, 1.0 + excess
     for k in range(q.size):
-        level = stribeck_level(dq[k], excess, speed, exponent)
+        level, _ = level_and_slope(excess, shape[2], exponent, dq[k])
         if k > 0:
-            travel = q[k] - q[k - 1]
-            if dq[k - 1] * dq[k] < 0.0:
-                ahead = 0.5 * dq[k - 1] ** 2 * period / (dq[k - 1] - dq[k])
+            start, travel = dq[k - 1], q[k] - q[k - 1]
+            if start * dq[k] < 0.0:
+                ahead = travel_to_reversal(start, dq[k], period)
                 if (travel - ahead) * dq[k] > 0.0:
-                    z = _step(column, z, ahead, before, resting, distance)
-                    travel, before = travel - ahead, resting
-            z = _step(column, z, travel, before, level, distance)
+                    z = state_after_way(kind, z, start, before, 0.0, resting, ahead, *shape)
+                    start, travel, before = 0.0, travel - ahead, resting
+            z = state_after_way(kind, z, start, before, dq[k], level, travel, *shape)
         before = level
         out[k] = dq[k] - abs(dq[k]) * z / level if column == _RATE else z
 

@@ -19,7 +19,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
 from pivident.estimation.auxiliary_model import SimulatedMotion
@@ -165,9 +164,3 @@ def refuse_load_friction(regressor: Regressor) -> None:
             f"friction that grows with the load ({', '.join(names)}) needs the torque in N m, and "
             "its gain is what is sought; find the gains with a law without load first"
         )
-
-
-def is_friction(parameter: Parameter) -> bool:
-    """Whether a parameter is one of friction, that of a coupled motor included; no spring is."""
-    own = parameter.friction is not None and not parameter.carries_load
-    return own or parameter.stem in ("fvm", "fcm")

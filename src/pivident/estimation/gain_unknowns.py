@@ -15,7 +15,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.estimation.drive_equations import is_friction
 from pivident.estimation.known_payload import Payload
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
@@ -107,7 +106,7 @@ def gain_unknowns(
         columns = columns[kept]
         # friction under load: what it is more than without
         friction = [
-            i for i in free if friction_under_load and is_friction(wide.regressor.parameters[i])
+            i for i in free if friction_under_load and not wide.regressor.parameters[i].carries_load
         ]
         estimated = columns[:, [INERTIAL.index(name) for name in payload.unknown()]]
         more = np.hstack([np.eye(len(kept))[:, friction], _independent(estimated)])

@@ -13,13 +13,13 @@ from pivident.estimation.instrumental_variables import identify_iv
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.least_squares import identify_ls
 from pivident.estimation.methods import (
-    METHODS,
     Bandpass,
     InstrumentalVariables,
     LeastSquares,
     Method,
     PrefilteredIV,
     RandomWalk,
+    method_named,
 )
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
@@ -50,12 +50,7 @@ def identify(
         raise IdentificationError(
             f"identify takes a Problem, not an object of type {type(problem).__name__}; {advice}"
         )
-    if isinstance(method, str):
-        if method not in METHODS:
-            raise IdentificationError(
-                f"unknown method {method!r}; choose one of {', '.join(METHODS)}"
-            )
-        method = METHODS[method]
+    method = method_named(method)
     say = progress or (lambda line: None)
     if isinstance(method, LeastSquares):
         return identify_ls(problem, method, say)

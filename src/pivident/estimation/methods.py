@@ -10,8 +10,9 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, IdentificationError
 from pivident.recording.recording import Recording
+from pivident.robot.naming import nearest
 from pivident.signals.decimation import Convention
 
 CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
@@ -275,3 +276,16 @@ METHODS: dict[str, Method] = {
     "didim": PrefilteredIV(regressor="simulated"),
     "piv-as-printed": PrefilteredIV(as_printed=True),
 }
+
+
+def method_named(method: Method | str) -> Method:
+    """A method, given itself or one of the names in ``METHODS``.
+
+    Raises:
+        IdentificationError: an unknown name, with the nearest ones.
+    """
+    if not isinstance(method, str):
+        return method
+    if method not in METHODS:
+        raise IdentificationError(f"unknown method {method!r}; {nearest(method, METHODS)}")
+    return METHODS[method]

@@ -21,7 +21,6 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.drive_equations import (
     WINDOWS,
     drive_columns,
-    is_friction,
     motor_coupling,
     motor_rows,
     motor_votes,
@@ -199,7 +198,9 @@ def _sums(
     columns = drive_columns(robot, regressor)
     rows = np.linalg.inv(motor_coupling(robot.transmission))
     friction = [
-        np.array([i for i, c in enumerate(own) if is_friction(regressor.parameters[c])], dtype=int)
+        np.array(
+            [i for i, c in enumerate(own) if not regressor.parameters[c].carries_load], dtype=int
+        )
         if friction_drift
         else np.zeros(0, dtype=int)
         for own in columns

@@ -18,7 +18,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.filtered_rows import LastPass
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, LeastSquares, Method, PrefilteredIV
+from pivident.estimation.methods import LeastSquares, Method, PrefilteredIV, method_named
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.parameter_rows import significant
 from pivident.estimation.problem import Problem
@@ -37,7 +37,6 @@ from pivident.estimation.variable_projection import (
     Projection,
     SeparableSearch,
 )
-from pivident.robot.naming import nearest
 
 #: Passes of estimate and search before it is given up.
 MOST_PASSES = 8
@@ -188,10 +187,7 @@ def identify_shapes(
         IdentificationError: the method fails, or has no equations for constants (DIDIM).
     """
     say = progress or (lambda line: None)
-    if isinstance(method, str):
-        if method not in METHODS:
-            raise IdentificationError(f"unknown method {method!r}; {nearest(method, METHODS)}")
-        method = METHODS[method]
+    method = method_named(method)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         raise IdentificationError(
             "constants of shape need the measured motion in the observation matrix, and DIDIM has "

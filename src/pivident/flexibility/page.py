@@ -7,9 +7,6 @@ from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
-import plotly.io
-from jinja2 import Environment, PackageLoader, StrictUndefined
-from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
@@ -18,6 +15,7 @@ from pivident.audit.figures import empty_plot
 from pivident.flexibility.compliance import Compliance
 from pivident.flexibility.joint_study import JointFlexibility, agreement_lines, flexibility_lines
 from pivident.flexibility.resonance import Resonance
+from pivident.report.builder import page_environment
 from pivident.report.figures import MEASURED, METHOD_COLOURS, Figure
 
 #: Characters of a line.
@@ -33,16 +31,7 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
     Args:
         found: joints of recordings.
     """
-    environment = Environment(
-        loader=PackageLoader("pivident.report"),
-        autoescape=True,
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["script_json"] = lambda figure: htmlsafe_json_dumps(
-        figure.plot, plotly.io.to_json, validate=False
-    )
+    environment = page_environment()
     body = environment.from_string(
         '{% from "macros.html" import figure %}<pre>{{ text }}</pre>'
         '<div class="figures">{% for one in figures %}{{ figure(one) }}{% endfor %}</div>'

@@ -22,7 +22,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
@@ -171,25 +170,15 @@ def _smoothed(x: np.ndarray, rate: float, band: float) -> np.ndarray:
     return gaussian_filter1d(x, width, axis=0, mode="nearest")
 
 
-def is_friction(parameter: Parameter) -> bool:
-    """Whether a parameter belongs to the friction law of a joint; springs and struts do not."""
-    return parameter.friction is not None and not parameter.carries_load
-
-
-def is_coupled_friction(parameter: Parameter) -> bool:
-    """Whether it is friction of a coupling between two motors."""
-    return parameter.coupling is not None and parameter.stem.startswith("f")
-
-
 def _rigid_theta(found: Identification) -> np.ndarray:
     """The estimate with all friction set to zero."""
-    friction = [is_friction(p) or is_coupled_friction(p) for p in found.parameters]
-    return np.where(friction, 0.0, found.theta)
+    return np.where([p.carries_load for p in found.parameters], found.theta, 0.0)
 
 
 def _coupling_theta(found: Identification) -> np.ndarray:
     """The estimate with everything but the friction of couplings set to zero."""
-    return np.where([is_coupled_friction(p) for p in found.parameters], found.theta, 0.0)
+    coupled = [p.coupling is not None and not p.carries_load for p in found.parameters]
+    return np.where(coupled, found.theta, 0.0)
 
 
 def _kinematics(problem: Problem, found: Identification) -> list[Kinematics]:
@@ -213,8 +202,7 @@ def _rigid_deviation(
     """Rms standard deviation of the rigid torque of each joint, on samples spread evenly."""
     at = np.unique(np.linspace(0, len(q) - 1, SAMPLES_OF_DEVIATION).astype(int))
     phi = regressor.matrix(q[at], dq[at], ddq[at])
-    friction = [is_friction(p) or is_coupled_friction(p) for p in found.parameters]
-    phi[:, :, friction] = 0.0
+    phi[:, :, [not p.carries_load for p in found.parameters]] = 0.0
     covariance = found.robust_covariance
     variance = np.einsum("nja,ab,njb->nj", phi, covariance, phi, optimize=True)
     return np.sqrt(np.maximum(variance.mean(axis=0), 0.0))

@@ -26,11 +26,17 @@ from pivident.estimation.decimated import DecimatedRecord
 from pivident.estimation.filtered_rows import LastPass
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, LeastSquares, Method, PrefilteredIV, RandomWalk
+from pivident.estimation.methods import (
+    LeastSquares,
+    Method,
+    PrefilteredIV,
+    RandomWalk,
+    method_named,
+)
 from pivident.estimation.problem import Problem
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
-from pivident.robot.naming import find_joint, nearest
+from pivident.robot.naming import find_joint
 from pivident.validation.chosen_laws import (
     JointLawChoice,
     LawChoice,
@@ -131,10 +137,7 @@ def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:
 def _method(method: Method | str | None) -> Method:
     if method is None:
         return LeastSquares(signals=RandomWalk())
-    if isinstance(method, str):
-        if method not in METHODS:
-            raise IdentificationError(f"unknown method {method!r}; {nearest(method, METHODS)}")
-        method = METHODS[method]
+    method = method_named(method)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         raise IdentificationError(
             "laws are compared on measured motion, and DIDIM has none in its observation matrix; "
