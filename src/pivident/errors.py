@@ -34,6 +34,23 @@ class IdentificationError(PividentError):
     """An identification that cannot be carried out on the given data."""
 
 
+class IdentificationFileError(PividentError, ValueError):
+    """An identification on disk that cannot be used.
+
+    Attributes:
+        file: the file.
+        reason: what is wrong with it, and the next step.
+    """
+
+    def __init__(self, file: str, reason: str) -> None:
+        self.file, self.reason = file, reason
+        super().__init__(f"{file}: {reason}")
+
+
+class ExportError(PividentError, ValueError):
+    """A model that cannot be written in a format, or a file that must not be written."""
+
+
 class NonFiniteSamples(RecordingError):
     """A channel holds NaN or infinite samples.
 
@@ -367,6 +384,23 @@ class UnstableFit(IdentificationError):
         )
 
 
+class NegativePayload(IdentificationError):
+    """A load that weighs less than nothing.
+
+    Attributes:
+        mass: the estimated mass [kg].
+        std: its standard deviation [kg].
+    """
+
+    def __init__(self, mass: float, std: float) -> None:
+        self.mass, self.std = mass, std
+        super().__init__(
+            f"the load's mass is {mass:.4g} ± {2 * std:.2g} kg (2σ): the record with the load "
+            "carries less than the one without. Swap the two records, or check which tool each "
+            "one was taken with"
+        )
+
+
 def _duration(seconds: float) -> str:
     """A time with six digits, in microseconds where it is short."""
     return f"{seconds:.6g} s" if abs(seconds) >= 0.01 else f"{1e6 * seconds:.6g} µs"
@@ -376,3 +410,52 @@ def _shortened(names: Sequence[str], most: int = 12) -> str:
     """The first few names of a list, and how many follow."""
     listed = ", ".join(repr(name) for name in names[:most])
     return listed if len(names) <= most else f"{listed} and {len(names) - most} more"
+
+
+class ContradictoryBounds(IdentificationError):
+    """Declared bounds that no consistent set of parameters satisfies.
+
+    Attributes:
+        bounds: those in question, in words.
+    """
+
+    def __init__(self, bounds: Sequence[str]) -> None:
+        self.bounds = tuple(bounds)
+        super().__init__(
+            f"no consistent parameters satisfy the bounds: {'; '.join(self.bounds) or 'none'}; "
+            "they contradict each other or what a real body can be, widen them"
+        )
+
+
+class NoConsistentModelNear(IdentificationError):
+    """An estimate so poor that the nearest consistent parameters explain the record much worse.
+
+    Attributes:
+        distance: from the estimate to the nearest consistent parameters [σ].
+        p_value: probability of such a distance if the estimate's intervals were true.
+        error_free: relative torque error of the estimate on the fitted record.
+        error_consistent: of the nearest consistent parameters.
+        at_fault: links and joints whose constraints are active, the most expensive first.
+        model: the nearest consistent model, for a look.
+    """
+
+    def __init__(
+        self,
+        distance: float,
+        p_value: float,
+        error_free: float,
+        error_consistent: float,
+        at_fault: Sequence[str],
+        model: object = None,
+    ) -> None:
+        self.distance, self.p_value, self.model = distance, p_value, model
+        self.error_free, self.error_consistent = error_free, error_consistent
+        self.at_fault = tuple(at_fault)
+        super().__init__(
+            f"no consistent parameters lie near the estimate: the nearest are {distance:.3g} σ "
+            f"away (p = {p_value:.2g}) and raise the torque error of the fitted record from "
+            f"{100 * error_free:.3g} to {100 * error_consistent:.3g} %, by demands on "
+            f"{', '.join(self.at_fault[:4]) or 'the links'}; check geometry, gear ratios, units "
+            "and signs (pivident audit), the friction law and the parameters that were left out; "
+            "accept_far = True gives the model all the same"
+        )

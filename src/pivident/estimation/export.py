@@ -1,6 +1,7 @@
 """An identification as files: ``identification.json`` for programs, ``parameters.csv`` for sheets.
 
-The JSON is strict: numbers that are not finite are written as null.
+The JSON is strict: numbers that are not finite are written as null. It holds the whole robot and
+the sums of the fitted record, so that `load_identification` gets back everything but the signals.
 """
 
 from __future__ import annotations
@@ -20,9 +21,10 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Loop
 from pivident.files import atomic_folder
+from pivident.robot.robot_values import robot_values
 
 #: Version of the layout of ``identification.json``.
-SCHEMA = 1
+SCHEMA = 2
 
 #: Columns of ``parameters.csv``; σ in the unit of its row, the relative one in percent.
 CSV_COLUMNS = ("name", "value", "std", "robust_std", "relative_std", "unit", "expression")
@@ -56,6 +58,10 @@ def to_dict(identification: Identification) -> dict[str, Any]:
     parameters = [
         {key: getattr(row, key) for key in CSV_COLUMNS} for row in parameter_rows(identification)
     ]
+    loop = identification.loop_values or {
+        "controller": controller_values(identification.loop),
+        "reference": reference_values(identification.loop),
+    }
     content = {
         "schema": SCHEMA,
         "method": identification.method,
@@ -70,12 +76,14 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "joints": identification.joints,
         "history": identification.history,
         "condition": identification.condition,
-        "controller": controller_values(identification.loop),
-        "reference": reference_values(identification.loop),
+        "controller": loop["controller"],
+        "reference": loop["reference"],
         "options": identification.options,
         "warnings": identification.warnings,
         "sources": identification.sources,
         "version": identification.version,
+        "robot_description": robot_values(identification.robot),
+        "torque_sums": torque_sums_values(identification),
     }
     return {key: _plain(value) for key, value in content.items()}
 
@@ -137,6 +145,20 @@ def reference_values(loop: Loop | None) -> list[dict[str, Any]] | None:
         }
         for own in loop.reconstructed
     ]
+
+
+def torque_sums_values(identification: Identification) -> dict[str, Any] | None:
+    """Sums of the fitted record as plain values; None where neither they nor signals are there.
+
+    Args:
+        identification: the result.
+    """
+    sums = identification.torque_sums
+    if sums is None and identification.recordings:
+        from pivident.consistency.torque_sums import torque_sums
+
+        sums = torque_sums(identification)
+    return None if sums is None else sums.to_values()
 
 
 def _differentiator(averaged: bool, time: float = 0.0, std: float = 0.0) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
 if TYPE_CHECKING:
+    from pivident.consistency.torque_sums import TorqueSums
     from pivident.estimation.equations import Equations
     from pivident.estimation.problem import Loop
 
@@ -131,6 +132,10 @@ class Identification:
         version: version of pivident.
         loop: control loop that was simulated for the instruments; None: no loop was.
         equations: what the last pass was made of, for tests of instruments and covariances.
+        torque_sums: sums of the fitted record from which the torque error of other parameters
+            follows; those of a loaded identification, whose signals are not there.
+        loop_values: ``controller`` and ``reference`` as the file of a loaded identification
+            holds them; None for an identification that was made here.
     """
 
     method: str
@@ -154,6 +159,8 @@ class Identification:
     version: str = ""
     loop: Loop | None = None
     equations: Equations | None = field(default=None, repr=False)
+    torque_sums: TorqueSums | None = field(default=None, repr=False)
+    loop_values: dict[str, Any] | None = field(default=None, repr=False)
 
     @property
     def iterations(self) -> int:

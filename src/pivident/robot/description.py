@@ -117,6 +117,21 @@ class Coupling:
     coulomb: bool = True
 
 
+@dataclass(frozen=True)
+class UrdfFile:
+    """The URDF that a robot was read from, so that parameters find their way back into it.
+
+    Attributes:
+        path: the file, empty where the text came from elsewhere.
+        sha256: SHA-256 of its text (of a compressed file: unpacked).
+        frozen: position of each joint that could move and does not [rad or m], by name.
+    """
+
+    path: str
+    sha256: str
+    frozen: Mapping[str, float] = field(default_factory=dict)
+
+
 @dataclass(frozen=True, eq=False)
 class Robot:
     """A tree of links with everything that its dynamic model needs.
@@ -132,6 +147,7 @@ class Robot:
         couplings: declared motor couplings.
         transmission: between motor and joint side.
         description: where it comes from, one line.
+        urdf: the file it was read from, or None.
     """
 
     name: str
@@ -143,6 +159,7 @@ class Robot:
     friction_nominal: dict[str, float] = field(default_factory=dict)
     couplings: tuple[Coupling, ...] = ()
     description: str = ""
+    urdf: UrdfFile | None = None
 
     def __post_init__(self) -> None:
         check_robot(self)

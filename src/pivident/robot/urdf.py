@@ -13,6 +13,7 @@ and frozen joints are added to the moving link that carries them.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -21,7 +22,7 @@ import numpy as np
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot.assembly import Member, chosen_order, merge_fixed, tree_order
-from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot
+from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot, UrdfFile
 from pivident.robot.frames import Pose, rotation_about, rotation_from_z_to
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.inertia import moved
@@ -60,7 +61,7 @@ def read_urdf(
     """
     with errors_name(str(path)):
         content = file_content(Path(path))
-    return parse_urdf(
+    robot = parse_urdf(
         content,
         joints=joints,
         frozen=frozen,
@@ -68,6 +69,8 @@ def read_urdf(
         friction=friction,
         source=str(path),
     )
+    assert robot.urdf is not None
+    return replace(robot, urdf=replace(robot.urdf, path=str(Path(path).absolute())))
 
 
 def parse_urdf(
@@ -107,8 +110,19 @@ def parse_urdf(
             rotor_inertia=np.zeros(len(moving)),
             transmission=Transmission.direct(len(moving)),
             description=source,
+            urdf=UrdfFile("", text_digest(content), positions),
         )
         return replace(robot, friction_nominal=_nominal_friction(robot, model))
+
+
+def text_digest(content: bytes | str) -> str:
+    """SHA-256 of a URDF's text, as `UrdfFile` keeps it.
+
+    Args:
+        content: the text, unpacked.
+    """
+    text = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
+    return hashlib.sha256(text).hexdigest()
 
 
 def _frozen_positions(

@@ -1,0 +1,27 @@
+"""Physical consistency: standard parameters that a real machine can have, near an estimate."""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from pivident.consistency.consistent_model import ConsistentModel, make_consistent
+    from pivident.consistency.constraints import Bounds
+    from pivident.consistency.lift import lift
+
+_HOME = {
+    "Bounds": "pivident.consistency.constraints",
+    "ConsistentModel": "pivident.consistency.consistent_model",
+    "lift": "pivident.consistency.lift",
+    "make_consistent": "pivident.consistency.consistent_model",
+}
+
+__all__ = ["Bounds", "ConsistentModel", "lift", "make_consistent"]
+
+
+def __getattr__(name: str) -> Any:
+    """A name of the package, imported from its home at first use."""
+    if name not in _HOME:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)

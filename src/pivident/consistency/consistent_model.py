@@ -1,0 +1,334 @@
+"""A physically consistent model from an estimate: a named stage, the estimate stays as it is.
+
+    make_consistent(identification)  →  ConsistentModel
+
+finds the standard parameters that a real machine can have and that are nearest to the estimate in
+the metric of its own covariance; see `metric`, `constraints`, `priors` and `nearest_consistent`.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pivident.consistency import consistent_tables as tables
+from pivident.consistency.constraints import Bounds, Constraint, make_constraints
+from pivident.consistency.metric import Metric, make_metric
+from pivident.consistency.nearest_consistent import (
+    ROOM,
+    Active,
+    StandardSpace,
+    nearest_consistent,
+    standard_space,
+)
+from pivident.consistency.priors import PRIORS
+from pivident.consistency.profile_intervals import ProfileIntervals, profile_intervals
+from pivident.consistency.pseudo_inertia import LinkBody, link_body
+from pivident.consistency.reference import make_reference
+from pivident.consistency.significance import NOTABLE_GROWTH, cost_notes, is_far, probability
+from pivident.consistency.torque_sums import TorqueSums, torque_sums
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import Parameter
+from pivident.errors import ExperimentError, NoConsistentModelNear
+from pivident.estimation.identification import Identification
+from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
+
+#: Diameter of the steel ball that every link must contain at least [m]: about the smallest thing
+#: that is built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
+SMALLEST_BALL = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class ConsistentModel:
+    """Standard parameters that a real machine can have, near an estimate.
+
+    Attributes:
+        free: the estimate, untouched.
+        robot: the robot.
+        parameters: all standard parameters.
+        values: their values, shape (standard,): within ``room`` of the least distance those that
+            are nearest to the reference.
+        names: names of the estimated base parameters, as in ``free``.
+        theta: these at the consistent point, shape (parameters,).
+        was_consistent: whether the estimate was consistent itself; then its torques are kept
+            exactly.
+        distance: from the estimate to the nearest consistent parameters [σ].
+        p_value: probability of at least this distance if the estimate's errors are those of its
+            covariance: χ² with as many degrees of freedom as constraints are active.
+        moved: what the estimator would find on the consistent machine less the estimate, over σ,
+            shape (parameters,): θ - θ_free where nothing was left out; otherwise the shares that
+            estimated parameters take over from those that were left out are counted.
+        active: constraints that hold the estimate back, the most expensive first.
+        torque_error_free: relative torque error of the estimate on the fitted record; NaN without
+            torque sums.
+        torque_error: of the consistent parameters, likewise.
+        prior: ``entropic``, ``euclidean`` or ``none``.
+        seconds: time that the search took.
+        notes: sentences.
+        sums: torque sums of the fitted record that the step was weighed with; None: there were
+            none.
+    """
+
+    free: Identification
+    robot: Robot
+    parameters: tuple[Parameter, ...]
+    values: np.ndarray
+    names: tuple[str, ...]
+    theta: np.ndarray
+    was_consistent: bool
+    distance: float
+    p_value: float
+    moved: np.ndarray
+    active: tuple[Active, ...]
+    torque_error_free: float
+    torque_error: float
+    prior: str
+    seconds: float
+    notes: tuple[str, ...]
+    sums: TorqueSums | None = field(repr=False)
+    _base: BaseParameters = field(repr=False)
+    _space: StandardSpace = field(repr=False)
+    _constraints: tuple[Constraint, ...] = field(repr=False)
+    _found: dict[Any, ProfileIntervals] = field(default_factory=dict, repr=False)
+
+    @property
+    def method(self) -> str:
+        """Name of the stage's estimate, ``PC-IDIM-PIV``."""
+        return f"PC-{self.free.method}"
+
+    @property
+    def torque_cost(self) -> float:
+        """Growth of the torque error over that of the estimate; 0.01 is one percent of it."""
+        return self.torque_error / self.torque_error_free - 1.0
+
+    @property
+    def base_values(self) -> np.ndarray:
+        """All base parameters of the robot at the consistent point, shape (base,)."""
+        return self._base.values(self.values)
+
+    @property
+    def links(self) -> tuple[LinkBody, ...]:
+        """All links as bodies."""
+        return tuple(
+            link_body(link.name, self.values[place])
+            for link, place in zip(self.robot.links, self._space.links, strict=True)
+        )
+
+    def link(self, name: str) -> LinkBody:
+        """Mass, centre of mass and inertia of a link, by its name or that of its joint.
+
+        Raises:
+            KeyError: names the nearest link.
+        """
+        known = [link.name for link in self.robot.links]
+        if name not in known and name in self.robot.joint_names:
+            return self.links[self.robot.joint_names.index(name)]
+        if name not in known:
+            raise KeyError(f"no link {name!r}; {nearest(name, known)}")
+        return self.links[known.index(name)]
+
+    def value(self, name: str) -> float:
+        """A standard parameter by its name.
+
+        Raises:
+            KeyError: if there is none of that name.
+        """
+        for p, value in zip(self.parameters, self.values, strict=True):
+            if p.name == name:
+                return float(value)
+        raise KeyError(f"no parameter {name!r}; {nearest(name, [p.name for p in self.parameters])}")
+
+    def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """Torque of the consistent model, shape (samples, joints) [N m or N].
+
+        Args:
+            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
+            dq: joint speeds.
+            ddq: joint accelerations.
+        """
+        from pivident.dynamics.regressor import Regressor
+
+        regressor = Regressor.build(self.robot, self.parameters)
+        return regressor.torque(q, dq, ddq, self.values)
+
+    def intervals(self, confidence: float = 0.95, of: str = "estimated") -> ProfileIntervals:
+        """Profile intervals over the consistent parameters, see `profile_intervals`.
+
+        Where parameters were left out of the estimate they can be wider than the free ones, which
+        take it for certain that those are zero.
+
+        Args:
+            confidence: 0 to 1.
+            of: ``estimated``: the base parameters of ``theta``; ``base``: all base parameters;
+                ``standard``: all standard parameters.
+
+        Raises:
+            IdentificationError: another confidence, or the solver fails.
+            ExperimentError: another ``of``.
+        """
+        key = (confidence, of)
+        if key not in self._found:
+            self._found[key] = self._intervals(confidence, of)
+        return self._found[key]
+
+    def _intervals(self, confidence: float, of: str) -> ProfileIntervals:
+        base, everything = self._base, np.eye(len(self.parameters))
+        if of not in ("estimated", "base", "standard"):
+            raise ExperimentError(f"intervals of {of!r}: choose estimated, base or standard")
+        if of == "standard":
+            directions, chosen = everything, self.parameters
+            names = tuple(p.name for p in chosen)
+        else:
+            directions = everything[base.kept]
+            directions[:, base.dropped] += base.regrouping
+            chosen, names = base.parameters, base.names
+            if of == "estimated":
+                place = {p.name: k for k, p in enumerate(chosen)}
+                own = [place[p.name] for p in self.free.parameters]
+                directions, chosen = directions[own], self.free.parameters
+                names = self.names
+        low, high = profile_intervals(
+            self._space, self._constraints, self.distance, directions, confidence
+        )
+        return ProfileIntervals(
+            names, tuple(p.unit for p in chosen), directions @ self.values, low, high, confidence
+        )
+
+    def headline(self) -> str:
+        """What was found, in a sentence or two."""
+        return tables.headline(self)
+
+    def table(self) -> str:
+        """Links as bodies: mass, centre of mass, principal moments."""
+        return tables.link_table(self)
+
+    def moved_table(self) -> str:
+        """Estimated base parameters: free, consistent, moved."""
+        return tables.moved_table(self)
+
+    def __str__(self) -> str:
+        return tables.summary(self)
+
+    def to_values(self) -> dict[str, Any]:
+        """The result as plain values, ready for JSON."""
+        return tables.plain_values(self)
+
+
+def make_consistent(
+    identification: Identification,
+    *,
+    prior: str = "entropic",
+    bounds: Bounds | None = None,
+    margin: float = SMALLEST_BALL,
+    reference: Robot | np.ndarray | None = None,
+    room: float = ROOM,
+    accept_far: bool = False,
+) -> ConsistentModel:
+    """The physically consistent parameters nearest to an estimate.
+
+    Args:
+        identification: an estimate with its covariance; it is not changed. Without signals its
+            ``torque_sums`` are needed to tell what the step costs in torque.
+        prior: which of the equally near points is taken: ``entropic``, ``euclidean`` or ``none``.
+        bounds: what is known of masses and centres of mass.
+        margin: diameter of the steel ball that every link must contain [m]; smaller in links that
+            weigh less than ten such balls.
+        reference: description with the same joints, or standard parameters, that the prior pulls
+            to; None: the robot's nominal ones.
+        room: growth of the squared distance [σ²] that the prior may spend, where the estimate is
+            not consistent; the nearest point itself has links that are points, lines or plates.
+            A tenth or a hundredth of it is taken where it would cost torque.
+        accept_far: give the model even where the estimate is too poor.
+
+    Raises:
+        NoConsistentModelNear: the step is improbable and costs much torque; it carries the model.
+        ContradictoryBounds: no parameters satisfy the bounds.
+        ExperimentError: unknown prior or link, a margin that is not positive, a reference that does
+            not fit.
+        IdentificationError: a covariance that cannot serve as a metric.
+    """
+    if prior not in PRIORS:
+        raise ExperimentError(
+            f"prior is {prior!r}; {nearest(str(prior), PRIORS)}; choose one of {', '.join(PRIORS)}"
+        )
+    if not (np.isfinite(margin) and 0.0 < margin < 1.0):
+        raise ExperimentError(
+            f"margin is {margin!r}; it is the diameter of the smallest body in a link [m], "
+            "such as 0.01"
+        )
+    if not (np.isfinite(room) and room > 0.0):
+        raise ExperimentError(f"room is {room!r}; it is a positive growth of d² [σ²], such as 1")
+    sums = _sums(identification)
+    base = base_parameters(identification.robot)
+    began = time.perf_counter()
+    near = make_reference(identification.robot, base.standard, margin, reference)
+    metric = make_metric(identification, base, sums, near.scales[base.kept])
+    constraints = make_constraints(identification.robot, base.standard, near, bounds)
+    space = standard_space(identification.robot, metric, near)
+    found = nearest_consistent(space, constraints, near, prior, room)
+    errors = _torque_errors(sums, metric.center, base.values(found.values))
+    for narrower in (0.1, 0.01):
+        if found.was_consistent or not errors[1] > (1.0 + NOTABLE_GROWTH) * errors[0]:
+            break
+        found = nearest_consistent(space, constraints, near, prior, narrower * room)
+        errors = _torque_errors(sums, metric.center, base.values(found.values))
+    seconds = time.perf_counter() - began
+    values, beta = found.values, base.values(found.values)
+    p_value = probability(found.distance, found.directions, len(base))
+    model = ConsistentModel(
+        free=identification,
+        robot=identification.robot,
+        parameters=base.standard,
+        values=values,
+        names=identification.names,
+        theta=beta[metric.estimated],
+        was_consistent=found.was_consistent,
+        distance=found.distance,
+        p_value=p_value,
+        moved=_moved(metric, beta),
+        active=found.active,
+        torque_error_free=errors[0],
+        torque_error=errors[1],
+        prior=prior,
+        seconds=seconds,
+        notes=(*near.notes, *metric.notes, *cost_notes(errors, p_value), *found.notes),
+        sums=sums,
+        _base=base,
+        _space=space,
+        _constraints=constraints,
+    )
+    if is_far(p_value, *errors) and not accept_far:
+        raise NoConsistentModelNear(
+            model.distance,
+            model.p_value,
+            *errors,
+            list(dict.fromkeys(a.subject for a in model.active)),
+            model,
+        )
+    return model
+
+
+def _sums(identification: Identification) -> TorqueSums | None:
+    """Torque sums that the estimate carries, or of its signals; None without both."""
+    if identification.torque_sums is not None:
+        return identification.torque_sums
+    return torque_sums(identification) if identification.recordings else None
+
+
+def _torque_errors(
+    sums: TorqueSums | None, free: np.ndarray, consistent: np.ndarray
+) -> tuple[float, float]:
+    """Relative torque errors of two sets of base parameters; NaN without sums."""
+    if sums is None:
+        return np.nan, np.nan
+    return sums.relative_error(free), sums.relative_error(consistent)
+
+
+def _moved(metric: Metric, base: np.ndarray) -> np.ndarray:
+    """Step of each estimated parameter as the estimator sees it [σ], shape (parameters,)."""
+    step = metric.seen(base) - metric.center[metric.estimated]
+    return step / np.sqrt(np.diag(metric.covariance))

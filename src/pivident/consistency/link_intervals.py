@@ -1,0 +1,172 @@
+"""Intervals of what an engineer knows of a link: mass, centre of mass, principal moments.
+
+Over the consistent sets that the record allows (see `profile_intervals`),
+
+* the mass is linear in the parameters, as are the moments of inertia about the principal axes of
+  the consistent body, *held fixed*: three axes through its centre of mass. There the value is the
+  principal moment, and the interval tells how well the inertia about this axis is known;
+* a coordinate of the centre of mass is the ratio h/m. With s = m*/m, m* the mass of the consistent
+  body, and y = s φ the largest ratio is a cone program again (Charnes, Cooper 1962), since all
+  conditions scale: h(y)/m* where m(y) = m*. Where the mass may be next to nothing its centre may be
+  anywhere; ends beyond the reach of the arm count as open.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.consistency.cone_program import Requirement, solve_cone_program
+from pivident.consistency.constraints import Constraint
+from pivident.consistency.ellipsoid import moment_about_axis, principal_axes
+from pivident.consistency.nearest_consistent import StandardSpace, ball, imposed
+from pivident.consistency.profile_intervals import GAP, POOR_GAP, profile_intervals
+
+if TYPE_CHECKING:
+    from pivident.consistency.consistent_model import ConsistentModel
+
+#: Places farther from the arm than it can reach by this much are not looked at [m].
+REACH = 1.0
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A value and its interval.
+
+    Attributes:
+        value: at the consistent point.
+        low: lower end; -∞ where nothing bounds it.
+        high: upper end.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
+class LinkRow:
+    """One link of the consistent robot.
+
+    Attributes:
+        name: of the link.
+        mass: [kg].
+        center_of_mass: coordinates in the link's frame [m].
+        moments: principal moments about the centre of mass, ascending [kg m²], with the intervals
+            of the moments about these axes.
+        axes: principal axes that the moments are about, as columns in the link's frame,
+            shape (3, 3).
+        inertia: ten inertial parameters in the link's frame, shape (10,).
+    """
+
+    name: str
+    mass: Quantity
+    center_of_mass: tuple[Quantity, Quantity, Quantity]
+    moments: tuple[Quantity, Quantity, Quantity]
+    axes: np.ndarray
+    inertia: np.ndarray
+
+
+def link_rows(model: ConsistentModel, confidence: float = 0.95) -> tuple[LinkRow, ...]:
+    """All links with their intervals.
+
+    Args:
+        model: the consistent model.
+        confidence: of the intervals, 0 to 1.
+
+    Raises:
+        IdentificationError: a confidence outside (0, 1), or the solver fails.
+    """
+    space, constraints, values = model._space, model._constraints, model.values
+    reach = REACH + sum(float(np.linalg.norm(j.translation)) for j in model.robot.joints)
+    bodies = model.links
+    axes = [principal_axes(body) for body in bodies]
+    directions = np.zeros((len(bodies), 4, values.size))
+    for own, place, body, turned in zip(directions, space.links, bodies, axes, strict=True):
+        own[0, place[9]] = 1.0
+        for k in range(3):
+            own[1 + k, place] = moment_about_axis(body.center_of_mass, turned[:, k])
+    ends = profile_intervals(
+        space, constraints, model.distance, directions.reshape(-1, values.size), confidence
+    )
+    low, high = (end.reshape(len(bodies), 4) for end in ends)
+    rows = []
+    for i, (place, body) in enumerate(zip(space.links, bodies, strict=True)):
+        mass, *moments = (
+            Quantity(float(v), float(a), float(b))
+            for v, a, b in zip((body.mass, *body.principal_moments), low[i], high[i], strict=True)
+        )
+        center = center_of_mass_range(
+            space, constraints, place, body.mass, model.distance, confidence, reach
+        )
+        x, y, z = (
+            Quantity(float(c), float(a), float(b))
+            for c, a, b in zip(body.center_of_mass, *center, strict=True)
+        )
+        a, b, c = moments
+        rows.append(LinkRow(body.name, mass, (x, y, z), (a, b, c), axes[i], values[place]))
+    return tuple(rows)
+
+
+def center_of_mass_range(
+    space: StandardSpace,
+    constraints: Sequence[Constraint],
+    place: np.ndarray,
+    mass: float,
+    distance: float,
+    confidence: float,
+    reach: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest h/m of a link, coordinate by coordinate [m].
+
+    Args:
+        space: standard parameters around the estimate.
+        constraints: what they must satisfy.
+        place: indices of the link's ten inertial parameters.
+        mass: of the link at the consistent point [kg].
+        distance: of the consistent point [σ].
+        confidence: of the intervals, 0 to 1.
+        reach: farthest place that is looked at [m].
+
+    Returns:
+        Lower and upper ends, each shape (3,); infinite beyond the reach, and where the solver finds
+        no end.
+    """
+    from scipy.stats import chi2
+
+    allowed = float(np.sqrt(distance**2 + chi2.ppf(confidence, 1)))
+    size = space.slope.shape[1]
+    requirements = [
+        _homogeneous(r, size) for r in (*imposed(space, constraints), ball(space, allowed))
+    ]
+    rows = np.c_[space.slope[place[6:]], space.start[place[6:]]] / mass  # mx my mz m over (y, s)
+    requirements.append(Requirement("nonnegative", 1, np.eye(1, size + 1, size), np.zeros(1)))
+    requirements.append(Requirement("zero", 1, rows[3:], -np.ones(1)))
+    box = np.r_[rows[:3], -rows[:3]] / reach
+    requirements.append(Requirement("nonnegative", 6, -box, np.ones(6)))
+    none = np.zeros(size + 1)
+    low, high = np.empty((2, 3))
+    for axis in range(3):
+        scale = float(np.abs(rows[axis]).max()) or 1.0
+        for ends, sign in ((low, 1.0), (high, -1.0)):
+            solved = solve_cone_program(none, sign * rows[axis] / scale, requirements, GAP)
+            if not solved.found:
+                solved = solve_cone_program(none, sign * rows[axis] / scale, requirements, POOR_GAP)
+            end = rows[axis] @ solved.u if solved.found else np.inf
+            ends[axis] = -sign * np.inf if abs(end) > 0.99 * reach else end
+    return low, high
+
+
+def _homogeneous(requirement: Requirement, size: int) -> Requirement:
+    """F u + g ∈ K as F y + g s ∈ K, with y = s u."""
+    matrix = np.zeros((requirement.offset.size, size + 1))
+    columns = requirement.columns
+    width = requirement.matrix.shape[1]
+    matrix[:, np.arange(width) if columns is None else columns] = requirement.matrix
+    matrix[:, size] = requirement.offset
+    return Requirement(
+        requirement.cone, requirement.order, matrix, np.zeros(requirement.offset.size)
+    )

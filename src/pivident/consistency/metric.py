@@ -1,0 +1,178 @@
+"""How far base parameters are from an estimate, in its own deviations.
+
+With E the estimated base parameters, D those that the estimate left out, and the torque sums
+G = ΦᵀWΦ of the fitted record,
+
+    d² = |β_E + C β_D - θ_E|²_{P⁻¹} + |β_D|²_S / v,     C = G_EE⁻¹ G_ED,   S = G_DD - G_DE C
+
+C β_D is what the estimate absorbs of parameters that it does not have; S the torque they add that
+it cannot explain; v the variance of one row that P stands for, the geometric mean of the
+eigenvalues of P G_EE, so that left out parameters count in the same deviations as estimated ones.
+They are pulled to zero, not to their least squares value: the model that was identified says that
+they are zero, and where it is consistent it must stay as it is.
+
+P is the reported covariance. A sandwich of thirty windows cannot tell the correlations of more
+parameters than windows; then it keeps its deviations, and the correlations are the formula's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.consistency.torque_sums import TorqueSums, estimated_in_base, estimated_indices
+from pivident.dynamics.base_parameters import BaseParameters
+from pivident.errors import IdentificationError
+from pivident.estimation.identification import Identification
+
+#: Smallest variance of a direction over that of white errors, relative to the median, below which
+#: a covariance is taken for one of too low a rank.
+LOWEST_RATIO = 1e-3
+
+#: Left out parameters that the record does not show at all may be as large as so many times the
+#: typical size of their kind.
+LARGEST_UNSEEN = 10.0
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """Base parameters as β = center + root · x, with d = |x|.
+
+    Attributes:
+        base: base parameters of the robot.
+        estimated: indices of the estimated ones, shape (parameters,).
+        center: the estimate, zero for those left out, shape (base,).
+        root: shape (base, base).
+        absorbed: C, shape (parameters, left out).
+        left_out: indices of the others.
+        covariance: P, shape (parameters, parameters).
+        notes: sentences.
+    """
+
+    base: BaseParameters
+    estimated: np.ndarray
+    center: np.ndarray
+    root: np.ndarray
+    absorbed: np.ndarray
+    left_out: np.ndarray
+    covariance: np.ndarray
+    notes: tuple[str, ...]
+
+    def seen(self, base: np.ndarray) -> np.ndarray:
+        """β_E + C β_D: what the estimator would find, shape (parameters,).
+
+        Args:
+            base: all base parameters, shape (base,).
+        """
+        return base[self.estimated] + self.absorbed @ base[self.left_out]
+
+
+def make_metric(
+    identification: Identification,
+    base: BaseParameters,
+    sums: TorqueSums | None,
+    scales: np.ndarray,
+) -> Metric:
+    """The metric of an estimate.
+
+    Args:
+        identification: the estimate.
+        base: base parameters of its robot.
+        sums: of the fitted record; None: without them left out parameters count on the scale of
+            the robot's own parameters only.
+        scales: typical size of each base parameter, shape (base,).
+
+    Raises:
+        IdentificationError: a covariance that is not that of all parameters.
+    """
+    notes = []
+    estimated = estimated_indices(identification, base)
+    left_out = np.setdiff1d(np.arange(len(base)), estimated)
+    covariance, mixed = full_covariance(identification)
+    if mixed:
+        notes.append(
+            f"The covariance of {identification.method} comes from few windows of time and does "
+            "not tell all correlations: distances take its deviations, and the correlations of "
+            "the formula for white errors"
+        )
+    absorbed = np.zeros((estimated.size, left_out.size))
+    root = np.zeros((len(base), len(base)))
+    deviations = np.sqrt(np.diag(covariance))
+    correlations = covariance / np.outer(deviations, deviations)
+    half = deviations[:, None] * np.linalg.cholesky(correlations)
+    root[np.ix_(estimated, estimated)] = half
+    if left_out.size:
+        limit = 1.0 / (LARGEST_UNSEEN * scales[left_out]) ** 2
+        if sums is None:
+            seen = np.diag(limit * LARGEST_UNSEEN**2 * 1e4)
+            notes.append(
+                f"The torque sums of the record are not there: {left_out.size} base parameters "
+                "that were left out are held to a hundredth of their typical size, and nothing is "
+                "known of the torque that they cost; identify again to have the sums"
+            )
+        else:
+            absorbed, seen = _conditional(sums.gram, covariance, estimated, left_out)
+        size = 1.0 / np.sqrt(np.diag(seen) + limit)
+        scaled = (seen + np.diag(limit)) * np.outer(size, size)
+        lower = np.linalg.cholesky(scaled)
+        # β_D = V x with Vᵀ (S/v + limits) V = 1
+        spread = size[:, None] * np.linalg.inv(lower).T
+        root[np.ix_(left_out, left_out)] = spread
+        root[np.ix_(estimated, left_out)] = -absorbed @ spread
+    center = estimated_in_base(identification, base)
+    return Metric(base, estimated, center, root, absorbed, left_out, covariance, tuple(notes))
+
+
+def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
+    """A covariance of full rank with the reported deviations, and whether it had to be mixed.
+
+    Args:
+        identification: the estimate.
+
+    Raises:
+        IdentificationError: deviations that are not positive and finite.
+    """
+    reported, formula = identification.covariance, identification.formula_covariance
+    deviations = np.sqrt(np.maximum(np.diag(reported), 0.0))
+    if not (np.isfinite(reported).all() and (deviations > 0.0).all()):
+        names = [
+            n
+            for n, d in zip(identification.names, deviations, strict=True)
+            if not (np.isfinite(d) and d > 0)
+        ]
+        raise IdentificationError(
+            f"{identification.method} reports no finite deviation of {', '.join(names[:5])}; "
+            "distances cannot be measured, identify with another method"
+        )
+    own = reported / np.outer(deviations, deviations)
+    white = np.sqrt(np.diag(formula))
+    other = formula / np.outer(white, white)
+    factor = np.linalg.cholesky(other)
+    inverse = np.linalg.inv(factor)
+    ratios = np.linalg.eigvalsh(inverse @ own @ inverse.T)
+    if ratios[0] > LOWEST_RATIO * np.median(ratios):
+        return reported, False
+    return other * np.outer(deviations, deviations), True
+
+
+def _conditional(
+    gram: np.ndarray, covariance: np.ndarray, estimated: np.ndarray, left_out: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """C, and S/v."""
+    length = np.sqrt(np.where(np.diag(gram) > 0.0, np.diag(gram), 1.0))
+    scaled = gram / np.outer(length, length)
+    inside = scaled[np.ix_(estimated, estimated)]
+    between = scaled[np.ix_(estimated, left_out)]
+    values, vectors = np.linalg.eigh(inside)
+    values = np.maximum(values, 1e-12 * values[-1])
+    solved = (vectors / values) @ vectors.T @ between
+    rest = scaled[np.ix_(left_out, left_out)] - between.T @ solved
+    own = length[estimated]
+    # log det (P G_EE) / size
+    variance = np.linalg.slogdet(covariance * np.outer(own, own))[1] + np.log(values).sum()
+    variance = np.exp(variance / own.size)
+    absorbed = solved / own[:, None] * length[left_out]
+    rest = rest * np.outer(length[left_out], length[left_out]) / variance
+    values, vectors = np.linalg.eigh(0.5 * (rest + rest.T))
+    return absorbed, (vectors * np.maximum(values, 0.0)) @ vectors.T

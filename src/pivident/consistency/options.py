@@ -1,0 +1,62 @@
+"""Options of the consistent stage: prior, reference, margin, and what is known of the links."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+if TYPE_CHECKING:
+    from pivident.consistency.consistent_model import ConsistentModel
+    from pivident.consistency.constraints import Bounds
+    from pivident.estimation.identification import Identification
+    from pivident.robot.description import Robot
+
+
+@dataclass(frozen=True, eq=False)
+class ConsistencyOptions:
+    """How estimates are made consistent, see :func:`pivident.consistency.make_consistent`.
+
+    Attributes:
+        prior: which of the equally near sets of bodies is taken.
+        bounds: what is known of the links, or None.
+        margin: diameter of the steel ball that every link contains [m]; None: the default.
+        reference: robot with the nominal bodies; None: the identified one's own.
+        accept_far: whether parameters far from the estimate are better than none.
+    """
+
+    prior: Literal["entropic", "euclidean", "none"] = "entropic"
+    bounds: Bounds | None = None
+    margin: float | None = None
+    reference: Robot | None = None
+    accept_far: bool = False
+
+    def to_values(self) -> dict[str, Any]:
+        """The options as plain values, ready for JSON."""
+        bounds = {} if self.bounds is None else asdict(self.bounds)
+        return {
+            "prior": self.prior,
+            "margin": self.margin,
+            "reference": None if self.reference is None else self.reference.name,
+            "accept_far": self.accept_far,
+            "bounds": {key: value for key, value in bounds.items() if value},
+        }
+
+    def make_consistent(self, identification: Identification) -> ConsistentModel:
+        """The stage with these options.
+
+        Args:
+            identification: the free estimate.
+
+        Raises:
+            IdentificationError: no consistent parameters lie near it, or the bounds leave none.
+        """
+        from pivident.consistency.consistent_model import SMALLEST_BALL, make_consistent
+
+        return make_consistent(
+            identification,
+            prior=self.prior,
+            bounds=self.bounds,
+            margin=SMALLEST_BALL if self.margin is None else self.margin,
+            reference=self.reference,
+            accept_far=self.accept_far,
+        )

@@ -1,0 +1,144 @@
+"""Intervals of parameters over the consistent sets that the record allows.
+
+The interval of a parameter a runs from the smallest to the largest aᵀφ over
+
+    {φ consistent,  d²(φ) ≤ d*² + χ²₁(confidence)} :
+
+a profile likelihood, two semidefinite programs with one second-order cone each. A base parameter
+gets the interval that the estimate gives it, cut where no real machine is. A standard parameter
+that no torque tells from others gets the range in which the torques and consistency leave
+it; where nothing bounds it, that is said.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.consistency.cone_program import Requirement, solve_cone_program
+from pivident.consistency.constraints import Constraint
+from pivident.consistency.nearest_consistent import StandardSpace, ball, imposed
+from pivident.errors import IdentificationError
+
+#: Undetermined parameters are searched for up to so many times the size of the reference. Where
+#: an end grows with that limit (with the limit itself or its root, 1 or ½ of the end), nothing else
+#: bounds it.
+SEARCHED, GROWS = 1e3, 0.1
+
+#: Accuracy of the ends of the intervals, relative to their scale, and a poorer one that is taken
+#: where the solver does not get so far.
+GAP, POOR_GAP = 1e-6, 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class ProfileIntervals:
+    """Intervals of several quantities.
+
+    Attributes:
+        names: of the quantities.
+        units: their units.
+        values: at the consistent point, shape (quantities,).
+        low: lower ends, shape (quantities,); -∞ where nothing bounds them.
+        high: upper ends, likewise.
+        confidence: of the intervals, 0 to 1.
+    """
+
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    confidence: float
+
+    def of(self, name: str) -> tuple[float, float]:
+        """Interval of one quantity.
+
+        Raises:
+            KeyError: names the quantities there are.
+        """
+        if name not in self.names:
+            raise KeyError(f"no quantity {name!r}; there are {', '.join(self.names)}")
+        k = self.names.index(name)
+        return float(self.low[k]), float(self.high[k])
+
+    @property
+    def unbounded(self) -> tuple[str, ...]:
+        """Quantities that neither torques nor consistency bound on both sides."""
+        open_ended = ~(np.isfinite(self.low) & np.isfinite(self.high))
+        return tuple(n for n, o in zip(self.names, open_ended, strict=True) if o)
+
+    def __str__(self) -> str:
+        from pivident.validation.plain_table import plain_table
+
+        text = plain_table(
+            [
+                ("parameter", "<", list(self.names)),
+                ("value", ".", [f"{v:.4g}" for v in self.values]),
+                ("low", ".", [f"{v:.4g}" for v in self.low]),
+                ("high", ".", [f"{v:.4g}" for v in self.high]),
+                ("unit", "<", list(self.units)),
+            ]
+        )
+        if self.unbounded:
+            text += f"\nNothing bounds {', '.join(self.unbounded)} on both sides."
+        return text
+
+
+def profile_intervals(
+    space: StandardSpace,
+    constraints: Sequence[Constraint],
+    distance: float,
+    directions: np.ndarray,
+    confidence: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Smallest and largest aᵀφ for each row a.
+
+    Args:
+        space: standard parameters around the estimate.
+        constraints: what they must satisfy.
+        distance: d* [σ].
+        directions: a, shape (quantities, standard).
+        confidence: of the intervals, 0 to 1.
+
+    Returns:
+        Lower and upper ends, each shape (quantities,).
+
+    Raises:
+        IdentificationError: a confidence outside (0, 1), or the solver fails.
+    """
+    from scipy.stats import chi2
+
+    if not 0.0 < confidence < 1.0:
+        raise IdentificationError(f"confidence lies between 0 and 1, not {confidence}")
+    allowed = float(np.sqrt(distance**2 + chi2.ppf(confidence, 1)))
+    undetermined = np.arange(space.distances, space.slope.shape[1])
+    requirements = [*imposed(space, constraints), ball(space, allowed)]
+    if undetermined.size:
+        rows = np.eye(undetermined.size + 1, undetermined.size, -1)
+        searched = np.r_[SEARCHED, np.zeros(undetermined.size)]
+        requirements.append(
+            Requirement("second_order", rows.shape[0], rows, searched, undetermined)
+        )
+    none = np.zeros(space.slope.shape[1])
+    low, high = np.empty((2, len(directions)))
+    for k, direction in enumerate(directions):
+        slope = direction @ space.slope
+        scale = float(np.abs(slope).max()) or 1.0
+        for ends, sign in ((low, 1.0), (high, -1.0)):
+            solved = solve_cone_program(none, sign * slope / scale, requirements, GAP)
+            if not solved.found:
+                solved = solve_cone_program(none, sign * slope / scale, requirements, POOR_GAP)
+            if solved.found:
+                end = direction @ space.start + slope @ solved.u
+                ends[k] = 0.0 if abs(end) < GAP * scale else end
+                limited = SEARCHED * solved.multipliers[-1][0] if undetermined.size else 0.0
+                if limited > GROWS * max(abs(solved.value), 1.0):
+                    ends[k] = -sign * np.inf
+            else:
+                raise IdentificationError(
+                    f"the search for an interval ended with {solved.status}; ask for a smaller "
+                    "confidence, or take the deviations of the free estimate"
+                )
+    return low, high

@@ -1,0 +1,124 @@
+"""Pseudo-inertia of a body: the 4 × 4 matrix that is positive definite where a body can exist.
+
+With Σ = ∫ r rᵀ dm, h = ∫ r dm and m the second moments, first moments and mass of a body,
+
+    P = [[Σ, h], [hᵀ, m]] = ∫ (r, 1)(r, 1)ᵀ dm,      Σ = tr(J)/2 · 1 - J
+
+(Wensing, Kim, Slotine 2018). P is linear in the ten inertial parameters. It is positive definite
+exactly where mass is positive, the principal moments of inertia about the centre of mass are, and
+none of them exceeds the sum of the two others: where a density that is not flat makes them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.robot.inertia import elements, steiner, tensor
+
+#: Density of steel [kg/m³].
+STEEL = 7850.0
+
+
+def pseudo_inertia(inertia: np.ndarray) -> np.ndarray:
+    """P of ten inertial parameters, shape (4, 4) [kg m², kg m, kg].
+
+    Args:
+        inertia: ``xx xy xz yy yz zz mx my mz m``, shape (10,).
+    """
+    at_origin = tensor(inertia[:6])
+    matrix = np.empty((4, 4))
+    matrix[:3, :3] = 0.5 * np.trace(at_origin) * np.eye(3) - at_origin
+    matrix[:3, 3] = matrix[3, :3] = inertia[6:9]
+    matrix[3, 3] = inertia[9]
+    return matrix
+
+
+def inertial_parameters(matrix: np.ndarray) -> np.ndarray:
+    """The ten inertial parameters of a pseudo-inertia: J = tr(Σ) 1 - Σ.
+
+    Args:
+        matrix: P, shape (4, 4).
+    """
+    second = matrix[:3, :3]
+    return np.r_[elements(np.trace(second) * np.eye(3) - second), matrix[:3, 3], matrix[3, 3]]
+
+
+def ball(diameter: float, density: float = STEEL) -> np.ndarray:
+    """Pseudo-inertia of a solid ball about its centre: Σ = m d²/20 · 1.
+
+    Args:
+        diameter: d [m].
+        density: [kg/m³].
+    """
+    mass = density * np.pi / 6.0 * diameter**3
+    return np.diag([mass * diameter**2 / 20.0] * 3 + [mass])
+
+
+def triangle(matrix: np.ndarray) -> np.ndarray:
+    """Upper triangle of symmetric matrices by columns, off-diagonals times √2.
+
+    The scalar product of two such vectors is that of the matrices.
+
+    Args:
+        matrix: shape (..., order, order).
+
+    Returns:
+        Shape (..., order (order + 1)/2).
+    """
+    column, row = np.tril_indices(matrix.shape[-1])
+    return matrix[..., row, column] * np.where(row == column, 1.0, np.sqrt(2.0))
+
+
+def from_triangle(vector: np.ndarray, order: int = 4) -> np.ndarray:
+    """The symmetric matrix of :func:`triangle`, shape (order, order).
+
+    Args:
+        vector: shape (order (order + 1)/2,).
+        order: of the matrix.
+    """
+    column, row = np.tril_indices(order)
+    matrix = np.zeros((order, order))
+    matrix[row, column] = matrix[column, row] = vector / np.where(row == column, 1.0, np.sqrt(2.0))
+    return matrix
+
+
+#: P of each of the ten inertial parameters alone, shape (10, 4, 4).
+BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(10)])
+
+
+@dataclass(frozen=True, eq=False)
+class LinkBody:
+    """A link's inertial parameters as CAD shows them.
+
+    Attributes:
+        name: name of the link.
+        mass: mass [kg].
+        center_of_mass: in the link frame [m], shape (3,); NaN without mass.
+        inertia: about the centre of mass, axes of the link frame [kg m²], shape (3, 3).
+    """
+
+    name: str
+    mass: float
+    center_of_mass: np.ndarray
+    inertia: np.ndarray
+
+    @property
+    def principal_moments(self) -> np.ndarray:
+        """Principal moments of inertia about the centre of mass [kg m²], ascending, shape (3,)."""
+        return np.linalg.eigvalsh(self.inertia)
+
+
+def link_body(name: str, inertia: np.ndarray) -> LinkBody:
+    """The body of ten inertial parameters: c = h/m, J_c = J - m (cᵀc 1 - c cᵀ).
+
+    Args:
+        name: name of the link.
+        inertia: ten inertial parameters, shape (10,).
+    """
+    mass = float(inertia[9])
+    if mass == 0.0:
+        return LinkBody(name, mass, np.full(3, np.nan), tensor(inertia[:6]))
+    center = np.asarray(inertia[6:9], dtype=float) / mass
+    return LinkBody(name, mass, center, tensor(inertia[:6]) - mass * steiner(center, center))

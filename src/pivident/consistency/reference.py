@@ -1,0 +1,231 @@
+"""The reference: what is known about the links before any torque, and the scale of each parameter.
+
+A robot's nominal inertias, made consistent where they are not. A link that nothing is known about
+is a solid cylinder from its frame to the next joint, a quarter as thick as it is long.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.consistency.pseudo_inertia import STEEL, ball, inertial_parameters, pseudo_inertia
+from pivident.dynamics.parameters import Parameter, nominal_values
+from pivident.errors import ExperimentError
+from pivident.robot.description import Robot
+
+#: Density of a link that nothing is known about: aluminium that is a quarter hollow [kg/m³].
+DENSITY = 2000.0
+
+#: Thickness of such a link over its length, and the shortest length [m].
+SLENDERNESS, SHORTEST = 0.25, 0.05
+
+#: Smallest second moment of a reference link about its centre of mass over its largest one.
+FLATTEST = 1e-4
+
+#: Mass [kg] and second moment [kg m²] below which a reference link is none.
+SMALLEST_MASS, SMALLEST_MOMENT = 1e-6, 1e-12
+
+#: Rotor inertia that passes for small where none is known, over the inertia of its link.
+ROTOR_SHARE = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A consistent set of standard parameters, and the scale of each.
+
+    Attributes:
+        values: standard parameters, shape (standard,).
+        scales: what is a large change of each, shape (standard,).
+        roots: P₀^-½ of each link, shape (joints, 4, 4): from a link to its scale.
+        smallest: pseudo-inertia that each link must contain, shape (joints, 4, 4): a steel ball
+            in the reference's centre of mass.
+        notes: where it comes from, sentences.
+    """
+
+    values: np.ndarray
+    scales: np.ndarray
+    roots: np.ndarray
+    smallest: np.ndarray
+    notes: tuple[str, ...]
+
+    def scaled(self, link: int, matrix: np.ndarray) -> np.ndarray:
+        """P₀^-½ P P₀^-½ of a link, for one matrix or many, shape (..., 4, 4).
+
+        Args:
+            link: index.
+            matrix: P, shape (..., 4, 4).
+        """
+        return self.roots[link] @ matrix @ self.roots[link]
+
+
+def make_reference(
+    robot: Robot,
+    standard: Sequence[Parameter],
+    diameter: float,
+    given: Robot | np.ndarray | None = None,
+) -> Reference:
+    """Nominal values made consistent; links without any get a plain guess from geometry.
+
+    A guessed link is a solid cylinder from its frame to the next joint, a quarter as thick as long.
+
+    Args:
+        robot: the robot.
+        standard: its standard parameters.
+        diameter: of the steel ball that every link must contain [m].
+        given: another description with the same joints, or standard parameters, shape (standard,),
+            that take the place of the nominal ones.
+
+    Raises:
+        ExperimentError: a reference that does not fit the robot.
+    """
+    values = _given_values(robot, standard, given)
+    notes: list[str] = []
+    guessed, repaired = [], []
+    roots, least = np.empty((2, robot.size, 4, 4))
+    scales = np.ones(len(standard))
+    for i, link in enumerate(robot.links):
+        # in the order of INERTIAL, which is that of the standard parameters
+        place = [k for k, p in enumerate(standard) if p.is_inertial and p.joint == i]
+        matrix = pseudo_inertia(values[place])
+        if not values[place].any():
+            guessed.append(link.name)
+            matrix = _guess(robot, i)
+        real = _real_body(matrix)
+        if not np.allclose(real, matrix, rtol=1e-9, atol=0.0):
+            repaired.append(link.name)
+        values[place] = inertial_parameters(real)
+        scales[place] = _inertial_scales(real)
+        roots[i] = _inverse_root(real)
+        least[i] = _smallest_body(real, diameter)
+    if guessed:
+        notes.append(
+            f"No inertia is known of {', '.join(guessed)}: where the torques leave them open, "
+            "they are near to solid cylinders along the link; give CAD values (reference)"
+        )
+    if set(repaired) - set(guessed):
+        named = ", ".join(name for name in repaired if name not in guessed)
+        notes.append(
+            f"The reference inertias of {named} belong to no real body (or to a flat one); the "
+            "nearest of some thickness took their place"
+        )
+    for k, p in enumerate(standard):
+        if p.is_inertial:
+            continue
+        values[k] = max(values[k], 0.0) if p.is_dissipative else values[k]
+        small = 1.0
+        if p.stem in ("ia", "iam"):
+            like = "zz" if robot.joints[p.joint].kind == "revolute" else "m"
+            small = ROTOR_SHARE * _scale_of(standard, scales, p.joint, like)
+        scales[k] = abs(values[k]) or small
+    return Reference(values, scales, roots, least, tuple(notes))
+
+
+def _given_values(
+    robot: Robot, standard: Sequence[Parameter], given: Robot | np.ndarray | None
+) -> np.ndarray:
+    """Standard parameters of a reference."""
+    if given is None:
+        return nominal_values(robot, tuple(standard))
+    if isinstance(given, Robot):
+        if given.joint_names != robot.joint_names:
+            raise ExperimentError(
+                f"the reference has the joints {', '.join(given.joint_names)}, the robot "
+                f"{', '.join(robot.joint_names)}; give a description of the same arm"
+            )
+        values = nominal_values(given, tuple(standard))
+        # a URDF knows no rotors: where the reference has none the robot's own stay
+        own = nominal_values(robot, tuple(standard))
+        missing = np.array([not p.is_inertial for p in standard]) & (values == 0.0)
+        return np.where(missing, own, values)
+    values = np.array(given, dtype=float)
+    if values.shape != (len(standard),) or not np.isfinite(values).all():
+        raise ExperimentError(
+            f"the reference has shape {values.shape} or is not finite; robot {robot.name!r} has "
+            f"{len(standard)} standard parameters"
+        )
+    return values
+
+
+def _guess(robot: Robot, link: int) -> np.ndarray:
+    """Pseudo-inertia of a solid cylinder from the link's frame to the farthest child's."""
+    ends = [j.translation for j in robot.joints if j.parent == link]
+    end = max(ends, key=lambda e: float(np.linalg.norm(e)), default=np.zeros(3))
+    length = float(np.linalg.norm(end))
+    if length < SHORTEST:
+        end, length = np.array([0.0, 0.0, SHORTEST]), SHORTEST
+    radius = SLENDERNESS / 2.0 * length
+    mass = DENSITY * np.pi * radius**2 * length
+    axis = end / length
+    across = radius**2 / 4.0 * (np.eye(3) - np.outer(axis, axis))
+    second = mass * (across + np.outer(end, end) / 3.0)
+    matrix = np.zeros((4, 4))
+    matrix[:3, :3], matrix[3, 3] = second, mass
+    matrix[:3, 3] = matrix[3, :3] = mass * end / 2.0
+    return matrix
+
+
+def _real_body(matrix: np.ndarray) -> np.ndarray:
+    """The matrix itself if it belongs to a body of some thickness; else with moments raised.
+
+    A mass without inertia becomes a ball of that mass.
+    """
+    mass, center, values, axes = _central(matrix)
+    least = FLATTEST * values[-1]
+    if values[-1] < SMALLEST_MOMENT:
+        diameter = (6.0 * mass / (np.pi * DENSITY)) ** (1.0 / 3.0)
+        least = mass * diameter**2 / 20.0
+    if mass == matrix[3, 3] and values[0] >= least:
+        return matrix
+    real = np.zeros((4, 4))
+    real[:3, :3] = (axes * np.maximum(values, least)) @ axes.T + mass * np.outer(center, center)
+    real[:3, 3] = real[3, :3] = mass * center
+    real[3, 3] = mass
+    return real
+
+
+def _smallest_body(real: np.ndarray, diameter: float) -> np.ndarray:
+    """A steel ball in the centre of mass of a real body, a tenth of it at most."""
+    mass, center, values, _ = _central(real)
+    density = STEEL * np.pi / 6.0
+    own = min(
+        diameter,
+        (0.1 * mass / density) ** (1.0 / 3.0),
+        (0.1 * values[0] * 20.0 / density) ** (1.0 / 5.0),
+    )
+    small = ball(own)
+    small[:3, :3] += small[3, 3] * np.outer(center, center)
+    small[:3, 3] = small[3, :3] = small[3, 3] * center
+    return small
+
+
+def _central(matrix: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
+    """Mass, centre of mass, second moments about it (ascending) and their axes."""
+    mass = max(matrix[3, 3], SMALLEST_MASS)
+    center = matrix[:3, 3] / mass
+    central = matrix[:3, :3] - mass * np.outer(center, center)
+    values, axes = np.linalg.eigh(0.5 * (central + central.T))
+    return mass, center, values, axes
+
+
+def _inverse_root(matrix: np.ndarray) -> np.ndarray:
+    """P^-½, symmetric."""
+    values, vectors = np.linalg.eigh(matrix)
+    return (vectors / np.sqrt(values)) @ vectors.T
+
+
+def _scale_of(standard: Sequence[Parameter], scales: np.ndarray, joint: int, stem: str) -> float:
+    """Scale of a link's parameter."""
+    return next(
+        float(scale)
+        for p, scale in zip(standard, scales, strict=True)
+        if p.joint == joint and p.stem == stem
+    )
+
+
+def _inertial_scales(matrix: np.ndarray) -> np.ndarray:
+    """Scale of the ten parameters of a body: second moment, first moment, mass."""
+    second, mass = float(np.trace(matrix[:3, :3])), float(matrix[3, 3])
+    return np.r_[np.full(6, second), np.full(3, np.sqrt(second * mass)), mass]

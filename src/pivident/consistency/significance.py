@@ -1,0 +1,64 @@
+"""Whether the step from an estimate to a consistent model is too long, or costs too much."""
+
+from __future__ import annotations
+
+import numpy as np
+
+#: An estimate is too poor if the distance is this improbable, the torque error grows by this share,
+#: and the torque that is missed in addition is this share of all torque.
+FAR_PROBABILITY, FAR_GROWTH, FAR_TORQUE = 1e-3, 0.10, 0.01
+
+#: A growth of the torque error that is worth a sentence.
+NOTABLE_GROWTH = 0.01
+
+
+def probability(distance: float, directions: int, most: int) -> float:
+    """χ² probability of a distance; one where the estimate was consistent.
+
+    Args:
+        distance: d* [σ].
+        directions: degrees of freedom, those that active constraints take.
+        most: number of base parameters.
+    """
+    from scipy.stats import chi2
+
+    if distance == 0.0:
+        return 1.0
+    return float(chi2.sf(distance**2, int(np.clip(directions, 1, most))))
+
+
+def is_far(p_value: float, free: float, consistent: float) -> bool:
+    """Whether an estimate is too poor: the step is improbable, and costs much torque.
+
+    Each alone is no reason. Intervals of measured records do not know all model error, so long
+    steps may cost nothing; and a noisy record may allow for a step that costs much.
+
+    Args:
+        p_value: probability of the step.
+        free: relative torque error of the estimate; NaN where it is not known.
+        consistent: of the consistent parameters, likewise.
+    """
+    if not np.isfinite(consistent):
+        return False
+    return (
+        p_value < FAR_PROBABILITY
+        and consistent > (1.0 + FAR_GROWTH) * free
+        and consistent**2 - free**2 > FAR_TORQUE**2
+    )
+
+
+def cost_notes(errors: tuple[float, float], p_value: float) -> tuple[str, ...]:
+    """A sentence where the step costs torque.
+
+    Args:
+        errors: relative torque errors, free and consistent; NaN where they are not known.
+        p_value: probability of the step.
+    """
+    free, consistent = errors
+    if not np.isfinite(consistent) or consistent <= (1.0 + NOTABLE_GROWTH) * free:
+        return ()
+    return (
+        f"Consistency raises the torque error of the fitted record from {100 * free:.3g} to "
+        f"{100 * consistent:.3g} % (p = {p_value:.2g} for the step): geometry, friction law or "
+        "parameters that were left out are not those of the machine, or a bound is wrong",
+    )

@@ -1,0 +1,354 @@
+"""A robot as plain values, and back: what a JSON file keeps of it.
+
+Everything that a `Robot` holds is there, floats with all their digits, so that the way there and
+back is exact. Infinite limits are written as the texts ``"inf"`` and ``"-inf"``, since JSON has no
+such numbers. Reading is strict: unknown keys, wrong types, NaN, matrices of the wrong shape and
+friction terms whose kernel would miss a constant are refused.
+
+This module needs pydantic and is imported only when a file is read or written.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, Any, Literal, TypeVar
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationError
+from pydantic.functional_validators import AfterValidator, BeforeValidator
+
+from pivident.errors import RobotDescriptionError
+from pivident.robot.description import Coupling, Joint, Link, Robot, UrdfFile
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape, ShapeUnit, Smoothing
+from pivident.robot.naming import errors_name, nearest
+from pivident.robot.transmission import Transmission
+
+#: Texts longer than this are no names.
+LONGEST_NAME = 1000
+
+#: How many constants of shape each function of friction may have; functions not listed have none.
+SHAPES = {
+    FrictionColumn.STRIBECK: (2,),
+    FrictionColumn.POWER: (1,),
+    FrictionColumn.COSINE: (1,),
+    FrictionColumn.SINE: (1,),
+    FrictionColumn.STRUT: (2,),
+    FrictionColumn.STRUT_STIFFNESS: (2,),
+    FrictionColumn.PRESLIDING: (1, 4),
+    FrictionColumn.PRESLIDING_RATE: (4,),
+    FrictionColumn.MAXWELL: (1, 4),
+}
+
+Root = TypeVar("Root", bound=BaseModel)
+
+
+def _number_or_infinity(value: Any) -> Any:
+    return {"inf": math.inf, "-inf": -math.inf}.get(value, value) if type(value) is str else value
+
+
+def _text_of_infinity(value: float) -> float | str:
+    return value if math.isfinite(value) else str(value)
+
+
+def _not_nan(value: float) -> float:
+    if math.isnan(value):
+        raise ValueError("must be a number or infinite, not NaN")
+    return value
+
+
+def _known_function(value: str) -> str:
+    known = [column.name.lower() for column in FrictionColumn]
+    if value not in known:
+        raise ValueError(f"there is no such friction; {nearest(value, known)}")
+    return value
+
+
+Finite = Annotated[float, Field(allow_inf_nan=False)]
+Bound = Annotated[
+    float,
+    BeforeValidator(_number_or_infinity),
+    AfterValidator(_not_nan),
+    PlainSerializer(_text_of_infinity),
+]
+Name = Annotated[str, Field(max_length=LONGEST_NAME)]
+Vector3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
+Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
+Inertia = Annotated[list[Finite], Field(min_length=10, max_length=10)]
+Function = Annotated[str, AfterValidator(_known_function)]
+
+
+class Values(BaseModel):
+    """A table of a file: unknown keys and wrong types are refused."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class ShapeValues(Values):
+    """A constant of a friction law."""
+
+    name: Name
+    value: Finite
+    unit: ShapeUnit
+    low: Bound
+    high: Bound
+    free: bool
+
+
+class TermValues(Values):
+    """One term of a friction law."""
+
+    stem: Annotated[Name, Field(min_length=1)]
+    function: Function
+    smoothing: Smoothing
+    gamma: Finite | None
+    shapes: list[ShapeValues]
+
+
+class JointValues(Values):
+    """A joint."""
+
+    name: Annotated[Name, Field(min_length=1)]
+    kind: Literal["revolute", "prismatic"]
+    parent: int
+    rotation: Matrix3
+    translation: Vector3
+    position_limits: Annotated[list[Bound], Field(min_length=2, max_length=2)] | None
+    rated_speed: Bound | None
+    torque_limit: Bound | None
+    friction: list[TermValues]
+
+
+class LinkValues(Values):
+    """A link: its nominal ``xx xy xz yy yz zz mx my mz m``."""
+
+    name: Name
+    inertia: Inertia
+
+
+class CouplingValues(Values):
+    """A coupled motor; joints count from zero."""
+
+    motor: int
+    joint: int
+    ratio: Finite
+    inertia: bool
+    viscous: bool
+    coulomb: bool
+
+
+class TransmissionValues(Values):
+    """Between motor and joint side."""
+
+    reduction: list[list[Finite]]
+    drive_gain: list[Finite]
+    position_offset: list[Finite]
+    gain_given: list[bool]
+
+
+class UrdfValues(Values):
+    """The URDF that the robot was read from."""
+
+    path: str
+    sha256: Annotated[str, Field(pattern="^[0-9a-f]{64}$")]
+    frozen: dict[Name, Finite]
+
+
+class RobotValues(Values):
+    """The whole robot."""
+
+    name: Name
+    description: str
+    gravity: Vector3
+    joints: Annotated[list[JointValues], Field(min_length=1)]
+    links: list[LinkValues]
+    rotor_inertia: list[Finite]
+    friction_nominal: dict[Name, Finite]
+    couplings: list[CouplingValues]
+    transmission: TransmissionValues
+    urdf: UrdfValues | None
+
+
+def robot_values(robot: Robot) -> dict[str, Any]:
+    """The robot as dictionaries, lists, texts and finite numbers, ready for JSON.
+
+    Args:
+        robot: the robot.
+
+    Raises:
+        RobotDescriptionError: it holds a number that no file can keep, NaN for example.
+    """
+    content = {
+        "name": robot.name,
+        "description": robot.description,
+        "gravity": _plain(robot.gravity),
+        "joints": [_joint_values(joint) for joint in robot.joints],
+        "links": [{"name": link.name, "inertia": _plain(link.inertia)} for link in robot.links],
+        "rotor_inertia": _plain(robot.rotor_inertia),
+        "friction_nominal": {k: float(v) for k, v in robot.friction_nominal.items()},
+        "couplings": [
+            {
+                "motor": int(coupling.motor),
+                "joint": int(coupling.joint),
+                "ratio": float(coupling.ratio),
+                "inertia": bool(coupling.inertia),
+                "viscous": bool(coupling.viscous),
+                "coulomb": bool(coupling.coulomb),
+            }
+            for coupling in robot.couplings
+        ],
+        "transmission": {
+            "reduction": _plain(robot.transmission.reduction),
+            "drive_gain": _plain(robot.transmission.drive_gain),
+            "position_offset": _plain(robot.transmission.position_offset),
+            "gain_given": np.asarray(robot.transmission.gain_given, dtype=bool).tolist(),
+        },
+        "urdf": None
+        if robot.urdf is None
+        else vars(robot.urdf) | {"frozen": {**robot.urdf.frozen}},
+    }
+    with errors_name(f"robot {robot.name!r}"):
+        return checked(RobotValues, content).model_dump()
+
+
+def robot_of_values(content: Any) -> Robot:
+    """The robot that `robot_values` has written.
+
+    Args:
+        content: plain values, such as a JSON file's.
+
+    Raises:
+        RobotDescriptionError: a key is missing, unknown or of the wrong type, a number is not
+            finite, shapes do not belong together, or the tree is none; names key and value.
+    """
+    return made_robot(checked(RobotValues, content))
+
+
+def made_robot(values: RobotValues) -> Robot:
+    """The robot of values that were checked already.
+
+    Args:
+        values: its values.
+
+    Raises:
+        RobotDescriptionError: shapes do not belong together, or the tree is none.
+    """
+    drives, n = values.transmission, len(values.joints)
+    if {len(drives.reduction), *map(len, drives.reduction), len(drives.gain_given)} != {n}:
+        raise RobotDescriptionError(
+            f"transmission: the reduction matrix must have shape {(n, n)} and gain_given {n} "
+            "entries, one for each joint; write the file again"
+        )
+    return Robot(
+        name=values.name,
+        joints=tuple(_joint(joint) for joint in values.joints),
+        links=tuple(Link(link.name, np.array(link.inertia)) for link in values.links),
+        gravity=np.array(values.gravity),
+        rotor_inertia=np.array(values.rotor_inertia),
+        transmission=Transmission(
+            np.array(drives.reduction),
+            np.array(drives.drive_gain),
+            np.array(drives.position_offset),
+            np.array(drives.gain_given, dtype=bool),
+        ),
+        friction_nominal=dict(values.friction_nominal),
+        couplings=tuple(Coupling(**vars(coupling)) for coupling in values.couplings),
+        description=values.description,
+        urdf=None if values.urdf is None else UrdfFile(**vars(values.urdf)),
+    )
+
+
+def checked(model: type[Root], content: Any) -> Root:
+    """Plain values as a checked object.
+
+    Args:
+        model: what they are.
+        content: the values.
+
+    Raises:
+        RobotDescriptionError: names the first key at fault, its value and what was expected.
+    """
+    try:
+        return model.model_validate(content)
+    except ValidationError as error:
+        raise RobotDescriptionError(problem_text(error)) from None
+
+
+def problem_text(error: ValidationError) -> str:
+    """The first problem that pydantic has found: where, what is there, what was expected.
+
+    Args:
+        error: what pydantic says.
+    """
+    problems = error.errors(include_url=False)
+    first = problems[0]
+    where = ".".join(str(part) for part in first["loc"]) or "the content"
+    value = repr(first["input"])
+    shown = f" = {value}" if len(value) <= 60 and first["type"] != "missing" else ""
+    message = first["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+    return f"{where}{shown}: {message[:1].lower()}{message[1:]}{more}"
+
+
+def _plain(array: np.ndarray) -> list[Any]:
+    return np.asarray(array, dtype=float).tolist()
+
+
+def _joint_values(joint: Joint) -> dict[str, Any]:
+    limits = joint.position_limits
+    return {
+        "name": joint.name,
+        "kind": joint.kind,
+        "parent": int(joint.parent),
+        "rotation": _plain(joint.rotation),
+        "translation": _plain(joint.translation),
+        "position_limits": None if limits is None else [float(limit) for limit in limits],
+        "rated_speed": None if joint.rated_speed is None else float(joint.rated_speed),
+        "torque_limit": None if joint.torque_limit is None else float(joint.torque_limit),
+        "friction": [
+            {
+                "stem": term.stem,
+                "function": term.column.name.lower(),
+                "smoothing": term.smoothing,
+                "gamma": None if term.gamma is None else float(term.gamma),
+                "shapes": [
+                    vars(shape)
+                    | {key: float(getattr(shape, key)) for key in ("value", "low", "high")}
+                    for shape in term.shapes
+                ],
+            }
+            for term in joint.friction.terms
+        ],
+    }
+
+
+def _joint(values: JointValues) -> Joint:
+    try:
+        law = FrictionLaw(tuple(_term(term) for term in values.friction))
+    except ValueError as error:
+        raise RobotDescriptionError(f"friction of joint {values.name!r}: {error}") from error
+    limits = values.position_limits
+    return Joint(
+        name=values.name,
+        kind=values.kind,
+        parent=values.parent,
+        rotation=np.array(values.rotation),
+        translation=np.array(values.translation),
+        position_limits=None if limits is None else (limits[0], limits[1]),
+        rated_speed=values.rated_speed,
+        torque_limit=values.torque_limit,
+        friction=law,
+    )
+
+
+def _term(values: TermValues) -> FrictionTerm:
+    column = FrictionColumn[values.function.upper()]
+    allowed = SHAPES.get(column, (0,))
+    if len(values.shapes) not in allowed:
+        needed = " or ".join(map(str, allowed))
+        raise ValueError(
+            f"the term {values.stem!r} ({values.function}) has {len(values.shapes)} constants of "
+            f"shape; it needs {needed}"
+        )
+    shapes = tuple(Shape(**vars(shape)) for shape in values.shapes)
+    return FrictionTerm(values.stem, column, values.smoothing, values.gamma, shapes)
