@@ -1,0 +1,143 @@
+"""The command ``pivident symbolic``: the model of a robot as formulas and as code."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from pivident.cli.console import note
+from pivident.errors import PividentError
+
+if TYPE_CHECKING:
+    from pivident.robot import Robot
+    from pivident.symbolic.program import Program
+
+Names = Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)]
+
+
+def symbolic(
+    robot: str,
+    /,
+    *,
+    what: Names = (),
+    to: Names = (),
+    out: Path | None = None,
+    parameters: Literal["base", "standard"] = "base",
+    values: bool = False,
+) -> int:
+    """Write the model of a robot as Python, C, LaTeX or SymPy, and count its operations.
+
+    Without --to and --out the numbers of operations are printed, and with --what base the groups
+    of the base parameters. With --to alone the text goes to standard output.
+
+    Parameters
+    ----------
+    robot
+        Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz).
+    what
+        inverse, regressor, mass, gravity, coriolis, base; several with commas or by repetition.
+        Default: all of them.
+    to
+        python, c, latex, sympy; several with commas where there is --out. Default: all of them.
+    out
+        Folder for the files, named after the robot.
+    parameters
+        Parameters of the models: the base ones, or all standard ones.
+    values
+        Put the nominal (CAD) values of the robot file in the place of parameters.
+    """
+    from pivident.cli.workflow import check_output
+    from pivident.files import atomic_folder
+    from pivident.robot import load_robot
+    from pivident.symbolic.robot_models import LANGUAGES, MODELS, model_files
+
+    models = _chosen("--what", what, MODELS)
+    languages = _chosen("--to", to, LANGUAGES)
+    if to and out is None and len(languages) > 1:
+        raise PividentError(
+            "--to names several languages; give a folder for their files with --out"
+        )
+    if out is not None:
+        check_output(out)
+    machine = load_robot(robot)
+    programs = _programs(machine, models, parameters, values)
+    if to and out is None:
+        print(next(iter(model_files(machine, programs, languages).values())))
+        return 0
+    print(_costs(machine, programs))
+    if "base" in what or (out is None and models == ["base"]):
+        print(f"\n{_groups(machine)}")
+    if out is not None:
+        files = model_files(machine, programs, languages)
+        with atomic_folder(out) as folder:
+            for name, text in files.items():
+                (folder / name).write_text(text, encoding="utf-8")
+        for name in files:
+            print(out / name)
+        note(f"{len(files)} files written")
+    return 0
+
+
+def _chosen(option: str, given: Sequence[str], known: Collection[str]) -> list[str]:
+    """Names of an option, all known ones where none is given.
+
+    Raises:
+        PividentError: there is no such name.
+    """
+    from pivident.robot.naming import nearest
+
+    names = [name for text in given for name in text.replace(" ", "").split(",") if name]
+    for name in names:
+        if name not in known:
+            raise PividentError(f"{option}: there is no {name!r}; {nearest(name, known)}")
+    if given and not names:
+        raise PividentError(f"{option} names nothing; choose from {', '.join(known)}")
+    return list(dict.fromkeys(names)) or list(known)
+
+
+def _programs(robot: Robot, models: Sequence[str], kind: str, values: bool) -> list[Program]:
+    from pivident.dynamics.base_parameters import base_parameters
+    from pivident.dynamics.parameters import standard_parameters
+    from pivident.symbolic.model_symbols import Columns
+    from pivident.symbolic.robot_models import (
+        nominal_base_values,
+        nominal_standard_values,
+        symbolic_models,
+    )
+
+    numbers = None
+    columns: Columns
+    if kind == "base":
+        columns = base = base_parameters(robot)
+        numbers = nominal_base_values(base) if values else None
+    else:
+        columns = standard_parameters(robot)
+        numbers = nominal_standard_values(robot) if values else None
+    return symbolic_models(robot, models, columns, numbers)
+
+
+def _costs(robot: Robot, programs: Sequence[Program]) -> str:
+    """Operations of each program, as a table."""
+    head = ("", "multiplications", "additions", "sines, cosines", "other functions")
+    rows: list[tuple[str, ...]] = [head]
+    for program in programs:
+        n = program.operation_count
+        counts = (n.multiplications, n.additions, n.sines, n.functions)
+        rows.append((program.name, *map(str, counts)))
+    widths = [max(len(row[k]) for row in rows) for k in range(len(head))]
+    lines = [
+        f"  {row[0]:<{widths[0]}}"
+        + "".join(f"  {text:>{width}}" for text, width in zip(row[1:], widths[1:], strict=True))
+        for row in rows
+    ]
+    return "\n".join([f"Operations for one state of {robot.name}", *lines])
+
+
+def _groups(robot: Robot) -> str:
+    """Base parameters with their groups, and what has no effect."""
+    from pivident.symbolic.base_parameters import closed_form_base_parameters
+
+    return str(closed_form_base_parameters(robot))

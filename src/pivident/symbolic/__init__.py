@@ -1,0 +1,1 @@
+"""Symbolic models of a robot: expressions, programs, customised Newton–Euler, base parameters."""

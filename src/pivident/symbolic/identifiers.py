@@ -1,0 +1,91 @@
+"""Names as identifiers of C and Python, and as LaTeX."""
+
+from __future__ import annotations
+
+import keyword
+import re
+import unicodedata
+from collections.abc import Iterable
+
+_C_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int
+long register restrict return short signed sizeof static struct switch typedef union unsigned void
+volatile while asm fortran bool true false NULL near far
+sin cos tan sqrt fabs abs exp atan atan2 tanh pow fmax fmin sign_of sincos log floor ceil round
+j0 j1 jn y0 y1 yn gamma erf signgam main size_t restrict M_PI INFINITY NAN I
+""".split()
+_PYTHON_WORDS = ("np", "numpy", "print", "math", "sum", "abs", "max", "min", "pow", "len", "range")
+
+#: Words that generated code needs for itself, in C or in Python.
+RESERVED = frozenset([*_C_WORDS, *_PYTHON_WORDS, *keyword.kwlist, *keyword.softkwlist])
+
+_GREEK = (
+    "alpha beta gamma delta epsilon zeta eta theta iota kappa lambda mu nu xi pi rho sigma tau "
+    "phi chi psi omega"
+).split()
+
+
+def identifier(name: str) -> str:
+    """A valid identifier that reads like the name: ``zz[left elbow]`` becomes ``zz_left_elbow``.
+
+    Letters with accents lose them, other characters become underscores, keywords and names that
+    generated code needs get an underscore behind.
+    """
+    plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
+    # What has no likeness in ASCII is spelled by its number, so that names stay apart.
+    if not re.search(r"[A-Za-z0-9]", plain) and name:
+        plain = "_".join(f"u{ord(c):x}" for c in name)
+    text = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_") or "x"
+    if text[0].isdigit():
+        text = f"x{text}"
+    return f"{text}_" if text in RESERVED else text
+
+
+def identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
+    """An identifier for each name, all different; a number is added where two would be alike.
+
+    Args:
+        names: different names.
+        taken: identifiers that are in use already.
+    """
+    used = set(taken)
+    result = []
+    for name in names:
+        text = stem = identifier(name)
+        k = 2
+        while text in used:
+            text, k = f"{stem}_{k}", k + 1
+        used.add(text)
+        result.append(text)
+    return result
+
+
+def latex_text(text: str) -> str:
+    """Any text, escaped for LaTeX's text mode."""
+    special = {
+        "\\": r"\textbackslash{}", "{": r"\{", "}": r"\}", "$": r"\$", "&": r"\&", "#": r"\#",
+        "%": r"\%", "_": r"\_", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+    }  # fmt: skip
+    return "".join(special.get(c, c) for c in text)
+
+
+def latex_name(name: str) -> str:
+    r"""A name for LaTeX's math mode: ``zz1r`` becomes ``\mathit{zz}_{1r}``, ``q2`` ``q_{2}``."""
+    if name.startswith("minus_"):
+        return rf"\left(-{latex_name(name.removeprefix('minus_'))}\right)"
+    match = re.fullmatch(r"([A-Za-z]+)[_\[]?([^\]]*)\]?", name)
+    stem, index = match.groups() if match else (name, "")
+    if stem in _GREEK:
+        head = rf"\{stem}"
+    elif re.fullmatch(r"d+q", stem):
+        head = {"dq": r"\dot{q}", "ddq": r"\ddot{q}"}.get(stem, rf"\mathit{{{stem}}}")
+    elif len(stem) == 1:
+        head = stem if stem.isalpha() else rf"\text{{{latex_text(stem)}}}"
+    elif re.fullmatch(r"[A-Za-z]+", stem):
+        head = rf"\mathit{{{stem}}}"
+    else:
+        head = rf"\text{{{latex_text(stem)}}}"
+    if not index:
+        return head
+    inside = index if re.fullmatch(r"[0-9]+[a-z]?", index) else rf"\text{{{latex_text(index)}}}"
+    return f"{head}_{{{inside}}}"

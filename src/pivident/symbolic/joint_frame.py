@@ -1,0 +1,131 @@
+"""The frame of a link in its parent's, in factors that a symbolic recursion can simplify.
+
+Every fixed rotation is Rz(ψ) Rx(α) Rz(φ), and φ adds to the joint's angle:
+
+    ^pR_i = Rz(ψ) Rx(α) Rz(q + φ)   revolute,      Rz(ψ) Rx(α) Rz(φ)   prismatic
+
+In a modified DH table ψ = 0. Turning a vector costs four products for each factor that is no
+multiple of 90°, at most twelve instead of the thirteen of a full matrix and one angle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.robot.description import Joint
+from pivident.symbolic.expressions import (
+    EXACT,
+    Expression,
+    Operand,
+    as_expression,
+    constant,
+    cosine,
+    sine,
+)
+from pivident.symbolic.vectors import (
+    Tensor,
+    Turn,
+    Vector,
+    about_x,
+    about_z,
+    back_about_x,
+    back_about_z,
+    tensor_about_x,
+    tensor_about_z,
+)
+
+
+@dataclass(frozen=True)
+class JointFrame:
+    """Pose of a link's frame in its parent's.
+
+    Attributes:
+        first: Rz(ψ).
+        tilt: Rx(α).
+        angle: θ, of the last rotation Rz(θ).
+        last: Rz(θ).
+        first_angle: ψ.
+        parallel: 1 where its axis has the direction of the parent's, -1 where it is opposite,
+            0 elsewhere.
+        origin: its origin in the parent's frame, with the slide of a prismatic joint.
+    """
+
+    first: Turn
+    tilt: Turn
+    angle: Expression
+    last: Turn
+    first_angle: float
+    parallel: int
+    origin: Vector
+
+    def out(self, a: Vector) -> Vector:
+        """A vector in the parent's frame, seen from the link's."""
+        return back_about_z(self.last, self.staged(a))
+
+    def staged(self, a: Vector) -> Vector:
+        """A vector in the parent's frame, seen from the link's before the last rotation."""
+        return back_about_x(self.tilt, back_about_z(self.first, a))
+
+    def back(self, a: Vector) -> Vector:
+        """A vector in the link's frame, seen from the parent's."""
+        return self.unstaged(about_z(self.last, a))
+
+    def unstaged(self, a: Vector) -> Vector:
+        """A vector in the link's frame before its last rotation, seen from the parent's."""
+        return about_z(self.first, about_x(self.tilt, a))
+
+    def tensor_back(self, a: Tensor) -> Tensor:
+        """A tensor in the link's frame, seen from the parent's."""
+        return tensor_about_z(self.first, tensor_about_x(self.tilt, tensor_about_z(self.last, a)))
+
+
+def joint_frame(joint: Joint, q: Operand) -> JointFrame:
+    """The frame behind a joint.
+
+    Args:
+        joint: the joint.
+        q: its position.
+    """
+    psi, alpha, phi = _angles(joint.rotation)
+    revolute = joint.kind == "revolute"
+    angle = as_expression(q) + phi if revolute else constant(phi)
+    slide = constant(0.0) if revolute else as_expression(q)
+    origin = tuple(
+        _exact(t) + _exact(z) * slide
+        for t, z in zip(joint.translation.tolist(), joint.rotation[:, 2].tolist(), strict=True)
+    )
+    tilt = turn(alpha)
+    parallel = 0
+    if tilt.sin.is_zero:
+        parallel = 1 if tilt.cos.is_one else -1
+    return JointFrame(
+        turn(psi), tilt, angle, turn(angle), psi, parallel, (origin[0], origin[1], origin[2])
+    )
+
+
+def turn(angle: Operand) -> Turn:
+    """Cosine and sine of an angle."""
+    return Turn(cosine(angle), sine(angle))
+
+
+def _angles(rotation: np.ndarray) -> tuple[float, float, float]:
+    """ψ, α, φ of R = Rz(ψ) Rx(α) Rz(φ), with ψ = 0 where that can be."""
+    tilt = math.hypot(rotation[0, 2], rotation[1, 2])
+    if tilt < EXACT:
+        alpha = 0.0 if rotation[2, 2] > 0.0 else math.pi
+        return 0.0, alpha, math.atan2(rotation[1, 0] * math.cos(alpha), rotation[0, 0])
+    psi = math.atan2(rotation[0, 2], -rotation[1, 2])
+    phi = math.atan2(rotation[2, 0], rotation[2, 1])
+    alpha = math.atan2(tilt, rotation[2, 2])
+    if abs(psi) > 0.5 * math.pi + EXACT:  # the same rotation with the angles on the other side
+        psi, alpha, phi = psi - math.copysign(math.pi, psi), -alpha, phi + math.pi
+    return psi, alpha, math.remainder(phi, 2.0 * math.pi)
+
+
+def _exact(value: float) -> Expression:
+    """A constant, with 0 and ±1 where it is that to rounding."""
+    whole = round(value)
+    return constant(whole if abs(value - whole) < EXACT and abs(whole) <= 1 else value)

@@ -1,0 +1,246 @@
+"""Motion of the links by the forward recursion of Newton and Euler, in symbols.
+
+From the base outwards, with R and p the pose of link i in its parent j,
+
+    ω_i  = Rᵀ ω_j + dq z                          (revolute)
+    dω_i = Rᵀ dω_j + ω_i × dq z + ddq z
+    a_i  = Rᵀ (a_j + U_j p) + 2 ω_i × dq z + ddq z    (last two terms: prismatic)
+    U_i  = [dω_i]× + [ω_i]× [ω_i]×
+
+Gravity is an upward acceleration of the base. Where joints follow each other with parallel axes
+they turn together by one angle: what comes from before the first of them is turned once, by
+q₂ + q₃, instead of twice (Khalil and Kleinfinger 1987).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from pivident.symbolic.expressions import ZERO, Expression, constant
+from pivident.symbolic.joint_frame import JointFrame, joint_frame, turn
+from pivident.symbolic.model_symbols import ModelSymbols
+from pivident.symbolic.vectors import (
+    NULL,
+    Turn,
+    Vector,
+    back_about_x,
+    back_about_z,
+    dot,
+    is_null,
+    plus,
+)
+
+Matrix = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True)
+class Run:
+    """Joints with parallel axes that follow each other, the last of them the link's own.
+
+    Attributes:
+        before: link that carries the first of them, -1 for the base.
+        first: index of the first of them.
+        angle: angle by which they turn together.
+        turn: its cosine and sine.
+        flip: Rx(0) or Rx(π) behind that rotation.
+        rate: speed of the turn, about the link's axis.
+        acceleration: its derivative.
+    """
+
+    before: int
+    first: int
+    angle: Expression
+    turn: Turn
+    flip: Turn
+    rate: Expression
+    acceleration: Expression
+
+    def out(self, frame: JointFrame, a: Vector) -> Vector:
+        """A vector in the frame before the run, seen from the link at its end.
+
+        Args:
+            frame: that of the run's first joint.
+            a: the vector.
+        """
+        return back_about_x(self.flip, back_about_z(self.turn, frame.staged(a)))
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """Motion of one link in its own frame.
+
+    Attributes:
+        frame: pose in its parent.
+        run: joints with parallel axes that end here; one joint alone is a run too.
+        w: angular velocity ω.
+        dw: its derivative.
+        a: acceleration of the origin, less gravity.
+        origin: its part across the axis as it was before the run, None if that is not all.
+        u: U row by row.
+        squares: products wx², wy², wz².
+        products: products wx wy, wx wz, wy wz.
+    """
+
+    frame: JointFrame
+    run: Run
+    w: Vector
+    dw: Vector
+    a: Vector
+    origin: Vector | None
+    u: Matrix
+    squares: Vector
+    products: Vector
+
+    def hints(self, number: int) -> Iterator[tuple[str, Expression]]:
+        """Telling names of its quantities for generated code."""
+        yield f"s{number}", self.frame.last.sin
+        yield f"c{number}", self.frame.last.cos
+        for name, vector in (("w", self.w), ("dw", self.dw), ("a", self.a)):
+            yield from ((f"{name}{x}{number}", v) for x, v in zip("xyz", vector, strict=True))
+        for x, row in zip("xyz", self.u, strict=True):
+            yield from ((f"u{x}{y}{number}", v) for y, v in zip("xyz", row, strict=True))
+
+
+def link_motion(
+    model: ModelSymbols,
+    *,
+    speeds: bool = True,
+    accelerations: bool = True,
+    gravity: bool = True,
+    combine: bool = True,
+) -> list[LinkMotion]:
+    """Motion of every link.
+
+    Args:
+        model: robot and symbols.
+        speeds: whether the joints move; else all speeds are zero.
+        accelerations: whether they accelerate.
+        gravity: whether gravity acts.
+        combine: whether joints with parallel axes are turned together.
+    """
+    moving: list[LinkMotion] = []
+    for i, joint in enumerate(model.robot.joints):
+        frame = joint_frame(joint, model.q[i])
+        dq = model.dq[i] if speeds else ZERO
+        ddq = model.ddq[i] if accelerations else ZERO
+        before = moving[joint.parent] if joint.parent >= 0 else None
+        revolute = joint.kind == "revolute"
+        turning = (dq, ddq) if revolute else (ZERO, ZERO)
+        sliding = (ZERO, ZERO) if revolute else (dq, ddq)
+        run = _run(i, joint.parent, frame, before, turning, combine)
+        base = _base_motion(model, gravity)
+        start = moving[run.before] if run.before >= 0 else base
+        first = frame if run.first == i else moving[run.first].frame
+        w = _angular_velocity(frame, run, first, start.w, (before or base).w, turning[0])
+        dw = _angular_acceleration(frame, run, first, start.dw, (before or base).dw, w, turning[1])
+        a, origin = _acceleration(frame, run, first, before or base, w, sliding)
+        moving.append(LinkMotion(frame, run, w, dw, a, origin, *_rotation_matrix(w, dw)))
+    return moving
+
+
+@dataclass(frozen=True)
+class _Base:
+    """The base: at rest, or accelerated upwards."""
+
+    w: Vector
+    dw: Vector
+    a: Vector
+    u: Matrix
+    origin: Vector | None = None
+
+
+def _base_motion(model: ModelSymbols, gravity: bool) -> _Base:
+    upwards = tuple(-g for g in model.gravity)
+    a = (upwards[0], upwards[1], upwards[2]) if gravity else NULL
+    return _Base(NULL, NULL, a, (NULL, NULL, NULL))
+
+
+def _run(
+    i: int,
+    parent: int,
+    frame: JointFrame,
+    before: LinkMotion | None,
+    turning: tuple[Expression, Expression],
+    combine: bool,
+) -> Run:
+    rate, acceleration = turning
+    if before is None or not combine or not frame.parallel:
+        none = turn(constant(0.0))
+        return Run(parent, i, frame.angle, frame.last, none, rate, acceleration)
+    # Rx(flip) Rz(x) = Rz(±x) Rx(flip), so that angles behind a flip count negative
+    sign = before.run.flip.cos
+    angle = before.run.angle + sign * frame.first_angle + sign * frame.parallel * frame.angle
+    flip = turn(0.0) if (sign * frame.parallel).is_one else Turn(constant(-1.0), ZERO)
+    return Run(
+        before.run.before,
+        before.run.first,
+        angle,
+        turn(angle),
+        flip,
+        frame.parallel * before.run.rate + rate,
+        frame.parallel * before.run.acceleration + acceleration,
+    )
+
+
+def _angular_velocity(
+    frame: JointFrame, run: Run, first: JointFrame, start: Vector, parent: Vector, dq: Expression
+) -> Vector:
+    """ω: across the axis from before the run, along it from the parent."""
+    turned = run.out(first, start)
+    return turned[0], turned[1], frame.staged(parent)[2] + dq
+
+
+def _angular_acceleration(
+    frame: JointFrame,
+    run: Run,
+    first: JointFrame,
+    start: Vector,
+    parent: Vector,
+    w: Vector,
+    ddq: Expression,
+) -> Vector:
+    """dω: ω × (rate of the run) across the axis; ω is seen from the link, so it is free of q."""
+    turned = run.out(first, start)
+    return (
+        turned[0] + w[1] * run.rate,
+        turned[1] - w[0] * run.rate,
+        frame.staged(parent)[2] + ddq,
+    )
+
+
+def _acceleration(
+    frame: JointFrame,
+    run: Run,
+    first: JointFrame,
+    before: LinkMotion | _Base,
+    w: Vector,
+    sliding: tuple[Expression, Expression],
+) -> tuple[Vector, Vector | None]:
+    """Acceleration of the origin, less gravity, and the same before the run's rotation."""
+    lever = tuple(dot(row, frame.origin) for row in before.u)
+    total = plus(before.a, (lever[0], lever[1], lever[2]))
+    origin: Vector | None = total
+    if first is not frame:
+        # without lever arm since the run began, what came from before it is turned only once
+        origin = before.origin if is_null((lever[0], lever[1], lever[2])) else None
+    x, y, z = frame.out(total)
+    if origin is not None:
+        x, y, _ = run.out(first, origin)
+    dq, ddq = sliding
+    across = (2.0 * (dq * w[1]), -2.0 * (dq * w[0]))
+    if not (across[0].is_zero and across[1].is_zero):
+        origin = None
+    return (x + across[0], y + across[1], z + ddq), origin
+
+
+def _rotation_matrix(w: Vector, dw: Vector) -> tuple[Matrix, Vector, Vector]:
+    """U row by row, and the products of speeds in it."""
+    xx, yy, zz = w[0] * w[0], w[1] * w[1], w[2] * w[2]
+    xy, xz, yz = w[0] * w[1], w[0] * w[2], w[1] * w[2]
+    u = (
+        (-(yy + zz), xy - dw[2], xz + dw[1]),
+        (xy + dw[2], -(xx + zz), yz - dw[0]),
+        (xz - dw[1], yz + dw[0], -(xx + yy)),
+    )
+    return u, (xx, yy, zz), (xy, xz, yz)

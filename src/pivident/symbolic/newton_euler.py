@@ -1,0 +1,267 @@
+"""Customised Newton–Euler: the inverse model of one robot, with nothing in it that is zero.
+
+The method is that of Khalil and Kleinfinger (1987; Khalil and Dombre, *Modeling, Identification
+and Control of Robots*, chapter 9.6): the recursion of Newton and Euler is carried out once in
+symbols, linear in the inertial parameters (inertia J at the frame's origin, first moments h), with
+base parameters, so that most of them are zero. What is multiplied by zero is never written, what
+no torque needs is dropped, and what appears twice is computed once.
+
+    f_i = m a + U h,     n_i = J dω + ω × J ω + h × a            of each link
+    f_j += R f_i,        n_j += R n_i + p × R f_i                 from the tip to the base
+    tau_i = z·n_i (revolute) or z·f_i (prismatic), and what acts on the joint itself
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.robot.description import Robot
+from pivident.symbolic.expressions import (
+    ZERO,
+    Constant,
+    Expression,
+    Multiply,
+    Symbol,
+    operation_count,
+    symbol,
+)
+from pivident.symbolic.joint_terms import (
+    depends_on_load,
+    has_memory,
+    inner_name,
+    joint_column,
+    joints_of,
+)
+from pivident.symbolic.link_motion import LinkMotion, link_motion
+from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols
+from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.vectors import Vector, cross, dot, is_null, plus, scaled
+
+Hints = list[tuple[str, Expression]]
+
+#: Price of a sine with its cosine, in products, where two ways of writing a model are compared.
+SINE_PRICE = 4
+
+
+def inverse_model(
+    robot: Robot,
+    parameters: Columns = "base",
+    values: np.ndarray | None = None,
+    *,
+    rotors: bool = True,
+    friction: bool = True,
+) -> Program:
+    """Inverse dynamic model tau(q, dq, ddq), as a program.
+
+    Args:
+        robot: the robot.
+        parameters: parameters of the model (base, standard or chosen ones); others are zero.
+        values: their values, shape (parameters,), folded into the program; None: they are its
+            argument ``theta``.
+        rotors: whether rotor inertias ``ia`` and their couplings are in it.
+        friction: whether friction, springs and coupled friction are in it.
+
+    Returns:
+        A program of ``q dq ddq`` (and of ``inner``, the columns of friction with memory, where
+        there is such friction) and ``theta`` with the output ``tau``.
+    """
+    model = model_symbols(robot, parameters, values)
+    inner = inner_symbols(model, load=False) if friction else {}
+    body, hints = _cheapest(rigid_torques(model, combine=c) for c in (True, False))
+    own = joint_torques(model, body, inner, rotors, friction)
+    total = [a + b for a, b in zip(body, own, strict=True)]
+    notes = [
+        f"{p.name}: its friction remembers the path; give its column as {inner[key].name}."
+        for key, p in _inner_parameters(model)
+        if key in inner
+    ]
+    inputs = [*model.inputs("q", "dq", "ddq"), *inner_input(inner)]
+    return Program.build(
+        "inverse_model",
+        inputs,
+        model.argument,
+        [Output("tau", output_array(total), "joint torques or forces [N m or N]")],
+        title=f"Inverse dynamic model of {robot.name}",
+        hints=hints,
+        notes=notes,
+    )
+
+
+def coriolis_vector(
+    robot: Robot, parameters: Columns = "base", values: np.ndarray | None = None
+) -> Program:
+    """Torques of Coriolis and centrifugal forces c(q, dq), without gravity and friction.
+
+    Args:
+        robot: the robot.
+        parameters: as for `inverse_model`.
+        values: likewise.
+    """
+    model = model_symbols(robot, parameters, values)
+    still = {"accelerations": False, "gravity": False}
+    torques, hints = _cheapest(rigid_torques(model, combine=c, **still) for c in (True, False))
+    return Program.build(
+        "coriolis_vector",
+        model.inputs("q", "dq"),
+        model.argument,
+        [Output("c", output_array(torques), "torques of Coriolis and centrifugal forces [N m]")],
+        title=f"Coriolis and centrifugal torques of {robot.name}",
+        hints=hints,
+    )
+
+
+def rigid_torques(
+    model: ModelSymbols,
+    *,
+    combine: bool,
+    speeds: bool = True,
+    accelerations: bool = True,
+    gravity: bool = True,
+) -> tuple[list[Expression], Hints]:
+    """Torques of the links, without rotors and friction.
+
+    Args:
+        model: robot and symbols.
+        combine: whether joints with parallel axes are turned together.
+        speeds: whether the joints move.
+        accelerations: whether they accelerate.
+        gravity: whether gravity acts.
+
+    Returns:
+        A torque for each joint, and telling names of what is computed on the way.
+    """
+    motions = link_motion(
+        model, speeds=speeds, accelerations=accelerations, gravity=gravity, combine=combine
+    )
+    forces: list[Vector] = []
+    moments: list[Vector] = []
+    hints: Hints = []
+    for i, (motion, inertia) in enumerate(zip(motions, model.inertias(), strict=True)):
+        hints.extend(motion.hints(i + 1))
+        force, moment = link_wrench(motion, inertia)
+        hints.extend(_named("f", i, force))
+        hints.extend(_named("n", i, moment))
+        forces.append(force)
+        moments.append(moment)
+    joints = model.robot.joints
+    torques = [ZERO] * model.robot.size
+    for i in range(model.robot.size - 1, -1, -1):
+        hints.extend(_named("ft", i, forces[i]))
+        hints.extend(_named("nt", i, moments[i]))
+        torques[i] = moments[i][2] if joints[i].kind == "revolute" else forces[i][2]
+        parent = joints[i].parent
+        if parent >= 0:
+            frame = motions[i].frame
+            force, moment = frame.back(forces[i]), frame.back(moments[i])
+            forces[parent] = plus(forces[parent], force)
+            moments[parent] = plus(moments[parent], moment, cross(frame.origin, force))
+    return torques, hints
+
+
+def link_wrench(motion: LinkMotion, inertia: LinkInertia) -> tuple[Vector, Vector]:
+    """Force and moment (f, n) that move a link, at its frame's origin.
+
+    With the products of the speeds at hand, n = J dω + ω × J ω is
+
+        n_x = xx dω_x + (zz - yy) ω_y ω_z - xy U_31 + xz U_21 + yz (ω_y² - ω_z²)
+
+    and so on around.
+    """
+    w, dw, u, a = motion.squares, motion.dw, motion.u, motion.a
+    j, h = inertia.tensor, inertia.moments
+    xy, xz, yz = motion.products
+    moment = (
+        j.xx * dw[0] + (j.zz - j.yy) * yz - j.xy * u[2][0] + j.xz * u[1][0] + j.yz * (w[1] - w[2]),
+        j.yy * dw[1] + (j.xx - j.zz) * xz - j.yz * u[0][1] + j.xy * u[2][1] + j.xz * (w[2] - w[0]),
+        j.zz * dw[2] + (j.yy - j.xx) * xy - j.xz * u[1][2] + j.yz * u[0][2] + j.xy * (w[0] - w[1]),
+    )
+    force = plus(scaled(inertia.mass, a), (dot(u[0], h), dot(u[1], h), dot(u[2], h)))
+    return force, plus(moment, cross(h, a))
+
+
+def joint_torques(
+    model: ModelSymbols,
+    body: Sequence[Expression],
+    inner: Mapping[tuple[int, int], Expression],
+    rotors: bool = True,
+    friction: bool = True,
+) -> list[Expression]:
+    """Torques of rotors, friction, springs and couplings.
+
+    Args:
+        model: robot and symbols.
+        body: torques of the links, for friction that grows with the load.
+        inner: columns of friction with memory, by joint and parameter.
+        rotors: whether rotor inertias act.
+        friction: whether the others act.
+    """
+    torques = [ZERO] * model.robot.size
+    load = list(body)
+    for late in (False, True):  # what grows with the load comes last
+        for k, (p, value) in enumerate(zip(model.parameters, model.theta, strict=True)):
+            wanted = rotors if p.stem in ("ia", "iam") else friction
+            if p.is_inertial or not wanted or depends_on_load(p) != late:
+                continue
+            for joint in joints_of(p):
+                known = load[joint] if late else inner.get((joint, k))
+                torque = _weighted(value, joint_column(model, p, joint, known))
+                torques[joint] = torques[joint] + torque
+                if p.carries_load:
+                    load[joint] = load[joint] + torque
+    return torques
+
+
+def _weighted(value: Expression, column: Expression) -> Expression:
+    """A parameter times a column, with the column's constant factor on the parameter."""
+    if isinstance(column, Multiply) and isinstance(column.operands[0], Constant):
+        return (value * column.operands[0]) * column.operands[1]
+    return value * column
+
+
+def inner_symbols(model: ModelSymbols, load: bool) -> dict[tuple[int, int], Symbol]:
+    """Symbols of inner signals, by joint and number of the parameter, in the regressor's order.
+
+    Args:
+        model: robot and symbols.
+        load: whether friction that grows with the load counts too.
+    """
+    return {
+        key: symbol(inner_name(p)) for key, p in _inner_parameters(model) if has_memory(p) or load
+    }
+
+
+def inner_input(inner: Mapping[tuple[int, int], Symbol]) -> list[Input]:
+    """The inner signals as an argument of a program, none if there are none."""
+    if not inner:
+        return []
+    return [Input("inner", tuple(inner.values()), "columns of friction with memory or load")]
+
+
+def _inner_parameters(model: ModelSymbols) -> list[tuple[tuple[int, int], Parameter]]:
+    found = [
+        ((p.joint, k), p)
+        for k, p in enumerate(model.parameters)
+        if has_memory(p) or depends_on_load(p)
+    ]
+    return sorted(found, key=lambda item: item[0])
+
+
+def _cheapest(
+    candidates: Iterator[tuple[list[Expression], Hints]],
+) -> tuple[list[Expression], Hints]:
+    """The one of several ways to write a model that costs least; the first of equal ones."""
+
+    def price(candidate: tuple[list[Expression], Hints]) -> int:
+        count = operation_count(candidate[0])
+        return count.multiplications + count.additions + SINE_PRICE * count.sines
+
+    return min(candidates, key=price)
+
+
+def _named(stem: str, link: int, vector: Vector) -> Hints:
+    if is_null(vector):
+        return []
+    return [(f"{stem}{x}{link + 1}", v) for x, v in zip("xyz", vector, strict=True)]

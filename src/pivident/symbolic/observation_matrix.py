@@ -1,0 +1,134 @@
+"""The observation matrix of a robot as a program: tau = Φ(q, dq, ddq) θ.
+
+A column of link i is the force and moment (f, n) of one unit parameter, at the origin of the link's
+frame. Its entry in the row of joint j is the power that this takes at a unit speed of that joint,
+v·f + w·n, with (v, w) the velocity that the joint gives to the link's origin and frame. The wrench
+of a unit parameter has many zeros, and the zeros of (v, w) are known too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pivident.dynamics.parameters import Parameter
+from pivident.robot.description import INERTIAL, Robot
+from pivident.symbolic.expressions import ONE, ZERO, Expression, operation_count
+from pivident.symbolic.joint_terms import joint_column, joints_of
+from pivident.symbolic.link_motion import LinkMotion, link_motion
+from pivident.symbolic.model_symbols import Columns, ModelSymbols, model_symbols
+from pivident.symbolic.newton_euler import SINE_PRICE, Hints, inner_input, inner_symbols
+from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.vectors import NULL, Vector, cross, dot, plus
+
+Wrench = tuple[Vector, Vector]
+
+
+def observation_matrix(robot: Robot, parameters: Columns = "base") -> Program:
+    """Observation matrix Φ(q, dq, ddq), shape (joints, parameters), as a program.
+
+    Args:
+        robot: the robot.
+        parameters: its columns: base, standard or chosen parameters.
+
+    Returns:
+        A program of ``q dq ddq`` (and of ``inner``, the columns of friction with memory and the
+        loads of friction that grows with them, in the order of `Regressor.inner_entries`), with
+        the output ``phi``.
+    """
+    model = model_symbols(robot, parameters)
+    inner = inner_symbols(model, load=True)
+    candidates = [_matrix(model, inner, combine) for combine in (True, False)]
+    matrix, hints = min(candidates, key=lambda candidate: _price(candidate[0]))
+    notes = ["Columns: " + " ".join(s.name for s in model.argument.symbols)]
+    if inner:
+        notes.append(
+            "inner: columns of friction with memory or load, in this order: "
+            + " ".join(model.parameters[k].name for _, k in inner)
+        )
+    return Program.build(
+        "observation_matrix",
+        [*model.inputs("q", "dq", "ddq"), *inner_input(inner)],
+        Input("theta", (), ""),
+        [Output("phi", output_array(matrix), "observation matrix, row by row")],
+        title=f"Observation matrix of {robot.name}",
+        hints=hints,
+        notes=notes,
+    )
+
+
+def _matrix(
+    model: ModelSymbols, inner: Mapping[tuple[int, int], Expression], combine: bool
+) -> tuple[np.ndarray, Hints]:
+    robot = model.robot
+    motions = link_motion(model, combine=combine)
+    matrix = np.full((robot.size, len(model.parameters)), ZERO, dtype=object)
+    hints: Hints = []
+    for i, motion in enumerate(motions):
+        hints.extend(motion.hints(i + 1))
+        columns = {k: p for k, p in enumerate(model.parameters) if p.is_inertial and p.joint == i}
+        wrenches = {k: unit_wrench(motion, p) for k, p in columns.items()}
+        for j, (v, w) in _velocities(model, motions, i):
+            for name, vector in (("v", v), ("t", w)):
+                hints.extend(
+                    (f"{name}{x}{j + 1}_{i + 1}", e) for x, e in zip("xyz", vector, strict=True)
+                )
+            for k, (force, moment) in wrenches.items():
+                matrix[j, k] = dot(v, force) + dot(w, moment)
+    for k, p in enumerate(model.parameters):
+        if not p.is_inertial:
+            for joint in joints_of(p):
+                matrix[joint, k] = _joint_entry(model, p, joint, inner.get((joint, k)))
+    return matrix, hints
+
+
+def _joint_entry(
+    model: ModelSymbols, p: Parameter, joint: int, inner: Expression | None
+) -> Expression:
+    """Entry of a rotor or of friction; inner signals are given as they stand in the matrix."""
+    return joint_column(model, p, joint) if inner is None else inner
+
+
+def _velocities(
+    model: ModelSymbols, motions: list[LinkMotion], link: int
+) -> list[tuple[int, tuple[Vector, Vector]]]:
+    """Velocities (v, w) that joints up to a link give to its origin and frame, in its frame."""
+    robot = model.robot
+    chain = robot.ancestors(link)
+    found = []
+    for start, j in enumerate(chain):
+        axis: Vector = (ZERO, ZERO, ONE)
+        v, w = (NULL, axis) if robot.joints[j].kind == "revolute" else (axis, NULL)
+        for i in reversed(chain[:start]):
+            frame = motions[i].frame
+            v, w = frame.out(plus(v, cross(w, frame.origin))), frame.out(w)
+        found.append((j, (v, w)))
+    return found
+
+
+def unit_wrench(motion: LinkMotion, p: Parameter) -> Wrench:
+    """Force and moment of one inertial parameter of 1, at the link's origin."""
+    w, dw, u, a = motion.squares, motion.dw, motion.u, motion.a
+    xy, xz, yz = motion.products
+    column = INERTIAL.index(p.stem)
+    if column < 6:
+        moments: tuple[Vector, ...] = (
+            (dw[0], xz, -xy),
+            (-u[2][0], u[2][1], w[0] - w[1]),
+            (u[1][0], w[2] - w[0], -u[1][2]),
+            (-yz, dw[1], xy),
+            (w[1] - w[2], -u[0][1], u[0][2]),
+            (yz, -xz, dw[2]),
+        )
+        return NULL, moments[column]
+    if p.stem == "m":
+        return a, NULL
+    k = column - 6
+    axis = tuple(ONE if i == k else ZERO for i in range(3))
+    return (u[0][k], u[1][k], u[2][k]), cross((axis[0], axis[1], axis[2]), a)
+
+
+def _price(matrix: np.ndarray) -> int:
+    count = operation_count(matrix.ravel())
+    return count.multiplications + count.additions + SINE_PRICE * count.sines

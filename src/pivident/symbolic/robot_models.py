@@ -1,0 +1,135 @@
+"""All symbolic models of a robot, and the files that they are written to."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import nominal_values, standard_parameters
+from pivident.errors import RobotDescriptionError
+from pivident.robot.description import Robot
+from pivident.symbolic.base_parameters import ClosedFormBaseParameters, closed_form_base_parameters
+from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
+from pivident.symbolic.expressions import symbol
+from pivident.symbolic.identifiers import identifier
+from pivident.symbolic.model_symbols import Columns
+from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
+from pivident.symbolic.observation_matrix import observation_matrix
+from pivident.symbolic.print_c import c_header, c_source
+from pivident.symbolic.print_latex import latex_document
+from pivident.symbolic.print_python import python_module
+from pivident.symbolic.print_sympy import sympy_module
+from pivident.symbolic.program import Input, Output, Program, output_array
+
+#: What can be written, and what it is.
+MODELS = {
+    "inverse": "inverse model tau(q, dq, ddq)",
+    "regressor": "observation matrix phi(q, dq, ddq)",
+    "mass": "mass matrix",
+    "gravity": "torques against gravity",
+    "coriolis": "torques of Coriolis and centrifugal forces",
+    "base": "base parameters from standard ones",
+}
+
+#: Languages, and what stands behind the robot's name in their file.
+LANGUAGES = {"python": ".py", "c": ".c", "latex": ".tex", "sympy": "_sympy.py"}
+
+
+def symbolic_models(
+    robot: Robot,
+    what: Sequence[str] = tuple(MODELS),
+    columns: Columns = "base",
+    values: np.ndarray | None = None,
+) -> list[Program]:
+    """Programs of a robot.
+
+    Args:
+        robot: the robot.
+        what: names out of ``MODELS``.
+        columns: parameters of the models (base, standard or chosen ones).
+        values: their values, folded into the programs; None: they are arguments.
+
+    Returns:
+        A program for each name. Parameter values are no part of ``regressor`` and ``base``.
+    """
+    if columns == "base":
+        columns = base_parameters(robot)  # found once for all of them
+    makers: Mapping[str, Callable[[], Program]] = {
+        "inverse": lambda: inverse_model(robot, columns, values),
+        "regressor": lambda: observation_matrix(robot, columns),
+        "mass": lambda: mass_matrix(robot, columns, values),
+        "gravity": lambda: gravity_vector(robot, columns, values),
+        "coriolis": lambda: coriolis_vector(robot, columns, values),
+        "base": lambda: base_parameter_program(robot),
+    }
+    return [makers[name]() for name in what]
+
+
+def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None = None) -> Program:
+    """Base parameters theta from standard parameters, by the closed form, as a program.
+
+    Args:
+        robot: the robot.
+        groups: its groups with numbers for the geometry; None: they are made here.
+    """
+    closed = groups or closed_form_base_parameters(robot, "numbers")
+    symbols = tuple(symbol(p.name) for p in closed.standard)
+    given = "standard parameters, " + " ".join(p.name for p in closed.standard)
+    elements = output_array(list(closed.expressions.values()))
+    return Program.build(
+        "base_parameters",
+        [Input("standard", symbols, given)],
+        Input("theta", (), ""),
+        [Output("base", elements, "base parameters, " + " ".join(closed.names))],
+        title=f"Base parameters of {robot.name}",
+    )
+
+
+def nominal_base_values(base: BaseParameters) -> np.ndarray:
+    """Base parameters of the nominal (CAD) values in the robot's description.
+
+    Raises:
+        RobotDescriptionError: it has no nominal values.
+    """
+    nominal = nominal_standard_values(base.robot)
+    return base.values(nominal)
+
+
+def nominal_standard_values(robot: Robot) -> np.ndarray:
+    """Standard parameters of the nominal (CAD) values in a robot's description.
+
+    Raises:
+        RobotDescriptionError: it has no nominal values.
+    """
+    nominal = nominal_values(robot, standard_parameters(robot))
+    if not nominal.any():
+        raise RobotDescriptionError(
+            f"robot {robot.name!r} has no nominal parameter values; leave out --values and give "
+            "the parameters to the generated functions"
+        )
+    return nominal
+
+
+def model_files(
+    robot: Robot, programs: Sequence[Program], languages: Sequence[str]
+) -> dict[str, str]:
+    """Text of the files that hold given programs, by file name.
+
+    Args:
+        robot: the robot, which gives the files their name.
+        programs: what to write.
+        languages: names out of ``LANGUAGES``.
+    """
+    stem = identifier(robot.name).lower()
+    printers: Mapping[str, Callable[[Sequence[Program]], str]] = {
+        "python": python_module,
+        "c": c_source,
+        "latex": latex_document,
+        "sympy": sympy_module,
+    }
+    files = {f"{stem}{LANGUAGES[name]}": printers[name](programs) for name in languages}
+    if "c" in languages:
+        files[f"{stem}.h"] = c_header(programs)
+    return files

@@ -1,0 +1,89 @@
+"""The command ``pivident symbolic``: tables, texts, files and refusals."""
+
+import numpy as np
+import pytest
+
+from pivident.cli.app import DONE, WRONG_INPUT, main
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import nominal_values, standard_parameters
+from pivident.dynamics.regressor import Regressor
+from pivident.robot import load_robot
+from tests.symbolic.robots import states
+
+
+def test_operations_are_printed(capsys):
+    assert main(["symbolic", "staubli_tx40"]) == DONE
+    text = capsys.readouterr().out
+    assert "Operations for one state of Stäubli TX40" in text
+    row = next(line for line in text.splitlines() if "inverse_model" in line)
+    assert int(row.split()[1]) <= 290 and int(row.split()[2]) <= 270
+
+
+def test_groups_are_printed(capsys):
+    assert main(["symbolic", "planar_2r", "--what", "base"]) == DONE
+    assert "zz1r = zz1 + ia1 + d2²·m2" in capsys.readouterr().out
+
+
+def test_files_are_written_and_run(tmp_path, capsys):
+    folder = tmp_path / "models"
+    assert main(["symbolic", "planar_2r", "--out", str(folder)]) == DONE
+    names = {path.name for path in folder.iterdir()}
+    stem = "planar_2r"
+    assert names == {f"{stem}{end}" for end in (".py", ".c", ".h", ".tex", "_sympy.py")}
+    namespace: dict = {}
+    exec((folder / "planar_2r.py").read_text("utf-8"), namespace)
+    robot = load_robot("planar_2r")
+    base = base_parameters(robot)
+    q, dq, ddq = states(robot, 6)
+    standard = nominal_values(robot, standard_parameters(robot))
+    theta = namespace["base_parameters"](standard)
+    np.testing.assert_allclose(theta, base.values(standard), rtol=1e-12, atol=1e-12)
+    expected = Regressor.build(robot, base.parameters).torque(q, dq, ddq, theta)
+    tau = namespace["inverse_model"](q, dq, ddq, theta)
+    np.testing.assert_allclose(tau, expected, rtol=0, atol=1e-11)
+    parts = namespace["gravity_vector"](q, theta) + namespace["coriolis_vector"](q, dq, theta)
+    inertial = np.einsum("sij,sj->si", namespace["mass_matrix"](q, theta), ddq)
+    phi = namespace["observation_matrix"](q, dq, ddq)
+    links = [p.is_inertial or p.stem == "ia" for p in base.parameters]
+    np.testing.assert_allclose(parts + inertial, phi[:, :, links] @ theta[links], atol=1e-11)
+
+
+def test_numbers_in_the_place_of_parameters(capsys):
+    arguments = ["symbolic", "planar_2r", "--what", "inverse", "--to", "python", "--values"]
+    for kind in ("base", "standard"):
+        assert main([*arguments, "--parameters", kind]) == DONE
+        namespace: dict = {}
+        exec(capsys.readouterr().out, namespace)
+        robot = load_robot("planar_2r")
+        parameters = standard_parameters(robot)
+        q, dq, ddq = states(robot, 6)
+        tau = namespace["inverse_model"](q, dq, ddq)
+        theta = nominal_values(robot, parameters)
+        expected = Regressor.build(robot, parameters).torque(q, dq, ddq, theta)
+        np.testing.assert_allclose(tau, expected, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["planar_2r", "--what", "inverze"], "did you mean 'inverse'?"),
+        (["planar_2r", "--to", "fortran"], "there is no 'fortran'"),
+        (["planar_2r", "--to", "c,python"], "give a folder"),
+        (["planar_2r", "--what", ","], "names nothing; choose from inverse"),
+        (["no_such_robot"], "no_such_robot"),
+    ],
+)
+def test_wrong_choices_are_refused(arguments, message, capsys):
+    assert main(["symbolic", *arguments]) == WRONG_INPUT
+    assert message in capsys.readouterr().err
+
+
+def test_values_need_a_robot_that_has_some(tmp_path, capsys):
+    path = tmp_path / "bare.toml"
+    path.write_text('name = "bare"\n[[joints]]\nname = "a"\n', encoding="utf-8")
+    assert main(["symbolic", str(path), "--values"]) == WRONG_INPUT
+    assert "has no nominal parameter values; leave out --values" in capsys.readouterr().err
+    folder = tmp_path / "taken"
+    folder.write_text("a file", encoding="utf-8")
+    assert main(["symbolic", "planar_2r", "--out", str(folder)]) == WRONG_INPUT
+    assert "is a file" in capsys.readouterr().err
