@@ -1,0 +1,157 @@
+"""The command ``pivident export``: an identified model in the format of another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+from cyclopts import Parameter
+
+from pivident.cli.console import Progress
+
+if TYPE_CHECKING:
+    from pivident.export.exported import ExportedText, Verification
+    from pivident.export.runnable_model import RunnableModel
+
+
+def export(
+    result: Path,
+    /,
+    *,
+    to: Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"],
+    out: Path,
+    robot: Path | None = None,
+    free: Annotated[bool, Parameter(negative=())] = False,
+    check: bool = True,
+) -> int:
+    """Write an identified model as URDF, MJCF, SDF, C, NumPy, JSON or LaTeX, and load it back.
+
+    Parameters
+    ----------
+    result
+        The file identification.json or consistent.json of a result, or their folder.
+    to
+        The format.
+    out
+        File to write. Beside a C file stands its header.
+    robot
+        URDF to put the parameters into. Default: the one that was identified.
+    free
+        Export the free estimate, lifted to standard parameters of the same torques, in place of
+        the physically consistent parameters.
+    check
+        Load the file back where there is a program for it, and compare torques.
+    """
+    from pivident.cli.workflow import check_output
+    from pivident.errors import ExportError
+    from pivident.export.formats import TITLES, export_model, verify_export
+    from pivident.export.original_urdf import original_urdf
+    from pivident.export.stored_model import stored_model
+
+    if robot is not None and to != "urdf":
+        raise ExportError(f"--robot is for --to urdf; {to} holds the whole robot, leave it out")
+    check_output(out.absolute().parent)
+    with Progress() as progress:
+        progress.say(f"reading {result}")
+        model, files = stored_model(result, free=free, intervals=to in ("json", "latex"))
+        original, frozen = None, None
+        if to == "urdf":
+            folder = result if result.is_dir() else result.parent
+            original = original_urdf(model.robot, robot, folder)
+            frozen = model.robot.urdf.frozen if model.robot.urdf else None
+        inputs = (*files, *((original.path,) if original else ()))
+        progress.say(f"writing {TITLES[to]}")
+        content = None if original is None else original.content
+        exported = export_model(model, to, name=out.stem, original=content, frozen=frozen)
+        check_targets(exported, out, inputs)
+        found: tuple[Verification, ...] = ()
+        if check:
+            progress.say("loading it back")
+            found = verify_export(exported, model, to, frozen=frozen)
+        if wrong := [v for v in found if not v.skipped and not v.agrees]:
+            raise ExportError(
+                f"{out} was not written, since it does not say what the model says: {wrong[0]}; "
+                "this is a mistake in pivident or in that program. --no-check writes it all the "
+                "same"
+            )
+        written = write_export(exported, out)
+    print(export_text(exported, model, written, TITLES[to]))
+    if original is not None:
+        print("".join(f"  · {note}\n" for note in original.notes), end="")
+    for verification in found:
+        text = str(verification)
+        print(text if verification.skipped else f"Loaded back: {text}")
+    return 0
+
+
+def check_targets(exported: ExportedText, out: Path, inputs: tuple[Path, ...]) -> None:
+    """Refuse to write over a file that the export is made from.
+
+    Args:
+        exported: what is to be written.
+        out: where.
+        inputs: files that were read.
+
+    Raises:
+        ExportError: a file to be written is one of them, or a folder.
+    """
+    from pivident.errors import ExportError
+
+    for target in (out, *(out.with_name(name) for name in exported.further)):
+        if target.is_dir():
+            raise ExportError(f"{target} is a folder; name a file in it")
+        for source in inputs:
+            if target.exists() and target.samefile(source):
+                raise ExportError(
+                    f"{target} is a file that the export is made from, which stays as it is; "
+                    "choose another name with --out"
+                )
+
+
+def write_export(exported: ExportedText, out: Path) -> tuple[Path, ...]:
+    """Write the file and those that belong to it, all or nothing; gzip where it ends in ``.gz``.
+
+    Args:
+        exported: what is to be written.
+        out: where.
+
+    Returns:
+        The files.
+
+    Raises:
+        PividentError: they cannot be written.
+    """
+    import gzip
+
+    from pivident.files import atomic_folder
+
+    content = exported.content
+    contents = {out.name: gzip.compress(content, mtime=0) if out.suffix == ".gz" else content}
+    contents |= exported.further
+    with atomic_folder(out.parent) as build:
+        for name, data in contents.items():
+            (build / name).write_bytes(data)
+    return tuple(out.with_name(name) for name in contents)
+
+
+def export_text(
+    exported: ExportedText, model: RunnableModel, written: tuple[Path, ...], title: str
+) -> str:
+    """What was written, what is to be known of the values, what the format cannot say.
+
+    Args:
+        exported: what was written.
+        model: the model.
+        written: the files.
+        title: name of the format.
+    """
+    kind = "physically consistent" if model.consistent else "not made physically consistent"
+    lines = [
+        f"Written: {', '.join(map(str, written))} ({title}; {model.robot.name}, "
+        f"{model.robot.size} joints; {model.origin.method}, {kind})",
+        *(f"  · {note}" for note in model.notes),
+    ]
+    if exported.differences:
+        lines.append(f"What {title} does not say, or says in another way:")
+        lines += [f"  · {sentence}" for sentence in exported.differences]
+    return "\n".join(lines)

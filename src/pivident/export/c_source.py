@@ -1,0 +1,176 @@
+"""A model as C99 without dependencies: a source file and its header, no ``main``.
+
+With NAME the name of the header, the functions are ``NAME_inverse_dynamics(q, dq, ddq, tau)``,
+``NAME_gravity(q, g)``, ``NAME_mass_matrix(q, mass)`` and ``NAME_regressor(q, dq, ddq, phi)``, each
+also with ``_samples`` behind its name for many states at once, and ``NAME_theta`` the parameters:
+the torque is phi times theta. The numbers of the model are folded into the code.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import shutil
+import subprocess
+import tempfile
+import textwrap
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pivident.errors import ExportError
+from pivident.export.exported import ExportedText, Verification, one_line
+from pivident.export.model_programs import (
+    NAMES,
+    header_lines,
+    model_columns,
+    model_programs,
+)
+from pivident.export.numpy_function import program_differences, verify_functions
+from pivident.export.runnable_model import RunnableModel
+
+if TYPE_CHECKING:
+    from pivident.symbolic.program import Program
+
+#: How the file is compiled where it is checked: without a single warning.
+FLAGS = ("-std=c99", "-Wall", "-Wextra", "-Werror", "-pedantic", "-O2")
+
+#: Longest that a compiler may take [s].
+PATIENCE = 120.0
+
+
+def to_c(model: RunnableModel, name: str = "robot_model") -> ExportedText:
+    """The model as a C file; its header is in ``further``.
+
+    Args:
+        model: the model.
+        name: what header and functions are called; made an identifier where it is none.
+    """
+    from pivident.symbolic.identifiers import identifier
+    from pivident.symbolic.print_c import c_header, c_source
+
+    name, programs, own = identifier(name), model_programs(model), model_columns(model)
+    theta = f"const double {name}_theta[{len(own.names)}]"
+    about = _comment(
+        [
+            *header_lines(model),
+            f"Elements of {name}_theta:",
+            *textwrap.wrap(" ".join(map(one_line, own.names)), 96),
+            "Matrices are written row by row.",
+        ]
+    )
+    values = ",\n".join(f"    {value!r}" for value in own.values.tolist())
+    source = [
+        about,
+        f'#include "{name}.h"',
+        f"{theta} = {{\n{values}\n}};",
+        c_source(programs, prefix=f"{name}_"),
+    ]
+    header = c_header(programs, prefix=f"{name}_").replace(
+        "#include <stddef.h>\n", f"#include <stddef.h>\n\nextern {theta};\n", 1
+    )
+    return ExportedText(
+        _bytes("\n\n".join(source)),
+        program_differences(model),
+        {f"{name}.h": _bytes(f"{about}\n{header}")},
+    )
+
+
+def c_compiler() -> str | None:
+    """The C compiler of this machine: ``$CC``, cc, gcc or clang; None without one."""
+    for name in (os.environ.get("CC", ""), "cc", "gcc", "clang"):
+        if name and (path := shutil.which(name)):
+            return path
+    return None
+
+
+def verify_c(exported: ExportedText, model: RunnableModel) -> Verification:
+    """Compile the file without a warning, load it, compare its functions with the model's.
+
+    Args:
+        exported: what `to_c` returned.
+        model: the model.
+
+    Raises:
+        ExportError: it does not compile; the compiler's words.
+    """
+    compiler = c_compiler()
+    if compiler is None:
+        return Verification("C", skipped="there is no C compiler (cc, gcc, clang or $CC) here")
+    program = f"{Path(compiler).name} {' '.join(FLAGS)}"
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        try:
+            library = compiled(exported, Path(folder), compiler)
+        except (OSError, subprocess.SubprocessError) as error:
+            said = getattr(error, "stderr", None) or str(error)
+            said = " ".join(said.split())[:400]
+            raise ExportError(f"the C file does not compile with {program}: {said}") from error
+        return verify_functions(program, _functions(exported, library, model), model)
+
+
+def compiled(exported: ExportedText, folder: Path, compiler: str) -> ctypes.CDLL:
+    """The file as a loaded library.
+
+    Args:
+        exported: what `to_c` returned.
+        folder: where source and library are put.
+        compiler: the compiler.
+
+    Raises:
+        subprocess.SubprocessError: it does not compile, or takes too long.
+    """
+    (header,) = exported.further
+    source, library = folder / f"{Path(header).stem}.c", folder / f"{Path(header).stem}.so"
+    source.write_bytes(exported.content)
+    (folder / header).write_bytes(exported.further[header])
+    subprocess.run(
+        [compiler, *FLAGS, "-fPIC", "-shared", "-o", str(library), str(source), "-lm"],
+        check=True,
+        capture_output=True,
+        text=True,
+        errors="replace",
+        timeout=PATIENCE,
+    )
+    return ctypes.CDLL(str(library))
+
+
+def _functions(
+    exported: ExportedText, library: ctypes.CDLL, model: RunnableModel
+) -> dict[str, Any]:
+    """The library's functions of many states as functions of arrays."""
+    (header,) = exported.further
+    stem = Path(header).stem
+    count = len(model_columns(model).names)
+    found: dict[str, Any] = {
+        name: _of_arrays(getattr(library, f"{stem}_{name}_samples"), program)
+        for name, program in zip(NAMES, model_programs(model), strict=True)
+    }
+    found["THETA"] = np.array((ctypes.c_double * count).in_dll(library, f"{stem}_theta"))
+    return found
+
+
+def _of_arrays(function: Any, program: Program) -> Callable[..., np.ndarray]:
+    (output,) = program.outputs
+    pointer = ctypes.POINTER(ctypes.c_double)
+    function.restype = None
+
+    def call(*signals: np.ndarray) -> np.ndarray:
+        given = [np.ascontiguousarray(x, dtype=float) for x in signals]
+        result = np.empty((len(given[0]), *output.shape))
+        places = [x.ctypes.data_as(pointer) for x in (*given, result)]
+        function(ctypes.c_size_t(len(result)), *places)
+        return result
+
+    return call
+
+
+def _comment(lines: list[str]) -> str:
+    safe = [line.replace("*/", "* /").replace("/*", "/ *") for line in lines]
+    return "\n".join(["/*", *(f" * {line}".rstrip() for line in safe), " */"])
+
+
+def _bytes(text: str) -> bytes:
+    """The text in UTF-8; two question marks would begin a trigraph."""
+    return text.replace("??", "? ?").encode("utf-8", errors="backslashreplace")

@@ -1,0 +1,153 @@
+"""What a robot file does not say, in sentences with sizes in N m (N on prismatic joints)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pivident.dynamics.friction import friction_column
+from pivident.dynamics.parameters import Parameter
+from pivident.export.joint_side import Word
+from pivident.export.runnable_model import RunnableModel
+from pivident.robot.description import Joint, Robot
+from pivident.robot.friction import FrictionColumn, FrictionTerm
+
+#: Acceleration at which inertias are translated into torque [rad/s² or m/s²].
+ACCELERATION = 10.0
+
+#: Speed and largest position where the robot's are not known [rad/s or m/s, rad or m].
+SPEED, POSITION = 1.0, np.pi
+
+#: Torque that is not worth a word [N m or N].
+NEGLIGIBLE = 1e-6
+
+_PRESLIDING = (FrictionColumn.PRESLIDING, FrictionColumn.MAXWELL)
+
+#: What each kind of parameter is called, in the order of the sentences, and what to do about it.
+_KINDS = {
+    "rotor": "rotor inertia (armature); set it in the engine, or add ia · ddq to the torque",
+    "offset": "constant torque of a joint; add it to the torque",
+    "spring": "spring in a joint; add ks · q to the torque",
+    "negative": "friction that is negative, as a free estimate may have it; left out",
+    "viscous": "damping that depends on the direction; the mean of both is written, and the rest "
+    "times |dq| is missing",
+    "friction": "friction of this form; add it to the torque",
+    "coupling": "way to say this of motors that turn with a second joint; add it to both torques",
+}
+
+
+def differences(
+    model: RunnableModel, name: str, words: frozenset[Word], left_out: Mapping[str, float]
+) -> tuple[str, ...]:
+    """Sentences about everything that the file says differently.
+
+    Args:
+        model: the model.
+        name: of the format, as sentences call it.
+        words: what the format has elements for.
+        left_out: parts of parameters that are not in the file, by name.
+    """
+    robot = model.robot
+    found: dict[str, list[str]] = {}
+    for p in model.parameters:
+        part = left_out.get(p.name, 0.0)
+        text, size = _sized(robot, p, part)
+        if size > NEGLIGIBLE:
+            found.setdefault(_kind(p, part, words), []).append(text)
+    sentences = [
+        f"{name} has no {what}: {', '.join(found[kind])}"
+        for kind, what in _KINDS.items()
+        if kind in found
+    ]
+    return (*sentences, *_dry_friction(model, name, left_out))
+
+
+def _kind(p: Parameter, part: float, words: frozenset[Word]) -> str:
+    c = FrictionColumn
+    if p.stem == "ia":
+        return "rotor"
+    if p.coupling is not None:
+        return "coupling"
+    assert p.friction is not None
+    column = p.friction.column
+    if column in (c.OFFSET, c.COULOMB_POSITIVE, c.COULOMB_NEGATIVE) and "offset" not in words:
+        return "offset"
+    if column is c.SPRING:
+        return "spring"
+    if column in (c.VISCOUS_POSITIVE, c.VISCOUS_NEGATIVE):
+        return "viscous"
+    if p.is_dissipative and part < 0.0:
+        return "negative"
+    return "friction"
+
+
+def _sized(robot: Robot, p: Parameter, part: float) -> tuple[str, float]:
+    """A parameter with the torque that is missing without it, and this [N m or N]."""
+    if part == 0.0:
+        return "", 0.0
+    joint = robot.joints[p.joint]
+    torque = "N m" if joint.kind == "revolute" else "N"
+    unit = "rad" if joint.kind == "revolute" else "m"
+    speed = joint.rated_speed or SPEED
+    own = f"{p.name} {part:.4g} {p.unit}"
+    if p.stem in ("ia", "iam"):
+        ratio = 1.0 if p.coupling is None else p.coupling.ratio
+        size = abs(part * ratio) * ACCELERATION
+        return f"{own} ({size:.3g} {torque} at {ACCELERATION:g} {unit}/s²)", size
+    if p.coupling is not None:
+        other = robot.joints[p.coupling.joint].rated_speed or SPEED
+        size = abs(part) if p.stem == "fcm" else abs(part * p.coupling.ratio) * max(speed, other)
+        return f"{own} (up to {size:.3g} {torque})", size
+    assert p.friction is not None
+    if p.friction.column is FrictionColumn.LOAD:
+        return f"{own} ({abs(part):.3g} {torque} per {torque} that the joint carries)", abs(part)
+    if p.friction.column in (FrictionColumn.OFFSET, *_PRESLIDING):
+        return own, abs(part)
+    size = abs(part) * _largest(p.friction, joint, speed)
+    return f"{own}, {p.friction} (up to {size:.3g} {torque})", size
+
+
+def _largest(term: FrictionTerm, joint: Joint, speed: float) -> float:
+    """Largest value of a term's function between the limits and up to a speed."""
+    if term.column is FrictionColumn.PRESLIDING_RATE:  # d dz/dt is at most the speed
+        return speed
+    low, high = joint.position_limits or (-POSITION, POSITION)
+    q = np.linspace(low, high, 2001)
+    dq = np.linspace(-speed, speed, 2001)
+    column, sign, shape = term.encoded()
+    return float(np.abs(friction_column(column, sign, shape, dq, q)).max())
+
+
+def _dry_friction(
+    model: RunnableModel, name: str, left_out: Mapping[str, float]
+) -> tuple[str, ...]:
+    """How the file's dry friction, with its sharp sign, differs from the model's."""
+    smooth, elastic = [], []
+    for p, value in zip(model.parameters, model.values, strict=True):
+        part = float(value) - left_out.get(p.name, 0.0)
+        if p.friction is None or part == 0.0 or not p.is_dissipative:
+            continue
+        torque, unit = p.unit, "rad" if p.unit == "N m" else "m"
+        if p.friction.column in _PRESLIDING:
+            distance = p.friction.shapes[0].value
+            elastic.append(
+                f"{p.name} {abs(part):.3g} {torque}, over some {distance:.3g} {unit} of travel"
+            )
+        elif p.friction.has_sign and p.friction.smoothing != "sign":
+            gamma = p.friction.encoded()[2][0]
+            # 90 % of the level: (2/π) atan(6.3), tanh(1.5)
+            speed = (6.31 if p.friction.smoothing == "atan" else 1.47) / gamma
+            smooth.append(f"{p.name} {abs(part):.3g} {torque} ({speed:.2g} {unit}/s)")
+    sentences = []
+    if smooth:
+        sentences.append(
+            f"dry friction has a sharp sign in {name}; in the model it is smoothed, with nine "
+            f"tenths of its level at the speed given here: {', '.join(smooth)}"
+        )
+    if elastic:
+        sentences.append(
+            f"{name} has no elastic displacement before friction slips; after a reversal its "
+            f"friction is at its level at once: {', '.join(elastic)}"
+        )
+    return tuple(sentences)

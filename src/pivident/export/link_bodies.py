@@ -1,0 +1,64 @@
+"""Bodies of links as file formats want them: mass, centre, inertia about the centre of mass."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.consistency.pseudo_inertia import pseudo_inertia
+from pivident.errors import ExportError
+from pivident.export.runnable_model import RunnableModel
+from pivident.robot.inertia import steiner, tensor
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body in the frame of its link.
+
+    Attributes:
+        mass: [kg].
+        center_of_mass: [m], shape (3,).
+        inertia: about the centre of mass, in axes of the link's frame [kg m²], shape (3, 3).
+    """
+
+    mass: float
+    center_of_mass: np.ndarray
+    inertia: np.ndarray
+
+
+def link_inertias(model: RunnableModel) -> np.ndarray:
+    """Ten inertial parameters of every link, shape (links, 10)."""
+    return np.array([model.inertial(i) for i in range(model.robot.size)])
+
+
+def written_body(name: str, inertia: np.ndarray) -> Body:
+    """A link as mass, centre of mass and inertia about it.
+
+    Args:
+        name: name of the link.
+        inertia: ten inertial parameters, shape (10,).
+
+    Raises:
+        ExportError: a mass that is not positive, from which no centre of mass follows.
+    """
+    if not np.isfinite(inertia).all():
+        raise ExportError(f"link {name!r}: its inertial parameters are not all finite")
+    mass = float(inertia[9])
+    if mass <= 0.0:
+        raise ExportError(
+            f"link {name!r} has a mass of {mass:.4g} kg, and the file stores a centre of mass, "
+            "which is first moments over mass; export the physically consistent parameters, or "
+            "shift the estimate along the directions without torque until every mass is positive"
+        )
+    center = inertia[6:9] / mass
+    return Body(mass, center, tensor(inertia[:6]) - mass * steiner(center, center))
+
+
+def is_possible(inertia: np.ndarray) -> bool:
+    """Whether some distribution of mass has these ten parameters: pseudo-inertia matrix positive.
+
+    Args:
+        inertia: ten inertial parameters, shape (10,).
+    """
+    return bool(np.linalg.eigvalsh(pseudo_inertia(inertia))[0] > 0.0)

@@ -1,0 +1,56 @@
+"""A robot as sticks to look at: along each link, and across it where its joint's axis is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.export.link_bodies import link_inertias
+from pivident.export.runnable_model import RunnableModel
+
+#: Radius of a stick over the sum of all link lengths; axes are twice as thick.
+SLENDERNESS = 0.02
+
+#: Reach that is assumed where all joints sit in one point [m].
+SMALLEST_REACH = 0.1
+
+
+@dataclass(frozen=True, eq=False)
+class Stick:
+    """A straight stick in the frame of its link.
+
+    Attributes:
+        start: one end [m], shape (3,).
+        end: the other end [m], shape (3,).
+        radius: [m].
+    """
+
+    start: np.ndarray
+    end: np.ndarray
+    radius: float
+
+
+def sticks(model: RunnableModel) -> dict[int, tuple[Stick, ...]]:
+    """Sticks of every link by its index, -1 for the base.
+
+    A link reaches to the joints that it carries; the last ones to their centre of mass.
+
+    Args:
+        model: the model.
+    """
+    robot = model.robot
+    reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints)
+    radius = SLENDERNESS * max(reach, SMALLEST_REACH)
+    inertia = link_inertias(model)
+    found: dict[int, tuple[Stick, ...]] = {}
+    for i in range(-1, robot.size):
+        ends = [joint.translation for joint in robot.joints if joint.parent == i]
+        if i >= 0 and not ends and inertia[i, 9] > 0.0:
+            ends = [inertia[i, 6:9] / inertia[i, 9]]
+        own = [Stick(np.zeros(3), end, radius) for end in ends if np.linalg.norm(end) > radius]
+        if i >= 0:
+            axis = np.array([0.0, 0.0, 2.0 * radius])
+            own.insert(0, Stick(-axis, axis, 2.0 * radius))
+        found[i] = tuple(own)
+    return found

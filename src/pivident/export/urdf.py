@@ -1,0 +1,167 @@
+"""Model → URDF: into the file that the robot was read from, or as a new file.
+
+Into a file: the inertials of the identified links and damping and friction of the identified joints
+are replaced, everything else stays byte for byte. The frame of an identified link is that of the
+URDF turned by the frame rule's A (`pivident.robot.urdf`), so its parameters are turned back.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pivident.errors import ExportError
+from pivident.export.carried_bodies import divide
+from pivident.export.differences import differences
+from pivident.export.joint_side import JointSide, Word, joint_side
+from pivident.export.link_bodies import is_possible, link_inertias
+from pivident.export.robot_file import RobotFile, plain_content
+from pivident.export.runnable_model import RunnableModel
+from pivident.export.urdf_elements import dynamics_line, inertial_lines
+from pivident.export.urdf_new import new_urdf, unknown_limits
+from pivident.export.xml_edit import Element, XmlText
+from pivident.export.xml_text import number, numbers
+from pivident.robot.description import Robot
+from pivident.robot.urdf import DOWN, parse_urdf
+from pivident.robot.urdf_xml import parse_model
+
+#: What a URDF says about joints.
+WORDS: frozenset[Word] = frozenset({"damping", "dry friction"})
+
+#: Largest difference of a frame that is still the same robot [m, or element of a rotation].
+SAME_FRAME = 1e-6
+
+
+def to_urdf(
+    model: RunnableModel,
+    original: bytes | None = None,
+    *,
+    frozen: Mapping[str, float] | None = None,
+) -> RobotFile:
+    """Write a model as URDF.
+
+    Args:
+        model: the model.
+        original: the URDF that the robot was read from, gzip or not; None: a new file, with
+            cylinders along the links to look at.
+        frozen: positions at which joints of that file were frozen [rad or m], by name; None: as
+            the robot was read.
+
+    Raises:
+        RobotDescriptionError: the original is no URDF, or lacks a joint; names the nearest.
+        ExportError: the original is another robot, or a link has no positive mass.
+    """
+    side = joint_side(model, WORDS)
+    sentences = [*differences(model, "URDF", WORDS, side.left_out), *_gravity(model.robot)]
+    if frozen is None:
+        frozen = {} if model.robot.urdf is None else model.robot.urdf.frozen
+    if original is None:
+        content, decisions = new_urdf(model, side).encode(), unknown_limits(model.robot)
+    else:
+        content, decisions = _changed(model, side, plain_content(original), frozen)
+    sentences += [*decisions, *_impossible(model)]
+    return RobotFile(content, tuple(sentences), left_out=side.left_out)
+
+
+def _changed(
+    model: RunnableModel, side: JointSide, original: bytes, frozen: Mapping[str, float]
+) -> tuple[bytes, tuple[str, ...]]:
+    """The original with new inertials and dynamics, and what had to be decided."""
+    kept = model.robot.joint_names
+    nominal = parse_urdf(original, joints=kept, frozen=frozen, source="the original URDF")
+    _check_same_robot(model.robot, nominal)
+    file, text = parse_model(original), XmlText(original)
+    links = {e.attributes["name"]: e for e in text.root.children if e.tag == "link"}
+    joints = {e.attributes["name"]: e for e in text.root.children if e.tag == "joint"}
+    with_shapes = frozenset(name for name, e in links.items() if e.first("collision"))
+    division = divide(file, kept, frozen, link_inertias(model), with_shapes)
+    for name, inertia in division.inertia.items():
+        _set_inertial(text, links[name], name, inertia)
+    for i, name in enumerate(kept):
+        _set_dynamics(text, joints[name], side.damping[i], side.dry_friction[i])
+    sentences = list(division.sentences)
+    if any(
+        not np.allclose(ours.inertia, theirs.inertia, rtol=1e-6, atol=1e-9)
+        for ours, theirs in zip(model.robot.links, nominal.links, strict=True)
+        if ours.inertia.any()
+    ):
+        sentences.append(
+            "the original's nominal inertias are not those of the robot that was identified; it "
+            "has been changed since, or joints were frozen at other positions"
+        )
+    left = [
+        repr(name)
+        for name, inertia in file.links.items()
+        if name not in division.inertia and inertia.any() and not is_possible(inertia)
+    ]
+    if left:
+        sentences.append(
+            "the original has bodies that nothing can be, which were left as they are; MuJoCo "
+            f"refuses them: {', '.join(left)}"
+        )
+    return text.content(), tuple(sentences)
+
+
+def _check_same_robot(ours: Robot, theirs: Robot) -> None:
+    """Refuse a file whose identified joints sit elsewhere.
+
+    Raises:
+        ExportError: names the first such joint.
+    """
+    for own, other in zip(ours.joints, theirs.joints, strict=True):
+        if own.kind != other.kind or own.parent != other.parent:
+            what = f"is {other.kind} there and {own.kind} in the model"
+            if own.parent != other.parent:
+                what = "hangs on another link there"
+            raise ExportError(f"the original URDF is another robot: joint {own.name!r} {what}")
+        shift = np.abs(own.translation - other.translation).max()
+        turn = np.abs(own.rotation - other.rotation).max()
+        if not max(shift, turn) <= SAME_FRAME:
+            raise ExportError(
+                f"the original URDF is another robot: the frame of joint {own.name!r} is "
+                f"{shift:.3g} m away and turned by some {turn:.3g} rad from the model's; take the "
+                "file that was identified, or give the positions of frozen joints"
+            )
+
+
+def _set_inertial(text: XmlText, link: Element, name: str, inertia: np.ndarray) -> None:
+    lines = inertial_lines(name, inertia)
+    before = link.first("inertial")
+    if before is None:
+        text.append(link, lines)
+    else:
+        text.replace(before, lines)
+
+
+def _set_dynamics(text: XmlText, joint: Element, damping: float, friction: float) -> None:
+    values = {"damping": number(damping), "friction": number(friction)}
+    before = joint.first("dynamics")
+    if before is not None:
+        text.set_attributes(before, values)
+    elif damping or friction:
+        text.append(joint, [dynamics_line(damping, friction)])
+
+
+def _gravity(robot: Robot) -> tuple[str, ...]:
+    if np.allclose(robot.gravity, DOWN, rtol=0.0, atol=1e-9):
+        return ()
+    return (
+        f"URDF has no gravity; the model's is {numbers(robot.gravity)} m/s² in the base frame: "
+        "set it in the engine",
+    )
+
+
+def _impossible(model: RunnableModel) -> tuple[str, ...]:
+    """A warning about links that no body can be, which some readers refuse."""
+    names = [
+        repr(link.name)
+        for link, inertia in zip(model.robot.links, link_inertias(model), strict=True)
+        if not is_possible(inertia)
+    ]
+    if not names:
+        return ()
+    return (
+        f"no body can have the inertial parameters of {', '.join(names)}; simulators refuse or "
+        "change them, export the physically consistent parameters",
+    )

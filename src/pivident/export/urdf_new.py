@@ -1,0 +1,113 @@
+"""A whole URDF of a robot that had none: frames, limits, inertials, and cylinders to look at."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.export.joint_side import JointSide
+from pivident.export.link_bodies import link_inertias
+from pivident.export.runnable_model import RunnableModel
+from pivident.export.sketch import Stick, sticks
+from pivident.export.urdf_elements import dynamics_line, inertial_lines
+from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
+from pivident.robot.description import Joint, Robot
+from pivident.robot.frames import rotation_from_z_to
+
+#: Written where speed or torque limits are not known; zero would stop the joint in simulators.
+UNKNOWN = 1e6
+
+#: Range that is written for a slide of unknown range [m].
+UNKNOWN_RANGE = (-100.0, 100.0)
+
+
+def new_urdf(model: RunnableModel, side: JointSide) -> str:
+    """The text of a URDF.
+
+    Args:
+        model: the model.
+        side: its joints as a URDF says them.
+
+    Raises:
+        ExportError: a name that XML cannot write, or a link without positive mass.
+    """
+    robot = model.robot
+    names = distinct([link.name for link in robot.links], robot.joint_names)
+    base = unlike("base", names)
+    shapes = sticks(model)
+    out = [
+        '<?xml version="1.0" encoding="utf-8"?>',
+        comment("Frames: z is the joint's axis. Cylinders show where the links are."),
+        f"<robot name={quoted(robot.name)}>",
+        f"  <link name={quoted(base)}>",
+        *(f"    {line}" for stick in shapes[-1] for line in _visual(stick)),
+        "  </link>",
+    ]
+    for i, (name, inertia) in enumerate(zip(names, link_inertias(model), strict=True)):
+        out += [f"  <link name={quoted(name)}>"]
+        out += [f"    {line}" for line in inertial_lines(name, inertia)]
+        out += [f"    {line}" for stick in shapes[i] for line in _visual(stick)]
+        out += ["  </link>"]
+    for i, joint in enumerate(robot.joints):
+        parent = base if joint.parent < 0 else names[joint.parent]
+        out += _joint(joint, parent, names[i], side.damping[i], side.dry_friction[i])
+    return "\n".join([*out, "</robot>", ""])
+
+
+def unknown_limits(robot: Robot) -> tuple[str, ...]:
+    """A sentence about limits that the robot's description does not have."""
+    what = {
+        "speed": [j.name for j in robot.joints if j.rated_speed is None],
+        "torque": [j.name for j in robot.joints if j.torque_limit is None],
+        "range": [j.name for j in robot.joints if j.position_limits is None],
+    }
+    return tuple(
+        f"no {key} limit is known of {', '.join(map(repr, names))}, and "
+        + (
+            f"they turn without end (a slide goes from {UNKNOWN_RANGE[0]:g} to "
+            f"{UNKNOWN_RANGE[1]:g} m)"
+            if key == "range"
+            else f"{UNKNOWN:g} is written"
+        )
+        for key, names in what.items()
+        if names
+    )
+
+
+def joint_type(joint: Joint) -> str:
+    """``prismatic``, ``revolute``, or ``continuous`` where no range is known."""
+    if joint.kind == "prismatic":
+        return "prismatic"
+    return "continuous" if joint.position_limits is None else "revolute"
+
+
+def _joint(joint: Joint, parent: str, child: str, damping: float, friction: float) -> list[str]:
+    kind = joint_type(joint)
+    lower, upper = joint.position_limits or UNKNOWN_RANGE
+    span = "" if kind == "continuous" else f'lower="{number(lower)}" upper="{number(upper)}" '
+    effort, speed = joint.torque_limit or UNKNOWN, joint.rated_speed or UNKNOWN
+    xyz, turn = numbers(joint.translation), numbers(rpy(joint.rotation))
+    return [
+        f'  <joint name={quoted(joint.name)} type="{kind}">',
+        f'    <origin xyz="{xyz}" rpy="{turn}"/>',
+        f"    <parent link={quoted(parent)}/>",
+        f"    <child link={quoted(child)}/>",
+        '    <axis xyz="0 0 1"/>',
+        f'    <limit {span}effort="{number(effort)}" velocity="{number(speed)}"/>',
+        f"    {dynamics_line(damping, friction)}",
+        "  </joint>",
+    ]
+
+
+def _visual(stick: Stick) -> list[str]:
+    """A cylinder from end to end."""
+    middle = 0.5 * (stick.start + stick.end)
+    along = stick.end - stick.start
+    length = float(np.linalg.norm(along))
+    turn = numbers(rpy(rotation_from_z_to(along / length)))
+    cylinder = f'<cylinder radius="{number(stick.radius)}" length="{number(length)}"/>'
+    return [
+        "<visual>",
+        f'  <origin xyz="{numbers(middle)}" rpy="{turn}"/>',
+        f"  <geometry>{cylinder}</geometry>",
+        "</visual>",
+    ]
