@@ -122,6 +122,20 @@ def test_rows_in_units_of_the_log(folder, capsys):
     assert "kg m²/(N m/A)" in capsys.readouterr().out
 
 
+def test_weighted_and_total_least_squares_beside_it(folder, capsys):
+    assert run(folder, HEAD + LOADED, "--least-squares") == 0
+    table = capsys.readouterr().out.split("white noise only:\n")[1].splitlines()
+    assert "weighted least squares" in table[0] and "commands noisy" in table[0]
+    for line, gain in zip(table[1:3], GAINS, strict=True):
+        cells = line.split("±")
+        weighted, mixed = float(cells[0].split()[1]), float(cells[2].split()[-1])
+        assert mixed == pytest.approx(gain, rel=0.01)
+        assert weighted < mixed
+        assert line.endswith("N m/A")
+    assert run(folder, HEAD, "--least-squares") == 0
+    assert "they need a known payload" in capsys.readouterr().out
+
+
 def test_a_trusted_gain_anchors_the_other(folder, capsys):
     assert run(folder, HEAD + "\n[gains]\ntrusted = {elbow = 5.0}\ntrusted_within = 0.01\n") == 0
     printed = capsys.readouterr().out

@@ -16,7 +16,14 @@ if TYPE_CHECKING:
     from pivident.experiment.drive_gains import GainsOfExperiment
 
 
-def gains(experiment: Path, /, *, out: Path | None = None, in_log_units: bool = False) -> int:
+def gains(
+    experiment: Path,
+    /,
+    *,
+    out: Path | None = None,
+    in_log_units: bool = False,
+    least_squares: bool = False,
+) -> int:
     """Find drive gains from a known payload or a trusted number, or ratios of gains without.
 
     Parameters
@@ -27,6 +34,8 @@ def gains(experiment: Path, /, *, out: Path | None = None, in_log_units: bool = 
         File to write the TOML lines with the gains to.
     in_log_units
         Also identify every motor's row in the unit of its own log.
+    least_squares
+        Also show the gains by weighted and total least squares, as in the literature.
     """
     from pivident.cli.workflow import check_output
     from pivident.experiment import load_experiment
@@ -41,6 +50,8 @@ def gains(experiment: Path, /, *, out: Path | None = None, in_log_units: bool = 
         found = gains_of(loaded, progress.say)
         rows = _rows_in_log_units(loaded) if in_log_units else ()
     print(gains_text(found))
+    if least_squares:
+        print("\n" + least_squares_text(found))
     for row in rows:
         print("\n" + log_units_text(row))
     lines = lines_for_file(found)
@@ -113,6 +124,39 @@ def _gain_table(found: GainsOfExperiment) -> str:
             ("residual %", ".", [f"{100 * r:.1f}" for r in result.residual]),
             ("of its own %", ".", [f"{100 * r:.1f}" for r in result.own_residual]),
         ]
+    )
+
+
+#: Estimators of the literature in words.
+LEAST_SQUARES = {
+    "wls": "weighted least squares",
+    "tls": "total least squares",
+    "mixed-tls": "total, commands noisy",
+}
+
+
+def least_squares_text(found: GainsOfExperiment) -> str:
+    """Gains by the least squares of the literature, which need a payload or a trusted parameter.
+
+    Args:
+        found: the gains of an experiment file.
+    """
+    from pivident.validation.plain_table import plain_table
+
+    if not found.gains.literature:
+        return "No weighted or total least squares: they need a known payload or parameter."
+    scale = [d.value for d in found.declared]
+    columns = [("joint", "<", list(found.gains.joints))]
+    for name, (kappa, std) in found.gains.literature.items():
+        cells = [
+            f"{k * s:.5g} ± {2 * d * abs(s):.2g}" for k, d, s in zip(kappa, std, scale, strict=True)
+        ]
+        columns.append((LEAST_SQUARES[name], "<", cells))
+    units = [f"{t}/{d.base_unit}" for t, d in zip(found.torque_units, found.declared, strict=True)]
+    columns.append(("unit", "<", units))
+    return (
+        "Gains by least squares with the commands as regressors, ±2σ of their own formula, which "
+        f"holds for white noise only:\n{plain_table(columns)}"
     )
 
 

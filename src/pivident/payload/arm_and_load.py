@@ -1,0 +1,224 @@
+"""What the loaded record is asked for: the arm as it is known, its friction, and the load.
+
+    θ_empty = M₁ x,      θ_loaded = M₂ x,      x = (θ, ΔF, ξ)
+
+θ are the base parameters of the arm, known from the record without load to θ̂₁ ± P₁; ΔF is the
+change of the friction under load (Khalil, Gautier and Lemoine 2007 take it for zero); ξ are
+coordinates of the ten parameters of the load, π = V ξ, that the torques of this arm can tell at
+all. What π adds to the base parameters of the arm is B π with the regrouping of Khalil and Gautier,
+so that M₂ = [1, F, B V].
+
+The known arm enters as (θ - θ̂₁)ᵀ P₁⁻¹ (θ - θ̂₁). With it the estimate is that of both records at
+once: the first one's normal equations are all that the first record says of θ. An arm that was
+identified long before serves as well, and the loaded record need not be able to tell all of θ.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.estimation.known_payload import Payload
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.problem import Problem
+from pivident.payload.known_parts import KnownParts
+from pivident.payload.load_estimate import NATURAL, seen_from
+from pivident.robot.frames import Pose
+
+#: Weak knowledge that keeps what no torque tells finite: a load is below a thousand natural sizes
+#: (a tonne; 100 m kg), friction under load differs by less than ten times what it was.
+WEAK_LOAD, WEAK_FRICTION = 1e3, 10.0
+
+#: Relative length below which the torques of an arm do not depend on a direction of π.
+NO_TORQUE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ArmAndLoad:
+    """The unknowns of a loaded record, and what is known of them.
+
+    Attributes:
+        problem: robot, loaded recordings and loop, with all parameters that θ_loaded needs.
+        selected: places of the arm's parameters among those of the problem, shape (arm,).
+        friction: places of the arm's parameters whose change under load is estimated.
+        basis: V, shape (10, r).
+        structural: directions of π that no torque of this arm depends on and nothing known tells,
+            shape (10, 10 - r).
+        loaded_map: M₂, shape (parameters of the problem, unknowns).
+        information: of what is known, shape (unknowns, unknowns): arm, known parts, weak knowledge.
+        right: information times the known values, shape (unknowns,).
+        arm_theta: θ̂₁, shape (arm,).
+        arm_information: P₁⁻¹ as the normal equations have it, shape (arm, arm).
+        arm_covariance: covariance of θ̂₁ as reported, shape (arm, arm).
+    """
+
+    problem: Problem
+    selected: np.ndarray
+    friction: np.ndarray
+    basis: np.ndarray
+    structural: np.ndarray
+    loaded_map: np.ndarray
+    information: np.ndarray
+    right: np.ndarray
+    arm_theta: np.ndarray
+    arm_information: np.ndarray
+    arm_covariance: np.ndarray
+
+    @property
+    def arm_part(self) -> slice:
+        """Where θ is in x."""
+        return slice(0, self.arm_theta.size)
+
+    @property
+    def friction_part(self) -> slice:
+        """Where ΔF is in x."""
+        return slice(self.arm_theta.size, self.arm_theta.size + self.friction.size)
+
+    @property
+    def load_part(self) -> slice:
+        """Where ξ is in x."""
+        return slice(self.arm_theta.size + self.friction.size, self.loaded_map.shape[1])
+
+    @property
+    def empty_theta(self) -> np.ndarray:
+        """The arm as it is known, among the parameters of the problem."""
+        theta = np.zeros(self.loaded_map.shape[0])
+        theta[self.selected] = self.arm_theta
+        return theta
+
+
+def arm_and_load(
+    arm: Identification,
+    problem: Problem,
+    link: int,
+    known: KnownParts,
+    frame: Pose,
+    friction_under_load: bool,
+) -> ArmAndLoad:
+    """Sort what is known from what is not.
+
+    Args:
+        arm: the arm identified without load.
+        problem: the loaded recordings; its parameters are those that `widened` names.
+        link: index of the link that carries the load.
+        known: what is known of the load.
+        frame: frame of the known parts in that of the link.
+        friction_under_load: whether friction may be another one with the load.
+    """
+    base = problem.base
+    names = [p.name for p in problem.regressor.parameters]
+    selected = np.array([names.index(p.name) for p in arm.parameters])
+    columns = load_columns(base, link)[list(problem.selection)]
+    rows, known_values, deviations = known.equations()
+    rows = rows @ seen_from(frame)
+    basis, structural = _told_directions(columns, rows)
+    movable = [
+        k for k, p in enumerate(arm.parameters) if friction_under_load and not p.carries_load
+    ]
+    friction = np.array(movable, dtype=int)
+    size = len(names)
+    loaded_map = np.hstack(
+        [np.eye(size)[:, selected], np.eye(size)[:, selected[friction]], columns @ basis]
+    )
+    arm_information = _inverse(arm.formula_covariance)
+    n, f = selected.size, friction.size
+    information = np.zeros((loaded_map.shape[1],) * 2)
+    right = np.zeros(loaded_map.shape[1])
+    information[:n, :n] = arm_information
+    right[:n] = arm_information @ arm.theta
+    weak = WEAK_FRICTION * _friction_sizes(arm)[friction]
+    information[n : n + f, n : n + f] = np.diag(weak**-2)
+    weighted = rows @ basis / deviations[:, None] if len(rows) else np.zeros((0, basis.shape[1]))
+    in_natural_sizes = basis / NATURAL[:, None] / WEAK_LOAD
+    information[n + f :, n + f :] = weighted.T @ weighted + in_natural_sizes.T @ in_natural_sizes
+    if len(rows):
+        right[n + f :] = weighted.T @ (known_values / deviations)
+    return ArmAndLoad(
+        problem, selected, friction, basis, structural, loaded_map, information, right,
+        arm.theta, arm_information, _reported(arm),
+    )  # fmt: skip
+
+
+def load_columns(base, link: int) -> np.ndarray:
+    """B: change of all base parameters per parameter of the load, shape (base, 10).
+
+    Args:
+        base: base parameters of the robot.
+        link: index of the link.
+    """
+    return Payload(mass=1.0, link=link).base_columns(base)
+
+
+def widened(arm: Identification, base, link: int) -> tuple[str, ...]:
+    """Names of the parameters that a loaded record needs: the arm's, and those a load changes.
+
+    Args:
+        arm: the arm identified without load.
+        base: base parameters of the robot.
+        link: index of the link.
+    """
+    touched = np.abs(load_columns(base, link)).sum(axis=1) > 0
+    estimated = {p.name for p in arm.parameters}
+    return tuple(p.name for k, p in enumerate(base.parameters) if touched[k] or p.name in estimated)
+
+
+def reduced(sums: Sequence[JointSums], unknowns: ArmAndLoad) -> list[JointSums]:
+    """Normal equations in x, from those in θ_loaded = M₂ x.
+
+    Args:
+        sums: one per joint, on its own columns of the problem.
+        unknowns: gives M₂.
+    """
+    every = np.arange(unknowns.loaded_map.shape[1])
+    made = []
+    for own in sums:
+        M = unknowns.loaded_map[own.columns]
+        made.append(
+            JointSums(
+                own.name,
+                every,
+                M.T @ own.zf @ M,
+                M.T @ own.zz @ M,
+                M.T @ own.ff @ M,
+                M.T @ own.zt,
+                M.T @ own.ft,
+                M.T @ own.window_zf @ M,
+                own.window_zt @ M,
+                own.tt,
+                own.rows,
+            )
+        )
+    return made
+
+
+def _told_directions(columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of π that torques or knowledge tell, and the rest, orthogonal in natural sizes."""
+    stack = np.vstack([columns * NATURAL, rows * NATURAL])
+    length = np.linalg.norm(stack, axis=1, keepdims=True)
+    _, values, right = np.linalg.svd(stack / np.where(length > 0, length, 1.0))
+    rank = int(np.sum(values > NO_TORQUE * max(values[0], 1e-300)))
+    return right[:rank].T * NATURAL[:, None], right[rank:].T * NATURAL[:, None]
+
+
+def _reported(arm: Identification) -> np.ndarray:
+    """Covariance that holds for residuals of any colour, where the arm has one."""
+    robust = arm.robust_covariance
+    return robust if np.isfinite(robust).all() else arm.covariance
+
+
+def _friction_sizes(arm: Identification) -> np.ndarray:
+    """Size of each friction parameter, at least a tenth of the largest one of its kind."""
+    size = np.abs(arm.theta) + arm.std
+    stems = [p.stem for p in arm.parameters]
+    largest = {s: max(v for v, t in zip(size, stems, strict=True) if t == s) for s in stems}
+    return np.array([max(v, 0.1 * largest[s], 1e-9) for v, s in zip(size, stems, strict=True)])
+
+
+def _inverse(covariance: np.ndarray) -> np.ndarray:
+    """Inverse of a covariance of parameters that differ by orders of magnitude."""
+    scale = np.sqrt(np.diag(covariance))
+    inverse = np.linalg.inv(covariance / np.outer(scale, scale)) / np.outer(scale, scale)
+    return 0.5 * (inverse + inverse.T)

@@ -1,0 +1,119 @@
+"""What does not belong together: arms, mountings, links and recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.estimation.identification import Identification
+from pivident.estimation.problem import Problem
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.robot.frames import Pose
+from pivident.robot.naming import nearest
+
+
+def link_index(robot: Robot, name: str | None) -> int:
+    """Index of a link by its own name or by that of the joint that moves it.
+
+    Args:
+        robot: the robot.
+        name: a name, or the number of the joint counted from 1; None: the last link.
+
+    Raises:
+        ExperimentError: there is no such link; names the nearest ones.
+    """
+    if name is None:
+        return robot.size - 1
+    links = [link.name for link in robot.links]
+    for names in (links, robot.joint_names):
+        if name in names:
+            return list(names).index(name)
+    if name.isdecimal() and 1 <= int(name) <= robot.size:
+        return int(name) - 1
+    raise ExperimentError(
+        f"there is no moving link {name!r} to carry a load; "
+        f"{nearest(name, [*links, *robot.joint_names])}"
+    )
+
+
+def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> None:
+    """Refuse a record that is given for both states, and none.
+
+    Args:
+        empty: the problem without load.
+        loaded: problem or recordings with it.
+
+    Raises:
+        ExperimentError: names the recording.
+    """
+    runs = loaded.recordings if isinstance(loaded, Problem) else tuple(loaded)
+    if not runs:
+        raise ExperimentError("no recording with the load is given; at least one is needed")
+    for run in runs:
+        if any(run is other for other in empty.recordings):
+            raise ExperimentError(
+                f"recording {run.name!r} is given both without and with the load; give two runs"
+            )
+
+
+def check_same_arm(arm: Identification, loaded: Problem) -> None:
+    """Refuse an arm with other joints, geometry, friction law or mounting.
+
+    Args:
+        arm: the arm without load.
+        loaded: the problem with load.
+
+    Raises:
+        ExperimentError: says what differs.
+    """
+    base = loaded.base
+    groups = dict(zip((p.name for p in base.parameters), base.expressions, strict=True))
+    laws = {p.name: p.friction for p in base.parameters}
+    there = arm.robot.size, arm.robot.joint_names
+    if there != (loaded.robot.size, loaded.robot.joint_names):
+        raise ExperimentError(
+            f"the empty arm has the joints {', '.join(arm.robot.joint_names)}, the loaded one "
+            f"{', '.join(loaded.robot.joint_names)}; give records of the same robot"
+        )
+    if not np.allclose(arm.robot.gravity, loaded.robot.gravity, atol=0.05):
+        raise ExperimentError(
+            f"the empty arm was identified with gravity {_vector(arm.robot.gravity)} m/s² in its "
+            f"base frame, the loaded one has {_vector(loaded.robot.gravity)} m/s²: another "
+            "mounting shows other parameters. Take the record without load in the mounting of "
+            "the loaded one, or correct gravity under [robot]"
+        )
+    for parameter, expression in zip(arm.parameters, arm.expressions, strict=True):
+        if groups.get(parameter.name) != expression:
+            raise ExperimentError(
+                f"the arm was identified with {expression!r}, but the robot of the loaded record "
+                f"has {groups.get(parameter.name, 'no such parameter')!r}: geometry or friction "
+                "law differ. Identify the arm again with the robot of the loaded record"
+            )
+        if laws[parameter.name] != parameter.friction:
+            raise ExperimentError(
+                f"the friction term {parameter.name!r} of the arm is {parameter.friction}, that "
+                f"of the loaded record's robot {laws[parameter.name]}. Identify the arm again with "
+                "the same friction law"
+            )
+
+
+def tool_frame(robot: Robot, link: int, frame: Pose) -> str:
+    """A tool's frame in words.
+
+    Args:
+        robot: the robot.
+        link: index of the link that carries the tool.
+        frame: pose of the tool in the frame of that link.
+    """
+    rotation = np.array2string(frame.rotation, precision=4, suppress_small=True, separator=", ")
+    return (
+        f"tool with origin {_vector(frame.translation)} m and axes {' '.join(rotation.split())} "
+        f"(columns) in the frame of link {robot.links[link].name!r}"
+    )
+
+
+def _vector(values: np.ndarray) -> str:
+    return "(" + ", ".join(f"{v:.4g}" for v in values) + ")"

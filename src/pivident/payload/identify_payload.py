@@ -1,0 +1,313 @@
+"""The load on a link, from the arm identified without it and recordings taken with it.
+
+    θ_loaded = θ + ΔF + B π
+
+(Khalil, Gautier and Lemoine 2007). With recordings of both states first the arm is identified, and
+then arm, friction and load together from the loaded record and what the first one said of the arm;
+that is the estimate from both records at once. An arm known from before does as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.iteration import method_label
+from pivident.estimation.methods import (
+    InstrumentalVariables,
+    LeastSquares,
+    Method,
+    PrefilteredIV,
+    RandomWalk,
+    method_named,
+)
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.problem import Loop, Problem
+from pivident.payload.arm_and_load import ArmAndLoad, arm_and_load, widened
+from pivident.payload.compatibility import (
+    check_recordings,
+    check_same_arm,
+    link_index,
+    tool_frame,
+)
+from pivident.payload.findings import refuse_negative, warnings_about, worse_explained
+from pivident.payload.known_parts import KnownParts
+from pivident.payload.load_estimate import NATURAL, LoadEstimate
+from pivident.payload.loaded_record import LoadedRecords
+from pivident.payload.restricted_solution import (
+    RestrictedSolution,
+    noise_by_scores,
+    noise_by_windows,
+    solve_restricted,
+    with_known,
+)
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.robot.frames import Pose
+
+#: Directions of the load that are told no better than this many natural sizes (1 kg, 0.1 m) are
+#: called undetermined.
+UNDETERMINED = 100.0
+
+#: Fewest estimates of an iterative method; see `pivident.estimation.prefiltered_iv`.
+FEWEST_ESTIMATES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadIdentification:
+    """The load with what is needed to doubt it.
+
+    Attributes:
+        load: mass, centre of mass and inertia, in the frame that was asked for.
+        link: name of the link that carries it.
+        joint: name of the joint that moves the link.
+        method: name of the method.
+        arm: the arm without load, as it was known.
+        arm_change: for each of its parameters, the distance of the common estimate from the first
+            one over the deviation of that distance, shape (arm,).
+        friction_names: friction parameters that may change with the load.
+        friction_change: their change ΔF, shape (friction,).
+        friction_std: its standard deviations, likewise.
+        joints: names of the joints.
+        relative_errors: ‖τ - Φθ‖/‖τ‖ of each joint on the loaded recordings, shape (joints,).
+        rms_errors: rms of τ - Φθ of each joint on them [N m or N], shape (joints,).
+        recordings: names of the loaded recordings.
+        converged: whether the iteration stood still.
+        iterations: number of estimates.
+        known: what was known of the load.
+        warnings: what was noticed, whole sentences.
+        sources: SHA-256 of the loaded recordings' files by name.
+        version: version of pivident.
+    """
+
+    load: LoadEstimate
+    link: str
+    joint: str
+    method: str
+    arm: Identification
+    arm_change: np.ndarray
+    friction_names: tuple[str, ...]
+    friction_change: np.ndarray
+    friction_std: np.ndarray
+    joints: tuple[str, ...]
+    relative_errors: np.ndarray
+    rms_errors: np.ndarray
+    recordings: tuple[str, ...]
+    converged: bool
+    iterations: int
+    known: KnownParts
+    warnings: tuple[str, ...]
+    sources: dict[str, str]
+    version: str
+
+    def __str__(self) -> str:
+        from pivident.payload.text import payload_text
+
+        return payload_text(self)
+
+
+def identify_payload(
+    empty: Problem | Identification,
+    loaded: Problem | Sequence[Recording],
+    method: Method | str = "piv",
+    *,
+    link: str | None = None,
+    known: KnownParts | None = None,
+    frame: Pose | None = None,
+    friction_under_load: bool = True,
+    progress: Callable[[str], None] | None = None,
+) -> PayloadIdentification:
+    """Mass, centre of mass and inertia of a load.
+
+    Args:
+        empty: robot and recordings without load, or the arm identified from them before.
+        loaded: recordings with the load, taken in the same loop as those without; with an arm
+            known from before a problem with robot, loaded recordings and loop.
+        method: ``ls``, ``iv-full-rate``, ``piv`` or a method object; band-pass and decimation of
+            ``ls`` and ``iv`` are replaced by the smoother at full rate.
+        link: link, or joint that moves it; None: the last one.
+        known: what is known of the load, in ``frame``.
+        frame: frame of a tool, its pose in the frame of the link; None: the link's frame.
+        friction_under_load: whether friction may be another one with the load.
+        progress: called with one line at each stage.
+
+    Returns:
+        The load with covariance, in ``frame``.
+
+    Raises:
+        ExperimentError: arms that do not match, a link that does not exist, a method that does
+            not fit.
+        NegativePayload: the load weighs less than nothing: the records are swapped.
+        IdentificationError: the arm cannot be identified, or the loaded loop not be simulated.
+    """
+    say = progress or (lambda line: None)
+    chosen, known = _full_rate(method), known or KnownParts()
+    if isinstance(empty, Problem):
+        carrier = link_index(empty.robot, link)
+        check_recordings(empty, loaded)
+        with_load = loaded if isinstance(loaded, Problem) else _loaded_problem(empty, loaded)
+        arm = identify(empty, chosen, lambda line: say(f"without load: {line}"))
+    else:
+        if not isinstance(loaded, Problem):
+            raise ExperimentError(
+                "with an arm known from before, give the loaded recordings as a Problem: robot, "
+                "recordings and loop"
+            )
+        carrier = link_index(loaded.robot, link)
+        arm, with_load = empty, loaded
+    check_same_arm(arm, with_load)
+    problem = replace(with_load, parameters=widened(arm, with_load.base, carrier), initial={})
+    unknowns = arm_and_load(
+        arm, problem, carrier, known, frame or Pose.identity(), friction_under_load
+    )
+    say("with load: smoothing the records")
+    records = LoadedRecords(problem, chosen)
+    sums, solution, iterations, converged = _estimate(records, unknowns, chosen, say)
+    noise = _noise(records, sums, solution, unknowns, chosen)
+    covariance, moved = with_known(noise, unknowns, solution)
+    load = _load(problem.robot, carrier, unknowns, solution, covariance)
+    if frame is not None:
+        load = load.seen_from(frame, tool_frame(problem.robot, carrier, frame))
+    refuse_negative(load)
+    own = unknowns.friction_part
+    change = _arm_change(unknowns, solution, moved)
+    relative_errors, rms_errors = records.errors(solution.theta)
+    warnings = warnings_about(load, arm, change, converged, iterations)
+    if isinstance(empty, Problem):  # another method's error would be of other samples
+        warnings += worse_explained(arm, rms_errors)
+    from pivident import __version__
+
+    return PayloadIdentification(
+        load=load,
+        link=problem.robot.links[carrier].name,
+        joint=problem.robot.joint_names[carrier],
+        method=method_label(problem, chosen),
+        arm=arm,
+        arm_change=change,
+        friction_names=tuple(arm.names[k] for k in unknowns.friction),
+        friction_change=solution.x[own],
+        friction_std=np.sqrt(np.diag(covariance)[own]),
+        joints=problem.robot.joint_names,
+        relative_errors=relative_errors,
+        rms_errors=rms_errors,
+        recordings=tuple(r.name for r in problem.recordings),
+        converged=converged and arm.converged,
+        iterations=iterations,
+        known=known,
+        warnings=tuple(warnings),
+        sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},
+        version=__version__,
+    )
+
+
+def _full_rate(
+    method: Method | str,
+) -> LeastSquares | InstrumentalVariables | PrefilteredIV:
+    """The method with signals at the full sampling rate."""
+    made = method_named(method)
+    if isinstance(made, PrefilteredIV) and (made.as_printed or made.regressor == "simulated"):
+        raise ExperimentError(
+            f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
+        )
+    if isinstance(made, LeastSquares) and not made.weighted:
+        raise ExperimentError("ols does not weigh the joints; use ls for the load")
+    if not isinstance(made.signals, RandomWalk):
+        made = replace(made, signals=RandomWalk())
+    return made
+
+
+def _loaded_problem(empty: Problem, loaded: Sequence[Recording]) -> Problem:
+    """The same robot and loop with the loaded recordings."""
+    return replace(empty, recordings=tuple(loaded), loop=_without_reconstruction(empty.loop))
+
+
+def _without_reconstruction(loop: Loop | None) -> Loop | None:
+    """The loop without what belongs to single recordings of the empty arm."""
+    return loop if loop is None else replace(loop, reconstructed=())
+
+
+def _estimate(
+    records: LoadedRecords,
+    unknowns: ArmAndLoad,
+    method: LeastSquares | InstrumentalVariables | PrefilteredIV,
+    say: Callable[[str], None],
+) -> tuple[list[JointSums], RestrictedSolution, int, bool]:
+    """Least squares, and with instruments repeated until the estimate stands still."""
+    simulated = unknowns.empty_theta
+    sums = records.least_squares(simulated)
+    solution = solve_restricted(sums, unknowns, simulated)
+    if isinstance(method, LeastSquares):
+        if unknowns.problem.regressor.depends_on_load:
+            sums = records.least_squares(solution.theta)
+            solution = solve_restricted(sums, unknowns, solution.theta)
+        return sums, solution, 1, True
+    for k in range(1, method.max_iterations + 1):
+        before = solution
+        sums, simulated = records.with_instruments(k, simulated, solution.theta)
+        solution = solve_restricted(sums, unknowns, solution.theta)
+        std = np.sqrt(np.abs(np.diag(solution.inverse)))
+        change = float((np.abs(solution.x - before.x) / std).max())
+        say(f"with load: estimate {k + 1}, changes by {change:.2g} standard deviations")
+        if k + 1 >= FEWEST_ESTIMATES and change < max(0.05, method.tolerance):
+            return sums, solution, k + 1, True
+    return sums, solution, method.max_iterations + 1, False
+
+
+def _noise(
+    records: LoadedRecords,
+    sums: Sequence[JointSums],
+    solution: RestrictedSolution,
+    unknowns: ArmAndLoad,
+    method: LeastSquares | InstrumentalVariables | PrefilteredIV,
+) -> np.ndarray:
+    """Covariance by the loaded record's noise: stationary on simulated records, else windows."""
+    asked = method.covariance if isinstance(method, PrefilteredIV) else "auto"
+    simulated = all(r.simulated for r in unknowns.problem.recordings)
+    if asked == "sandwich" or (asked == "auto" and not simulated):
+        return noise_by_windows(sums, unknowns, solution)
+    M = unknowns.loaded_map
+    if asked == "formula":
+        scores = np.zeros((len(M), len(M)))
+        for own, lam in zip(sums, solution.variance, strict=True):
+            scores[np.ix_(own.columns, own.columns)] += own.zz / lam
+    else:
+        metric = M @ solution.inverse @ M.T
+        scores = records.score_variance(solution.theta, sums, solution.variance, metric)
+    return noise_by_scores(scores, unknowns, solution)
+
+
+def _load(
+    robot: Robot,
+    link: int,
+    unknowns: ArmAndLoad,
+    solution: RestrictedSolution,
+    covariance: np.ndarray,
+) -> LoadEstimate:
+    """π = V ξ with its covariance and the directions that are not determined."""
+    own = unknowns.load_part
+    spread = unknowns.basis @ covariance[own, own] @ unknowns.basis.T
+    variances, directions = np.linalg.eigh(spread / np.outer(NATURAL, NATURAL))
+    vague = directions[:, variances > UNDETERMINED**2] * NATURAL[:, None]
+    joint = robot.joints[link]
+    kind = "turns about" if joint.kind == "revolute" else "slides along"
+    return LoadEstimate(
+        unknowns.basis @ solution.x[own],
+        spread,
+        np.hstack([unknowns.structural, vague]),
+        f"link {robot.links[link].name!r}; its origin is on joint {joint.name!r}, which {kind} z",
+    )
+
+
+def _arm_change(
+    unknowns: ArmAndLoad, solution: RestrictedSolution, moved: np.ndarray
+) -> np.ndarray:
+    """(θ - θ̂₁) over its deviation; zero where the loaded record says nothing of a parameter."""
+    step = solution.x[unknowns.arm_part] - unknowns.arm_theta
+    variance, own = np.diag(moved), np.diag(unknowns.arm_covariance)
+    told = variance > 1e-4 * own
+    return np.where(told, step / np.sqrt(np.where(told, variance, 1.0)), 0.0)

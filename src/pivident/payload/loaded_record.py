@@ -1,0 +1,190 @@
+"""Equations of the records taken with the load, made anew for each estimate.
+
+The same three estimators as without load, at the full sampling rate: least squares; instruments
+from the loop simulated with the loaded arm; the same behind prefilters from the identified noise.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.full_rate import (
+    FullRateRecord,
+    accumulate,
+    filtered,
+    records_with_instruments,
+    records_without_instruments,
+    torque_of,
+)
+from pivident.estimation.inner_signals import packed_stretch, with_inner
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.methods import (
+    InstrumentalVariables,
+    LeastSquares,
+    PrefilteredIV,
+    RandomWalk,
+)
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.problem import Problem
+from pivident.estimation.standstill import decided_by_residual, noisy_standstill, slow_samples
+from pivident.estimation.stationary_noise import (
+    FEWEST_LAGS,
+    LARGEST_SHARE,
+    LONGEST_LAG,
+    LONGEST_STRETCH,
+    JointSpectra,
+)
+from pivident.estimation.whitening import Whitening
+from pivident.signals.prefilter import Prefilter
+
+
+class LoadedRecords:
+    """The loaded recordings of a problem with their instruments and prefilters.
+
+    Args:
+        problem: robot, loaded recordings, loop, parameters.
+        method: how to estimate; its signals are a random walk smoother.
+    """
+
+    def __init__(
+        self, problem: Problem, method: LeastSquares | InstrumentalVariables | PrefilteredIV
+    ) -> None:
+        assert isinstance(method.signals, RandomWalk)
+        self.problem, self.method = problem, method
+        self.kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
+        self.limits = [problem.speed_limits(r) for r in problem.recordings]
+        self.whitening: Whitening | None = None
+        if isinstance(method, PrefilteredIV):
+            self.whitening = Whitening(problem, method, self.kinematics)
+        self.auxiliary: AuxiliaryModel | None = None
+        if not isinstance(method, LeastSquares):
+            self.auxiliary = AuxiliaryModel(problem, differences=True, kinematics=self.kinematics)
+        self.records: list[FullRateRecord] = []
+        self.without_standstill = np.zeros(problem.robot.size, bool)
+
+    @property
+    def filters(self) -> Sequence[Prefilter]:
+        """Prefilter of each joint."""
+        if self.whitening is not None:
+            return self.whitening.filters
+        return [Prefilter()] * self.problem.robot.size
+
+    def least_squares(self, theta: np.ndarray) -> list[JointSums]:
+        """Normal equations with Z = Φ: those of least squares, and the start of the others.
+
+        Args:
+            theta: parameters that make the load of load-dependent friction.
+        """
+        known = [with_inner(self.problem.regressor, k, theta) for k in self.kinematics]
+        self.records = records_without_instruments(known, self.limits)
+        return accumulate(self.problem.regressor, self.records, self.filters)
+
+    def with_instruments(
+        self, number: int, last: np.ndarray, theta: np.ndarray
+    ) -> tuple[list[JointSums], np.ndarray]:
+        """Normal equations with instruments from the simulated loop.
+
+        Args:
+            number: of the estimate, counted from one.
+            last: parameters of the estimate before, which could be simulated.
+            theta: the estimate, shape (parameters,).
+
+        Returns:
+            The equations, and the parameters that were simulated.
+
+        Raises:
+            SimulationDiverged: the controller does not stabilise the loaded arm.
+            MassMatrixNotPositiveDefinite: the parameters make no physical mass matrix.
+        """
+        assert self.auxiliary is not None
+        regressor = self.problem.regressor
+        if self.whitening is not None:
+            self.whitening.fit(number, theta, self.records)
+        motions, theta, _ = self.auxiliary.simulate_or_halve(last, theta)
+        moved = [with_inner(regressor, k, theta) for k in self.kinematics]
+        before = self.records
+        self.records = records_with_instruments(
+            moved, [with_inner(regressor, m, theta) for m in motions], self.limits
+        )
+        if self.whitening is not None:
+            self.whitening.take_votes(self.records)
+        else:
+            self._take_standstill(number, theta, before)
+        return accumulate(regressor, self.records, self.filters), theta
+
+    def _take_standstill(
+        self, number: int, theta: np.ndarray, before: Sequence[FullRateRecord]
+    ) -> None:
+        """Without a noise model standstill loses its votes where it is much noisier than motion."""
+        if number == 2 and decided_by_residual(self.problem):
+            self.without_standstill = noisy_standstill(
+                self.problem, self.filters, before, self.residuals(theta)
+            )
+        for record in self.records:
+            slow = slow_samples(self.problem, record) & self.without_standstill[:, None]
+            record.votes[slow] = False
+
+    def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
+        """τ - Φθ of each recording [N m or N], shape (joints, samples)."""
+        regressor = self.problem.regressor
+        return [r.kinematics.tau - torque_of(regressor, r.kinematics, theta) for r in self.records]
+
+    def errors(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Error of τ - Φθ of each joint over the samples that vote.
+
+        Returns:
+            ‖τ - Φθ‖/‖τ‖, and its rms [N m or N], each (joints,).
+        """
+        left, total, rows = np.zeros((3, self.problem.robot.size))
+        for record, residual in zip(self.records, self.residuals(theta), strict=True):
+            left += np.sum(np.where(record.votes, residual, 0.0) ** 2, axis=1)
+            total += np.sum(np.where(record.votes, record.kinematics.tau, 0.0) ** 2, axis=1)
+            rows += record.votes.sum(axis=1)
+        return np.sqrt(left / np.maximum(total, 1e-300)), np.sqrt(left / np.maximum(rows, 1.0))
+
+    def score_variance(
+        self, theta: np.ndarray, sums: Sequence[JointSums], variance: np.ndarray, metric: np.ndarray
+    ) -> np.ndarray:
+        """V = Var Σ Zᵀε/λ for a residual that is stationary noise of any colour.
+
+        Args:
+            theta: the estimate.
+            sums: its normal equations.
+            variance: λ of each joint, shape (joints,).
+            metric: covariance of θ_loaded by the weights, shape (parameters, parameters): gives
+                the share of the noise that the estimate took.
+
+        Returns:
+            V, shape (parameters, parameters).
+        """
+        regressor, filters = self.problem.regressor, self.filters
+        rate = self.records[0].kinematics.recording.rate
+        longest = min(max(r.votes.shape[1] for r in self.records), LONGEST_STRETCH)
+        lags = int(max(min(LONGEST_LAG * rate, LARGEST_SHARE * longest), FEWEST_LAGS))
+        spectra = []
+        for own in sums:
+            grid = np.ix_(own.columns, own.columns)
+            symmetric = 0.5 * (metric[grid] + metric[grid].T)
+            spectra.append(JointSpectra(symmetric, longest, min(lags, longest - 1)))
+        root = np.sqrt(variance)
+        for record, residual in zip(self.records, self.residuals(theta), strict=True):
+            source = record.kinematics if record.motion is None else record.motion
+            streams = [
+                f.stream(s.columns.size, threads=1) for f, s in zip(filters, sums, strict=True)
+            ]
+            white = filtered(residual, filters) / root[:, None]
+            for first in range(0, white.shape[1], LONGEST_STRETCH):
+                span = slice(first, min(first + LONGEST_STRETCH, white.shape[1]))
+                packed = packed_stretch(regressor, source, span)
+                for j, stream in enumerate(streams):
+                    place = slice(regressor.offsets[j], regressor.offsets[j + 1])
+                    votes = record.votes[j, span].astype(float)
+                    z = stream.process(packed[place]) * (votes / root[j])
+                    spectra[j].add(z, white[j, span] * votes, votes)
+        made = np.zeros((theta.size, theta.size))
+        for own, of_joint in zip(sums, spectra, strict=True):
+            made[np.ix_(own.columns, own.columns)] += of_joint.variance_of_scores()
+        return made

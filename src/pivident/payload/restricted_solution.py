@@ -1,0 +1,128 @@
+"""The unknowns of a loaded record, from its normal equations and from what is known before.
+
+    J x = Σ_j M₂ᵀ Zᵀτ/λ_j + Λ x₀,      J = Σ_j M₂ᵀ ZᵀΦ M₂/λ_j + Λ
+
+Λ is the information of what is known. The covariance has a part of the loaded record's noise and a
+part of the known arm, whose reported covariance P₁ need not be the inverse of the weight Λ₁ that
+its normal equations give it:
+
+    P = C_noise + R Λ₁ P₁ Λ₁ Rᵀ + (known parts),      R = J⁻¹ restricted to the arm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.iteration import joint_variances
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.sandwich import OVERLAP
+from pivident.payload.arm_and_load import ArmAndLoad, reduced
+
+
+@dataclass(frozen=True, eq=False)
+class RestrictedSolution:
+    """Solved equations.
+
+    Attributes:
+        x: the unknowns (θ, ΔF, ξ), shape (unknowns,).
+        theta: θ_loaded = M₂ x, shape (parameters,).
+        variance: λ of each joint at the estimate, shape (joints,).
+        inverse: J⁻¹, shape (unknowns, unknowns).
+    """
+
+    x: np.ndarray
+    theta: np.ndarray
+    variance: np.ndarray
+    inverse: np.ndarray
+
+
+def solve_restricted(
+    sums: Sequence[JointSums], unknowns: ArmAndLoad, start: np.ndarray
+) -> RestrictedSolution:
+    """Solve with weights from the residual, three times, so that weights and estimate agree.
+
+    Args:
+        sums: normal equations of the loaded record, one per joint, on θ_loaded.
+        unknowns: what is known.
+        start: θ_loaded of the first weights, shape (parameters,).
+    """
+    theta, own = start, reduced(sums, unknowns)
+    for _ in range(3):
+        variance = joint_variances(sums, theta)
+        gradient, right = unknowns.information.copy(), unknowns.right.copy()
+        for joint, lam in zip(own, variance, strict=True):
+            gradient += joint.zf / lam
+            right += joint.zt / lam
+        inverse = _inverse(gradient)
+        x = inverse @ right
+        theta = unknowns.loaded_map @ x
+    return RestrictedSolution(x, theta, joint_variances(sums, theta), inverse)
+
+
+def noise_by_windows(
+    sums: Sequence[JointSums], unknowns: ArmAndLoad, solution: RestrictedSolution
+) -> np.ndarray:
+    """C_noise by the jackknife over windows of time, see `pivident.estimation.sandwich`.
+
+    Args:
+        sums: normal equations with their windows.
+        unknowns: what is known; it belongs to no window.
+        solution: the solution.
+    """
+    count, size = len(sums[0].window_zf), solution.x.size
+    shares, scores = np.zeros((count, size, size)), np.zeros((count, size))
+    for joint, lam in zip(reduced(sums, unknowns), solution.variance, strict=True):
+        shares += joint.window_zf / lam
+        scores += (joint.window_zt - joint.window_zf @ solution.x) / lam
+    total = shares.sum(axis=0) + unknowns.information
+    scale = np.sqrt(np.abs(np.diag(total)))
+    without = (total - shares) / np.outer(scale, scale)
+    steps = np.linalg.solve(without, (scores / scale)[:, :, None])[:, :, 0] / scale
+    return steps.T @ steps / OVERLAP
+
+
+def noise_by_scores(
+    scores: np.ndarray, unknowns: ArmAndLoad, solution: RestrictedSolution
+) -> np.ndarray:
+    """C_noise = J⁻¹ M₂ᵀ V M₂ J⁻ᵀ from the variance V of the scores Σ Zᵀε/λ.
+
+    Args:
+        scores: V on θ_loaded, shape (parameters, parameters).
+        unknowns: gives M₂.
+        solution: the solution.
+    """
+    gain = solution.inverse @ unknowns.loaded_map.T
+    return gain @ scores @ gain.T
+
+
+def with_known(
+    noise: np.ndarray, unknowns: ArmAndLoad, solution: RestrictedSolution
+) -> tuple[np.ndarray, np.ndarray]:
+    """Covariance of x, and of how far the arm of both records is from that of the first one.
+
+    Args:
+        noise: C_noise, shape (unknowns, unknowns).
+        unknowns: the arm and its covariance, and the information of the known parts.
+        solution: the solution.
+
+    Returns:
+        Covariance of x, and that of θ - θ̂₁, shape (arm, arm).
+    """
+    arm = unknowns.arm_part
+    gain = solution.inverse[:, arm] @ unknowns.arm_information
+    others = unknowns.information.copy()
+    others[arm, arm] = 0.0
+    given = solution.inverse @ others @ solution.inverse.T
+    covariance = noise + given + gain @ unknowns.arm_covariance @ gain.T
+    away = gain[arm] - np.eye(unknowns.arm_theta.size)
+    moved = noise[arm, arm] + given[arm, arm] + away @ unknowns.arm_covariance @ away.T
+    return 0.5 * (covariance + covariance.T), moved
+
+
+def _inverse(matrix: np.ndarray) -> np.ndarray:
+    """Inverse with rows and columns of unit length."""
+    scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
+    return np.linalg.inv(matrix / np.outer(scale, scale)) / np.outer(scale, scale)
