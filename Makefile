@@ -26,6 +26,7 @@ lint: .venv/.pivident-test
 bench: .venv/.pivident-test
 	$(BIN)/python benchmarks/speed.py
 	$(BIN)/python -m pytest benchmarks/bench_*.py --benchmark-enable --benchmark-only
+	$(BIN)/python benchmarks/symbolic_models.py
 
 truth: .venv/.pivident
 	$(BIN)/python benchmarks/statistical_truth.py
@@ -37,6 +38,8 @@ truth: .venv/.pivident
 	$(BIN)/python benchmarks/friction_law_recovery.py --choice-runs 10
 	$(BIN)/python benchmarks/drive_gains.py
 	$(BIN)/python benchmarks/two_mass.py
+	$(BIN)/python benchmarks/consistent_parameters.py
+	$(BIN)/python benchmarks/payload.py
 
 .venv/.pip:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \

@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 
 import pivident
 
@@ -20,23 +19,12 @@ def test_import_loads_nothing_heavy():
     assert run_python(code).strip() == "[]"
 
 
-def test_import_takes_less_than_a_third_of_a_second():
-    code = "import time; t = time.perf_counter(); import pivident; print(time.perf_counter() - t)"
-    assert min(float(run_python(code)) for _ in range(3)) < 0.3
-
-
 def test_command_line_help_loads_no_numerics():
     code = (
         "import sys; from pivident.cli import main; main(['--help']); "
         "print([m for m in ('numpy', 'scipy', 'numba', 'pydantic') if m in sys.modules])"
     )
     assert run_python(code).strip().endswith("[]")
-
-
-def test_command_line_help_is_quick():
-    begin = time.perf_counter()
-    run_python("from pivident.cli import main; main(['--help'])")
-    assert time.perf_counter() - begin < 3.0  # 0.3 s on a quiet machine
 
 
 def test_every_name_of_the_front_door_exists():

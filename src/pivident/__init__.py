@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from pivident.consistency.consistent_model import make_consistent
     from pivident.dynamics.base_parameters import base_parameters
     from pivident.errors import PividentError
     from pivident.estimation.controller_identification import identify_controller
@@ -30,6 +31,7 @@ if TYPE_CHECKING:
         RandomWalk,
     )
     from pivident.estimation.problem import Loop, Problem
+    from pivident.estimation.reload import load_identification
     from pivident.estimation.shapes import identify_shapes
     from pivident.estimation.unknown_loop import complete_loop
     from pivident.experiment import load_experiment
@@ -76,8 +78,10 @@ _HOME = {
     "identify_free_law": "pivident.estimation.free_law",
     "identify_shapes": "pivident.estimation.shapes",
     "load_experiment": "pivident.experiment",
+    "load_identification": "pivident.estimation.reload",
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
+    "make_consistent": "pivident.consistency.consistent_model",
     "verdict": "pivident.validation.verdict",
     "virtual_pd": "pivident.simulation.virtual_pd",
     "write_report": "pivident.report.builder",
@@ -114,8 +118,10 @@ __all__ = [
     "identify_free_law",
     "identify_shapes",
     "load_experiment",
+    "load_identification",
     "load_recording",
     "load_robot",
+    "make_consistent",
     "verdict",
     "virtual_pd",
     "write_report",

@@ -18,12 +18,16 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
+from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
+from pivident.cli.export import export
 from pivident.cli.flexibility import flexibility
 from pivident.cli.friction import friction
 from pivident.cli.gains import gains
 from pivident.cli.laws import laws
+from pivident.cli.payload import payload
 from pivident.cli.study import study
+from pivident.cli.symbolic import symbolic
 from pivident.errors import DatasetUnavailable, PividentError
 
 DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -46,6 +50,10 @@ app.command(friction)
 app.command(flexibility)
 app.command(gains)
 app.command(laws)
+app.command(consistent)
+app.command(payload)
+app.command(export)
+app.command(symbolic)
 
 
 @app.command
@@ -82,8 +90,9 @@ def identify(
     experiment
         The experiment file.
     method
-        ols, ls, wls, iv, iv-full-rate, piv, didim or piv-as-printed; several with commas or by
-        repetition. Default: those of the file.
+        ols, ls, wls, iv, iv-full-rate, piv, didim or piv-as-printed; with pc- in front also made
+        physically consistent (pc-piv); several with commas or by repetition. Default: those of the
+        file.
     folds
         Blocks of the motion that are held out in turn to judge the methods; 0: none. Default: that
         of the file, or else 5.
@@ -196,14 +205,16 @@ class UsageError(PividentError):
 
 def _check_methods(names: Sequence[str]) -> None:
     """Refuse methods that do not exist, before anything is read."""
+    from pivident.consistency.method_names import CONSISTENT_METHODS
     from pivident.estimation.methods import METHODS
     from pivident.robot.naming import nearest
 
+    known = (*METHODS, *CONSISTENT_METHODS)
     if not names:
-        raise UsageError(f"--method names no method; choose from {', '.join(METHODS)}")
+        raise UsageError(f"--method names no method; choose from {', '.join(known)}")
     for name in names:
-        if name not in METHODS:
-            raise UsageError(f"there is no method {name!r}; {nearest(name, METHODS)}")
+        if name not in known:
+            raise UsageError(f"there is no method {name!r}; {nearest(name, known)}")
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pivident.cli.console import Progress, error_line, note
+from pivident.consistency.method_names import PREFIX, free_methods
 from pivident.errors import IdentificationError, PividentError
 from pivident.estimation.export import save_identification
 from pivident.estimation.identification import Identification
@@ -21,6 +22,12 @@ from pivident.estimation.problem import Problem
 from pivident.estimation.shapes import identify_shapes
 from pivident.estimation.tables import comparison_table, rows_kind
 from pivident.files import atomic_folder
+from pivident.validation.consistent_estimate import (
+    ConsistentEstimate,
+    NoConsistentEstimate,
+    consistent_estimates,
+)
+from pivident.validation.consistent_files import write_consistent
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 from pivident.validation.examination import Examination, examine
 from pivident.validation.verdict import save_verdict, verdict
@@ -36,7 +43,8 @@ class Outcome:
 
     Attributes:
         identifications: results by the method's short name.
-        failed: methods that ended with an error.
+        failed: methods that ended with an error, and ``pc-NAME`` where no consistent parameters
+            lie near their estimate.
     """
 
     identifications: Mapping[str, Identification]
@@ -84,7 +92,9 @@ def run_experiment(
 
     with Progress() as progress:
         experiment = load_experiment(path)
-        methods = experiment.methods(names)
+        methods = experiment.methods(free_methods(names))
+        consistent = experiment.made_consistent(names)
+        options = experiment.consistency()
         folder = out or experiment.output or Path(f"{path.stem}-results")
         check_output(folder)
         problem, validation = experiment.problem(progress.say), experiment.content.validation
@@ -107,6 +117,15 @@ def run_experiment(
             recordings=unseen,
             progress=progress.say,
         )
+        wanted = [name for name in consistent if name in outcome.identifications]
+        if wanted:
+            recordings = unseen or problem.recordings
+            made = consistent_estimates(examination, wanted, options, recordings, progress.say)
+            for name, estimate in made.items():
+                progress.keep(estimate.headline())
+                if isinstance(estimate, NoConsistentEstimate):
+                    outcome = replace(outcome, failed=(*outcome.failed, f"{PREFIX}{name}"))
+            examination = replace(examination, consistent=made)
         progress.say("writing the results")
         report = experiment.content.output.report
         results = Results(outcome.identifications, examination, essential)
@@ -201,6 +220,10 @@ def write_results(
     with atomic_folder(folder) as build:
         for name, result in found.items():
             save_identification(result, build / name if several else build)
+        for name, estimate in results.examination.consistent.items():
+            own = build / name if several else build
+            if isinstance(estimate, ConsistentEstimate):
+                write_consistent(estimate, own, own / "identification.json")
         save_verdict(verdict(results.examination), build / "verdict.json")
         if results.essential is not None:
             text = f"{results.essential}\n"
@@ -286,6 +309,9 @@ def _print_results(
                 note(f"{result.method}: {warning}")
     if results.examination.out_of_sample is not None:
         print(f"\n{results.examination.out_of_sample.table()}")
+    for estimate in results.examination.consistent.values():
+        if isinstance(estimate, ConsistentEstimate):
+            print(f"\n{estimate}")
     print(f"\nResults: {folder}")
     if report:
         print(f"Report:  {folder / 'report.html'}")

@@ -29,9 +29,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+from pivident.consistency.method_names import free_methods, made_consistent
+from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
+from pivident.experiment.consistency import consistency_of
 from pivident.experiment.explained import validated
 from pivident.experiment.methods import method_of
 from pivident.experiment.recordings import loop_of, recording_of
@@ -144,24 +147,54 @@ class Experiment:
         """Methods with the file's options, by name.
 
         Args:
-            names: which; default: those of the file, or else ``ls``, and with a controller also
-                ``iv``, ``iv-full-rate`` and ``piv``.
+            names: which; default: those of the file, of ``pc-piv`` and the like the method before
+                the stage, or else ``ls``, and with a controller also ``iv``, ``iv-full-rate`` and
+                ``piv``.
 
         Raises:
             ExperimentError: an unknown method, contradictory options, or a method that needs the
                 control loop where the file does not say enough about it.
         """
-        loop = self.content.controller is not None
-        default = ["ls", "iv", "iv-full-rate", "piv"] if loop else ["ls"]
         chosen: dict[str, Method] = {}
         with errors_name(self.path, ""):
-            for name in names or self.content.identify.methods or default:
+            for name in names or free_methods(self._method_names()):
                 if name not in METHODS:
                     raise ExperimentError(f"there is no method {name!r}; {nearest(name, METHODS)}")
                 chosen[name] = method_of(name, self.content.identify)
                 if not isinstance(chosen[name], LeastSquares):
                     self._check_loop(name)
         return chosen
+
+    def made_consistent(self, names: Sequence[str] | None = None) -> tuple[str, ...]:
+        """Methods whose estimates the stage of physical consistency follows, by name.
+
+        Those that are asked for as ``pc-piv`` and the like. Where none is, a table
+        ``[consistency]`` asks for all.
+
+        Args:
+            names: methods with or without ``pc-``; default: those of the file.
+        """
+        chosen = names or self._method_names()
+        found = made_consistent(chosen)
+        return found if found or self.content.consistency is None else tuple(chosen)
+
+    def consistency(self) -> ConsistencyOptions:
+        """What the table ``[consistency]`` says; the defaults where there is none.
+
+        Raises:
+            ExperimentError: bounds of a link that does not exist, or that exclude each other.
+            RobotDescriptionError: the reference cannot be used.
+        """
+        if self.content.consistency is None:
+            return ConsistencyOptions()
+        with errors_name(self.path, "[consistency]"):
+            return consistency_of(self.content.consistency, self.robot, self.path.parent)
+
+    def _method_names(self) -> list[str]:
+        """The file's methods, or the default ones."""
+        loop = self.content.controller is not None
+        default = ["ls", "iv", "iv-full-rate", "piv"] if loop else ["ls"]
+        return self.content.identify.methods or default
 
     def _check_loop(self, method: str) -> None:
         """Refuse a method that simulates the loop where controller or reference are missing."""
@@ -193,7 +226,7 @@ def load_experiment(path: str | Path) -> Experiment:
     path = Path(path)
     with errors_name(path, ""):
         try:
-            content = tomllib.loads(_text(path))
+            content = tomllib.loads(file_text(path))
         except tomllib.TOMLDecodeError as error:
             raise ExperimentError(f"is not TOML: {error}; correct this line") from error
         experiment = Experiment(path, validated(content))
@@ -223,8 +256,15 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
         raise
 
 
-def _text(path: Path) -> str:
-    """Content of the file."""
+def file_text(path: Path) -> str:
+    """Content of an experiment file, or of another small TOML file.
+
+    Args:
+        path: the file.
+
+    Raises:
+        ExperimentError: it cannot be read, is too large, or is not UTF-8 text.
+    """
     try:
         if path.stat().st_size > LARGEST_FILE:
             raise ExperimentError(

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
+from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
 from pivident.estimation.methods import METHODS
 from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
@@ -31,6 +32,9 @@ LAW_KEYS = {
     "virtual_pd": (set(), {"bandwidth", "damping"}),
     "identify": (set(), {"drive_gain", "limit"}),
 }
+
+#: Names of methods, those of consistent estimates included.
+METHOD_NAMES = (*METHODS, *CONSISTENT_METHODS)
 
 #: Keys of a recording that a public record brings along.
 SET_BY_DATASET = (
@@ -71,10 +75,10 @@ def _mask(value: Any) -> Any:
 def _methods(value: Any) -> Any:
     names = [value] if isinstance(value, str) else value
     if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise ValueError(f"must be a list with some of {', '.join(METHODS)}")
+        raise ValueError(f"must be a list with some of {', '.join(METHOD_NAMES)}")
     for name in names:
-        if name not in METHODS:
-            raise ValueError(f"there is no method {name!r}; {nearest(name, METHODS)}")
+        if name not in METHOD_NAMES:
+            raise ValueError(f"there is no method {name!r}; {nearest(name, METHOD_NAMES)}")
     if len(set(names)) < len(names):
         raise ValueError("names a method twice; name each one once")
     return names
@@ -421,6 +425,77 @@ class GainsEntry(Entry):
         return self
 
 
+def _range(value: Any) -> Any:
+    if isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)):
+        if value[0] < value[1]:
+            return [float(end) for end in value]
+        raise ValueError("is empty; the lower end comes first, and must be below the upper one")
+    raise ValueError("must be two numbers, [lowest, highest]")
+
+
+def _masses(value: Any) -> Any:
+    if _range(value)[0] >= 0:
+        return _range(value)
+    raise ValueError("begins below zero, and no body has such a mass; begin at 0")
+
+
+Range = Annotated[list[float], PlainValidator(_range)]
+Masses = Annotated[list[float], PlainValidator(_masses)]
+
+
+class LinkBoundsEntry(Entry):
+    """What is known about the body of one link; see `pivident.consistency`."""
+
+    mass: Masses | None = None
+    center_of_mass: Annotated[list[Range], Field(min_length=3, max_length=3)] | None = None
+
+    @model_validator(mode="after")
+    def _bounds_something(self) -> LinkBoundsEntry:
+        if not self.model_fields_set:
+            raise ValueError("bounds nothing; give mass or center_of_mass, or remove the table")
+        return self
+
+
+class ConsistencyEntry(Entry):
+    """Which real bodies the links may be, and which of them are preferred."""
+
+    prior: Literal["entropic", "euclidean", "none"] = "entropic"
+    reference: Annotated[str, Field(min_length=1)] | None = None
+    margin: Annotated[float, Field(gt=0, lt=1)] | None = None
+    accept_far: bool = False
+    total_mass: Masses | None = None
+    bounds: dict[str, LinkBoundsEntry] = Field(default_factory=dict)
+
+
+class ConsistencyFile(Entry):
+    """A file with nothing but ``[consistency]``, for `pivident consistent`."""
+
+    consistency: ConsistencyEntry
+
+
+class ToolFrameEntry(Entry):
+    """Frame of a tool in that of the link that carries it, as in a URDF origin."""
+
+    xyz: Annotated[list[float], Field(min_length=3, max_length=3)] = Field([0.0, 0.0, 0.0])
+    rpy: Annotated[list[float], Field(min_length=3, max_length=3)] = Field([0.0, 0.0, 0.0])
+
+
+class LoadEntry(Entry):
+    """A load that `pivident payload` looks for; see `pivident.payload`."""
+
+    recording: list[RecordingEntry] = Field(default_factory=list)
+    link: JointReference | None = None
+    method: Literal["ls", "iv-full-rate", "piv"] | None = None
+    mass: PositiveFloat | None = None
+    mass_std: NonNegativeFloat = 0.0
+    center_of_mass: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+    center_of_mass_std: NonNegativeFloat = 0.0
+    inertia: Annotated[list[float], Field(min_length=6, max_length=6)] | None = None
+    inertia_std: NonNegativeFloat = 0.0
+    frame: ToolFrameEntry | None = None
+    friction_under_load: bool = True
+
+
 class ExperimentFile(Entry):
     """The whole file, its short forms written out."""
 
@@ -431,3 +506,5 @@ class ExperimentFile(Entry):
     validation: ValidationEntry = ValidationEntry()
     output: OutputEntry = OutputEntry()
     gains: GainsEntry = GainsEntry()  # drive gains
+    consistency: ConsistencyEntry | None = None  # consistency
+    payload: LoadEntry | None = None  # payload

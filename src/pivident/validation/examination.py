@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identification import Identification
@@ -18,6 +19,12 @@ from pivident.validation.instrument_tests import InstrumentTests, instrument_tes
 from pivident.validation.model_error import ModelError, model_error
 from pivident.validation.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.residual_tests import ResidualTests, residual_tests
+
+if TYPE_CHECKING:
+    from pivident.validation.consistent_estimate import (
+        ConsistentEstimate,
+        NoConsistentEstimate,
+    )
 
 #: Blocks of the motion that are held out in turn.
 FOLDS = 5
@@ -35,6 +42,8 @@ class Examination:
         model_error: noise and model error of the recommended result apart; None where neither
             a motion repeats nor anything was held out.
         notes: why something could not be found out, whole sentences.
+        consistent: estimates that were made physically consistent, by short name of their method,
+            or why they could not be.
     """
 
     identifications: Mapping[str, Identification]
@@ -43,6 +52,9 @@ class Examination:
     out_of_sample: OutOfSample | None = None
     model_error: ModelError | None = None
     notes: tuple[str, ...] = field(default=())
+    consistent: Mapping[str, ConsistentEstimate | NoConsistentEstimate] = field(
+        default_factory=dict
+    )
 
     @property
     def recommended(self) -> str:

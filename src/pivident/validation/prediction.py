@@ -10,13 +10,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 import numpy as np
 
-from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import MOTION_BAND, RandomWalk
 from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
 from pivident.signals.bandpass import butterworth
 
 #: Order of the low-pass, run forwards and backwards.
@@ -24,6 +25,17 @@ ORDER = 4
 
 #: The noise level is read between the motion's band and so many times it.
 BEYOND = 1.5
+
+
+class Predictor(Protocol):
+    """Whatever predicts a robot's torques: an identification, or its consistent form."""
+
+    @property
+    def robot(self) -> Robot:
+        """The robot."""
+
+    def predict(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """Torque, shape (samples, joints) [N m or N]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,12 +137,12 @@ class Judge:
         """Measured torque below ``band``, shape (samples, joints) [N m or N]."""
         return butterworth(self.kinematics.tau.T, self.recording.rate, self.band)
 
-    def residual(self, found: Identification) -> np.ndarray:
+    def residual(self, found: Predictor) -> np.ndarray:
         """τ - Φ(q̂)θ on all samples, shape (samples, joints) [N m or N]."""
         k = self.kinematics
         return k.tau.T - found.predict(k.q.T, k.dq.T, k.ddq.T)
 
-    def score(self, found: Identification, spans: Sequence[slice]) -> list[PredictionError]:
+    def score(self, found: Predictor, spans: Sequence[slice]) -> list[PredictionError]:
         """Errors of an estimate on stretches of the recording.
 
         Args:
@@ -146,7 +158,7 @@ class Judge:
         return slice(start, max(min(span.stop, self.kinematics.stop), start + 1))
 
     def _one(
-        self, found: Identification, residual: np.ndarray, low: np.ndarray, span: slice
+        self, found: Predictor, residual: np.ndarray, low: np.ndarray, span: slice
     ) -> PredictionError:
         level = level_beyond(residual[span], self.recording.rate, self.band)
         return PredictionError(

@@ -16,6 +16,7 @@ from typing import Literal
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows, percent, significant
+from pivident.validation.consistent_estimate import NoConsistentEstimate
 from pivident.validation.examination import Examination, examine_alone
 from pivident.validation.residual_tests import ResidualTests
 from pivident.validation.wanted_motion import wanted_motions
@@ -33,6 +34,13 @@ LISTED = 8
 
 #: Parameters that differ least squares from instruments are named from so many deviations on.
 NAMED_SHIFT = 2.0
+
+
+#: A step to consistent parameters that is less probable lies outside the intervals.
+IMPROBABLE = 0.01
+
+#: Growth of the torque error that consistency may cost.
+NOTABLE_COST = 0.01
 
 
 @dataclass(frozen=True)
@@ -115,6 +123,7 @@ def verdict(examination: Examination | Identification) -> Verdict:
         *_instruments(examination, name),
         *_prediction(examination, name),
         *_model(examination),
+        *_consistency(examination, name),
         *(Statement("warning", "caution", text) for text in _further_warnings(result)),
         *(Statement("not tested", "note", text) for text in examination.notes),
     ]
@@ -393,6 +402,47 @@ def _model(examination: Examination) -> Iterator[Statement]:
     sentences = split.sentences()
     grade: Grade = "note" if split.mostly_model_error else "good"
     yield Statement("residual", grade, " ".join(sentences))
+
+
+def _consistency(examination: Examination, name: str) -> Iterator[Statement]:
+    """Whether a real machine can have these parameters."""
+    made = examination.consistent
+    found = made.get(name) or next(reversed(list(made.values())), None)
+    if found is None:
+        return
+    if isinstance(found, NoConsistentEstimate):
+        yield Statement("physics", "caution", f"{found.label}: {found.reason}.")
+        return
+    model, prediction = found.model, found.prediction
+    cost = model.torque_cost if prediction is None else prediction.cost
+    if model.was_consistent:
+        text = "A real machine can have exactly these parameters."
+        yield Statement("physics", "good", text, f"{found.label} has the same torques")
+        return
+    evidence = f"{significant(model.distance, 2)} σ, p = {model.p_value:.2g}"
+    if prediction is not None:
+        evidence += f"; {prediction}"
+    elif cost == cost:
+        evidence += f"; torque error on the fitted record, relative change {100 * cost:+.2g} %"
+    if held_back := found.held_back():
+        evidence += f"; held back most by {held_back[0]}"
+    take = f"take {found.label} for simulation and export"
+    near, cheap = model.p_value > IMPROBABLE, not cost > NOTABLE_COST
+    if near and cheap:
+        text = f"Parameters that a real machine can have lie within the intervals: {take}."
+        yield Statement("physics", "good", text, evidence)
+    elif cheap:
+        text = (
+            "The nearest parameters that a real machine can have lie outside the intervals, which "
+            f"do not know all model error, but predict as well: {take}."
+        )
+        yield Statement("physics", "note", text, evidence)
+    else:
+        text = (
+            "The nearest parameters that a real machine can have predict worse than the estimate: "
+            "geometry, friction law or a bound is not the machine's."
+        )
+        yield Statement("physics", "caution", text, evidence)
 
 
 def _further_warnings(result: Identification) -> Iterator[str]:

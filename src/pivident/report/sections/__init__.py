@@ -2,6 +2,7 @@
 
 from pivident.report.sections.base import Section
 from pivident.report.sections.comparison import ComparisonSection
+from pivident.report.sections.consistency import ConsistencySection
 from pivident.report.sections.control_loop import ControlLoopSection
 from pivident.report.sections.convergence import ConvergenceSection
 from pivident.report.sections.held_out import HeldOutSection
@@ -21,6 +22,7 @@ SECTIONS: tuple[type[Section], ...] = (
     ComparisonSection,
     ParametersSection,
     HeldOutSection,
+    ConsistencySection,
     TorqueSection,
     JointsSection,
     ResidualsSection,

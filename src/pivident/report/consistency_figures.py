@@ -1,0 +1,170 @@
+"""Figures of the consistent stage: the bodies on the arm, and how far the parameters moved."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+import numpy as np
+import plotly.graph_objects as go
+
+from pivident.consistency.ellipsoid import link_frames, outline
+from pivident.consistency.pseudo_inertia import link_body
+from pivident.report.figures import MEASURED, Figure, colour, empty_plot
+from pivident.robot.description import Robot
+from pivident.robot.frames import Pose
+
+#: What is seen of the arm: title and the two coordinates of the base frame.
+VIEWS = (("Side view", (0, 2)), ("Top view", (0, 1)))
+
+#: The interval of a free estimate reaches so many deviations either way.
+REACH = 1.96
+
+
+def bodies_figure(
+    robot: Robot,
+    inertial: Sequence[np.ndarray],
+    q: np.ndarray,
+    view: tuple[str, tuple[int, int]],
+) -> Figure:
+    """The arm's joints as a line, and the mass of each link as an ellipsoid.
+
+    Args:
+        robot: the robot; links with a nominal mass have that body dotted.
+        inertial: ten inertial parameters of each link, each of shape (10,).
+        q: posture [rad or m], shape (joints,).
+        view: one of ``VIEWS``.
+    """
+    title, plane = view
+    frames = link_frames(robot, q)
+    plot = empty_plot(f"{'xyz'[plane[1]]} [m]")
+    plot.update_xaxes(title_text=f"{'xyz'[plane[0]]} [m]")
+    plot.update_yaxes(scaleanchor="x", scaleratio=1)
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": -0.16, "yanchor": "top"})
+    for joint, frame in zip(robot.joints, frames, strict=True):
+        start = np.zeros(3) if joint.parent < 0 else frames[joint.parent].translation
+        ends = np.stack([start, frame.translation])[:, list(plane)]
+        _line(plot, ends, MEASURED, width=3, mode="lines+markers")
+    for k, (link, own) in enumerate(zip(robot.links, inertial, strict=True)):
+        name = html.escape(link.name, quote=False)
+        if link.inertia[9] > 0.0:
+            _body(plot, link.inertia, frames[k], plane, f"{name}, nominal", MEASURED, dash="dot")
+        _body(plot, own, frames[k], plane, f"{name}, {own[9]:.3g} kg", colour(k), fill="toself")
+    return Figure(
+        plot,
+        height=460,
+        title=title,
+        label=f"{title} of the arm with the ellipsoids of {len(robot.links)} links",
+        note="grey: joints; coloured: consistent bodies; dotted: nominal bodies, where known",
+    )
+
+
+def moved_figure(
+    names: Sequence[str],
+    moved: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    method: int,
+    *,
+    left_out: int = 0,
+) -> Figure:
+    """Each parameter's free interval (grey) and its consistent one (coloured), in σ.
+
+    Args:
+        names: of the parameters.
+        moved: consistent less free value [σ of the free estimate], shape (parameters,).
+        low: lower end of the consistent interval less the free value [σ], likewise.
+        high: upper end.
+        method: index of the method, for its colour.
+        left_out: number of base parameters that the estimate does not have.
+    """
+    note = "grey: free estimate ± 1.96 σ; coloured: consistent estimate with its 95 % interval"
+    if left_out:
+        note += (
+            f"; wider where the {left_out} base parameters that the estimate takes for zero may "
+            "differ from it"
+        )
+    labels = [html.escape(name, quote=False) for name in names]
+    plot = empty_plot("")
+    plot.update_xaxes(title_text="distance from the free estimate [σ]", zeroline=True)
+    plot.update_yaxes(autorange="reversed", automargin=True, dtick=1, tickfont={"size": 11})
+    for title, ends, own, width in (
+        ("free", (-REACH, REACH), MEASURED, 7),
+        ("consistent", (low, high), colour(method), 3),
+    ):
+        x, y = [], []
+        left, right = (np.broadcast_to(end, len(labels)) for end in ends)
+        for label, a, b in zip(labels, left, right, strict=True):
+            x += [float(a), float(b), None]
+            y += [label, label, None]
+        plot.add_scatter(
+            x=x, y=y, mode="lines", name=title, line={"color": own, "width": width}, opacity=0.75
+        )
+    plot.add_scatter(
+        x=np.asarray(moved, dtype=np.float32),
+        y=labels,
+        mode="markers",
+        name="consistent estimate",
+        marker={"color": colour(method), "size": 7},
+    )
+    most = int(np.argmax(np.abs(moved)))
+    return Figure(
+        plot,
+        height=80 + 18 * len(labels),
+        title="Free and consistent intervals",
+        label=f"Free and consistent 95 % intervals of {len(labels)} base parameters in deviations "
+        f"of the free estimate; {names[most]} moved most, by {abs(moved[most]):.2g} σ",
+        note=note,
+    )
+
+
+def _body(
+    plot: go.Figure,
+    inertial: np.ndarray,
+    frame: Pose,
+    plane: tuple[int, int],
+    name: str,
+    own: str,
+    **look: str,
+) -> None:
+    """Outline and centre of mass of one link; nothing where no ellipsoid has its moments."""
+    link = link_body(name, inertial)
+    points = outline(link, frame, plane)
+    if not np.isfinite(points).all():
+        return
+    dash = look.get("dash", "solid")
+    fill = look.get("fill", "none")
+    _line(plot, points, own, width=1.6, dash=dash, name=name, fill=fill, legend=fill != "none")
+    center = (frame.rotation @ link.center_of_mass + frame.translation)[list(plane)]
+    plot.add_scatter(
+        x=[float(center[0])],
+        y=[float(center[1])],
+        mode="markers",
+        name=name,
+        marker={"color": own, "size": 6, "symbol": "cross"},
+        showlegend=False,
+    )
+
+
+def _line(
+    plot: go.Figure,
+    points: np.ndarray,
+    own: str,
+    *,
+    width: float,
+    mode: str = "lines",
+    dash: str = "solid",
+    name: str = "joints",
+    fill: str = "none",
+    legend: bool = False,
+) -> None:
+    plot.add_scatter(
+        x=points[:, 0].astype(np.float32),
+        y=points[:, 1].astype(np.float32),
+        mode=mode,
+        name=name,
+        line={"color": own, "width": width, "dash": dash},
+        fill=fill,
+        opacity=0.8,
+        showlegend=legend,
+    )

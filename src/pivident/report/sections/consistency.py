@@ -1,0 +1,109 @@
+"""Can a real machine have these parameters? The consistent stage, where it ran."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pivident.estimation.parameter_rows import significant
+from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
+from pivident.report.figures import Figure
+from pivident.report.sections.base import Section
+from pivident.validation.consistent_estimate import (
+    CONFIDENCE,
+    ConsistentEstimate,
+    NoConsistentEstimate,
+    interval_text,
+    millimetres,
+)
+
+#: An end of an interval that nothing bounds is drawn this far away [σ].
+FAR = 20.0
+
+
+class ConsistencySection(Section):
+    """For each estimate: how far it had to move, what that costs, and the bodies of the links."""
+
+    title = "Physical consistency"
+    anchor = "consistency"
+    template = "consistency.html"
+
+    @property
+    def applies(self) -> bool:
+        """Only where the stage ran."""
+        return bool(self.material.examination.consistent)
+
+    def context(self) -> dict[str, Any]:
+        """Tables and figures of each estimate, reasons where there is none."""
+        examination = self.material.examination
+        names = list(examination.identifications)
+        made = [(names.index(name), found) for name, found in examination.consistent.items()]
+        last = made[-1][0]
+        return {
+            "confidence": f"{CONFIDENCE:.0%}".replace("%", " %"),
+            "failed": [
+                (k, found.label, found.reason)
+                for k, found in made
+                if isinstance(found, NoConsistentEstimate)
+            ],
+            "estimates": [
+                {
+                    "method": k,
+                    "label": found.label,
+                    "opened": k == last,
+                    "found": found,
+                    "links": _link_cells(found),
+                    "moved": _moved_cells(found),
+                    "figures": _figures(found, k),
+                }
+                for k, found in made
+                if isinstance(found, ConsistentEstimate)
+            ],
+            "several": len(made) > 1,
+        }
+
+
+def _link_cells(found: ConsistentEstimate) -> list[tuple[str, list[tuple[str, str]]]]:
+    """Name of each link, and value and interval of each quantity as text."""
+    rows = []
+    for r in found.links:
+        cells = [(significant(r.mass.value), interval_text(r.mass))]
+        cells += [
+            (millimetres(c.value), interval_text(c, factor=1e3, digits=2)) for c in r.center_of_mass
+        ]
+        cells += [(significant(m.value), interval_text(m, digits=2)) for m in r.moments]
+        rows.append((r.name, cells))
+    return rows
+
+
+def _moved_cells(found: ConsistentEstimate) -> list[tuple[str, ...]]:
+    """Parameters that moved, as text."""
+    return [
+        (
+            row.name,
+            significant(row.free, 4),
+            significant(row.spread, 2),
+            significant(row.consistent, 4),
+            row.interval,
+            f"{row.moved:+.2f}",
+            row.unit,
+        )
+        for row in found.moved_rows()
+    ]
+
+
+def _figures(found: ConsistentEstimate, method: int) -> tuple[Figure, ...]:
+    """The arm with its bodies, and free and consistent intervals."""
+    model = found.model
+    free, std = model.free.theta, model.free.std
+    ends = [(x - free) / std for x in (model.theta, found.base.low, found.base.high)]
+    moved, low, high = (np.clip(np.nan_to_num(x), -FAR, FAR) for x in ends)
+    recordings = model.free.recordings
+    q = recordings[0].q[0] if recordings else np.zeros(model.robot.size)
+    left_out = model.base_values.size - len(model.names)
+    inertial = [row.inertia for row in found.links]
+    return (
+        *(bodies_figure(model.robot, inertial, q, view) for view in VIEWS),
+        moved_figure(model.names, moved, low, high, method, left_out=left_out),
+    )

@@ -1,0 +1,87 @@
+"""The report's section on physical consistency: what it says, and that a browser draws it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.consistency.options import ConsistencyOptions
+from pivident.report.builder import render_report
+from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
+from pivident.robot import load_robot
+from pivident.validation.consistent_estimate import (
+    NoConsistentEstimate,
+    consistent_estimates,
+    ends_text,
+    millimetres,
+)
+from pivident.validation.examination import examine_alone
+from tests.browser import needs_browser, seen_on_a_phone
+from tests.synthetic_identification import synthetic_identification
+
+
+@pytest.fixture(scope="module")
+def results():
+    return {
+        "ls": synthetic_identification("IDIM-WLS", relative_std=0.05, seed=3),
+        "piv": synthetic_identification("IDIM-PIV", relative_std=0.02, seed=5),
+    }
+
+
+@pytest.fixture(scope="module")
+def examination(results):
+    alone = examine_alone(results)
+    made = consistent_estimates(alone, ["piv"], ConsistencyOptions(), ())
+    failed = NoConsistentEstimate("PC-IDIM-WLS", "no consistent parameters <near>")
+    return replace(alone, consistent={"ls": failed, **made})
+
+
+def test_section_shows_links_intervals_and_failures(results, examination):
+    page = render_report(list(results.values()), examination=examination)
+    section = page[page.index('<section id="consistency"') : page.index('<section id="torque"')]
+    assert "PC-IDIM-PIV" in section and "PC-IDIM-WLS" in section
+    assert "no consistent parameters &lt;near&gt;" in section
+    found = examination.consistent["piv"]
+    for row in found.links:
+        assert row.name in section and millimetres(row.center_of_mass[0].value) in section
+    assert found.model.headline() in section
+    assert "open" in section  # no torque tells the mass of the upper arm
+    assert section.count('class="plot"') == 3
+
+
+def test_no_section_where_the_stage_did_not_run(results):
+    page = render_report(list(results.values()))
+    assert "Physical consistency" not in page
+
+
+@needs_browser
+def test_section_on_a_phone(results, examination, tmp_path):
+    seen = seen_on_a_phone(render_report(list(results.values()), examination=examination), tmp_path)
+    assert seen["drawn"] == seen["plots"]
+
+
+def test_bodies_are_drawn_where_they_are():
+    """At q = 0 the first body of the planar arm lies around its centre of mass on the link."""
+    robot = load_robot("planar_2r")
+    inertial = [link.inertia for link in robot.links]
+    figure = bodies_figure(robot, inertial, np.zeros(2), VIEWS[0])
+    (own,) = [t for t in figure.plot.data if t.name == "upper_arm, 4 kg" and t.mode == "lines"]
+    base = robot.joints[0].rotation @ (robot.links[0].inertia[6:9] / 4.0)
+    middle = [(np.max(x) + np.min(x)) / 2.0 for x in (own.x, own.y)]
+    np.testing.assert_allclose(middle, base[[0, 2]], atol=2e-3)
+    assert figure.plot.layout.yaxis.scaleanchor == "x"
+
+
+def test_moved_parameters_stand_where_they_moved_to():
+    moved = np.array([0.5, -1.5])
+    figure = moved_figure(["a", "b"], moved, moved - 1, moved + 1, 0, left_out=3)
+    points = figure.plot.data[-1]
+    np.testing.assert_allclose(points.x, moved)
+    assert "b moved most, by 1.5 σ" in figure.label and "3 base parameters" in figure.note
+
+
+def test_ends_in_words():
+    assert ends_text(-np.inf, np.inf) == "open"
+    assert ends_text(0.00411, np.inf) == "0.00411 to open"
+    assert ends_text(1.0, 2.0) == "1.00 to 2.00"
+    assert millimetres(-1e-9) == "0.0"
