@@ -53,7 +53,8 @@ def fuzz(name: str, wanted: int, engine: str, seed: int, out: Path) -> dict[str,
     while inputs < wanted:
         (folder / "state").write_bytes(b"")
         portion = min(PORTION, wanted - inputs)
-        how = _run_child(name, folder, engine, portion, seed + inputs)
+        own = engine if READERS[name].guided else "plain"
+        how = _run_child(name, folder, own, portion, seed + inputs)
         state = (folder / "state").read_bytes()
         done = struct.unpack(STATE, state) if len(state) == struct.calcsize(STATE) else (0,) * 5
         inputs, answers, refused = inputs + done[0], answers + done[1], refused + done[2]

@@ -66,7 +66,7 @@ class Judge:
         except self.expected as error:
             self.refused += 1
             if len(str(error)) > 20000:
-                self.found("endless message", f"{len(str(error))} characters", data)
+                self.found("endless message", f"{len(str(error))} characters", data, "")
         except MemoryError as error:
             self.found("MemoryError", _place(error), data)
         except BaseException as error:
@@ -150,7 +150,7 @@ def feed_guided(judge: Judge, count: int, seed: int) -> None:
 
     def mutator(data: bytes, largest: int, number: int) -> bytes:
         rng = random.Random(number)
-        if rng.random() < 0.2:
+        if rng.random() < 0.1:
             return atheris.Mutate(data, len(data))
         return judge.reader.mutated(data, rng)[:largest]
 

@@ -70,6 +70,8 @@ def spoilt_text(data: bytes, rng: random.Random, chunks: tuple[str, ...] = ()) -
         chunks: pieces that mean something in this format.
     """
     text = data.decode("utf-8", "replace")
+    if rng.random() < 0.5:
+        return _gentle(text, rng).encode("utf-8", "replace")[:LARGEST]
     for _ in range(rng.choice((1, 1, 2, 3))):
         lines = text.split("\n")
         line = rng.randrange(len(lines))
@@ -97,6 +99,25 @@ def spoilt_text(data: bytes, rng: random.Random, chunks: tuple[str, ...] = ()) -
         return text.encode("utf-8", "replace")
     encoding = rng.choice(("utf-16", "utf-8-sig", "latin-1", "utf-7", "utf-32"))
     return text.encode(encoding, "replace")
+
+
+def _gentle(text: str, rng: random.Random) -> str:
+    """A text that mostly still means something: a number changed, a line away or there twice."""
+    for _ in range(rng.choice((1, 1, 1, 2, 4))):
+        numbers = list(re.finditer(r"-?\d+(?:\.\d+)?(?:e-?\d+)?", text))
+        lines = text.split("\n")
+        match rng.randrange(4):
+            case 0:
+                del lines[rng.randrange(len(lines))]
+                text = "\n".join(lines)
+            case 1:
+                lines.insert(rng.randrange(len(lines) + 1), rng.choice(lines))
+                text = "\n".join(lines)
+            case _ if numbers:
+                old = rng.choice(numbers)
+                new = rng.choice((f"{rng.gauss(0, 3):.3g}", str(rng.randrange(9)), rng.choice(NUMBERS)))
+                text = text[: old.start()] + new + text[old.end() :]
+    return text
 
 
 def _other_token(text: str, rng: random.Random) -> str:

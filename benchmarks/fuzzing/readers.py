@@ -9,6 +9,7 @@ from __future__ import annotations
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 from fuzzing import inputs
@@ -32,6 +33,7 @@ class Reader:
         spoil: changes a file in the manner of its format.
         read: what is called with the file.
         grow: makes a new file; None: changes only.
+        guided: whether the parser is ours, so that its branches can guide the search.
     """
 
     file: str
@@ -39,18 +41,26 @@ class Reader:
     spoil: Rewrite
     read: Callable[[Path], object]
     grow: Callable[[random.Random], bytes] | None = None
+    guided: bool = True
 
     def mutated(self, data: bytes, rng: random.Random) -> bytes:
-        """The next input from an earlier one."""
+        """The next input from an earlier one, or from a seed: those reach deepest."""
         choice = rng.random()
-        if choice < 0.2 and self.grow is not None:
+        if choice < 0.1 and self.grow is not None:
             return self.grow(rng)
-        if choice < 0.35:
+        if choice < 0.2:
             return spoilt_bytes(data, rng)
+        if choice < 0.6:
+            data = rng.choice(_seeds(self))
         try:
             return self.spoil(data, rng)
         except Exception:  # a change that cannot be written in this format
             return spoilt_bytes(data, rng)
+
+
+@cache
+def _seeds(reader: Reader) -> tuple[bytes, ...]:
+    return reader.seeds()
 
 
 def _text(chunks: tuple[str, ...]) -> Rewrite:
@@ -93,9 +103,7 @@ def _table(path: Path) -> object:
     from pivident.recording.tables import names_in, read_table
 
     names = names_in(path)
-    if len(names) > 1:
-        read_table(path, names[:1])
-    return read_table(path)
+    return read_table(path, names[:1] if len(names) % 3 == 2 else None)
 
 
 def _audited(path: Path) -> object:
@@ -121,6 +129,12 @@ def _grown_toml(*bases: bytes) -> Callable[[random.Random], bytes]:
     return lambda rng: inputs.grown_toml(rng, bases)
 
 
+@cache
+def manifest() -> tuple[bytes, ...]:
+    """The manifest of a study."""
+    return (inputs.manifest_seed(),)
+
+
 _TOML = _text(inputs.TOML_CHUNKS)
 _CSV = _text(inputs.CSV_CHUNKS)
 _URDF = _text(inputs.URDF_CHUNKS)
@@ -133,6 +147,7 @@ READERS: dict[str, Reader] = {
         inside_gzip(_URDF),
         _urdf,
         lambda rng: inputs.packed(inputs.grown_urdf(rng)),
+        guided=False,
     ),
     "robot": Reader(
         "arm.toml",
@@ -151,24 +166,26 @@ READERS: dict[str, Reader] = {
     "study": Reader(
         "study.toml", lambda: (inputs.STUDY,), _TOML, _study, _grown_toml(inputs.STUDY)
     ),
-    "csv": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _table, inputs.grown_csv),
+    "csv": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _table, inputs.grown_csv, False),
     "csv.gz": Reader(
         "log.csv.gz",
         lambda: (inputs.packed(inputs.log_csv()),),
         inside_gzip(_CSV),
         _table,
         lambda rng: inputs.packed(inputs.grown_csv(rng)),
+        guided=False,
     ),
-    "csv-audit": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _audited, inputs.grown_csv),
+    "csv-audit": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _audited, inputs.grown_csv, False),
     "npz": Reader("log.npz", inputs.npz_seeds, inside_zip, _table),
-    "mat-v5": Reader("log.mat", inputs.mat_seeds, inside_mat, _table),
-    "mat-v7.3": Reader("log.mat", inputs.hdf5_seeds, spoilt_bytes, _table),
-    "parquet": Reader("log.parquet", inputs.parquet_seeds, spoilt_bytes, _table),
+    "mat-v5": Reader("log.mat", inputs.mat_seeds, inside_mat, _table, guided=False),
+    "mat-v7.3": Reader("log.mat", inputs.hdf5_seeds, spoilt_bytes, _table, guided=False),
+    "parquet": Reader("log.parquet", inputs.parquet_seeds, spoilt_bytes, _table, guided=False),
     "manifest": Reader(
         "manifest.json",
-        lambda: (inputs.manifest_seed(),),
+        manifest,
         _text(inputs.JSON_CHUNKS),
         _manifest,
-        lambda rng: inputs.grown_json(rng, inputs.manifest_seed()),
+        lambda rng: inputs.grown_json(rng, manifest()[0]),
+        guided=False,
     ),
 }

@@ -13,11 +13,11 @@ from typing import Any
 #: Largest file that is read as TOML [bytes]; larger ones are logs.
 LARGEST_FILE = 2**20
 
-#: Most parts of a dotted key. Nothing here has more than five.
-MOST_PARTS = 32
+#: Most parts of a dotted key. Nothing here has more than seven.
+MOST_PARTS = 12
 
 _PART = r"(?:[\w-]++|\"(?:[^\"\\\n]|\\.)*+\"|'[^'\n]*+')"
-_LONG_KEY = re.compile(rf"(?<![\w\"'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
+_LONG_KEY = re.compile(rf"(?<![\w.\"'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -14,6 +14,7 @@ import numpy as np
 from pivident.audit.column_names import guess_channels, is_clock
 from pivident.audit.log import CHANNELS, Log
 from pivident.errors import BadCell, FileFormatError, RecordingError
+from pivident.printable import escaped
 from pivident.recording import public_records
 from pivident.recording.columns import array_of, assemble, locate
 from pivident.recording.files import SourceFile
@@ -62,7 +63,7 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         )
     claimed = {n for own in names.values() for n in own}
     return Log(
-        path.name,
+        shown(path),
         tuple(joints),
         {n: v for n, v in columns.items() if n not in claimed},
         clocks,
@@ -147,7 +148,7 @@ def described_log(
     channels, commands = _to_si(logged, units or {}, side, transmission, position_offset, robot)
     first = places.get("q", next(iter(places.values()), None))
     return Log(
-        name or (paths[first.file].name if first else next(iter(paths.values())).name),
+        name or shown(paths[first.file] if first else next(iter(paths.values()))),
         names,
         {},
         clocks,
@@ -164,6 +165,11 @@ def described_log(
         side.get("q", "joint") if isinstance(side, Mapping) else side,
         unit,
     )
+
+
+def shown(path: Path) -> str:
+    """Name of a file as it can be printed and written: it may hold any byte."""
+    return escaped(path.name.encode("utf-8", "backslashreplace").decode())
 
 
 def entry_log(

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pivident.errors import FileFormatError
 from pivident.files import regular_file
+from pivident.printable import escaped
 
 #: A file may expand to this many bytes without question.
 HARMLESS_SIZE = 256 * 2**20
@@ -33,7 +34,7 @@ class SourceFile:
     def of(cls, path: str | PathLike[str]) -> SourceFile:
         """Name and hash of a file on disk."""
         path = existing_file(path)
-        return cls(path.name, sha256(path))
+        return cls(escaped(path.name), sha256(path))
 
 
 def existing_file(path: str | PathLike[str]) -> Path:
@@ -57,6 +58,21 @@ def existing_file(path: str | PathLike[str]) -> Path:
     if empty:
         raise FileFormatError(f"{path.name} is empty; export the log again")
     return path
+
+
+def nameable(path: Path) -> Path | bytes:
+    """The path in full, or the content of a file whose name holds bytes that are no text.
+
+    Polars knows no such names, and takes a leading ``~`` for somebody's folder.
+
+    Args:
+        path: an existing file.
+    """
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return path.read_bytes()
+    return path.absolute()
 
 
 def sha256(path: Path) -> str:

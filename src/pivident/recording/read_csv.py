@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NoReturn
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
-from pivident.recording.files import HARMLESS_SIZE, existing_file, refuse_bomb
+from pivident.recording.files import HARMLESS_SIZE, existing_file, nameable, refuse_bomb
 from pivident.robot.naming import repeated
 
 if TYPE_CHECKING:
@@ -160,7 +160,7 @@ def text_content(path: Path) -> Path | bytes:
     Raises:
         FileFormatError: it expands beyond reason, or is no whole gzip file.
     """
-    return _unpacked(path) if _is_gzipped(path) else path
+    return _unpacked(path) if _is_gzipped(path) else nameable(path)
 
 
 def _is_gzipped(path: Path) -> bool:

@@ -81,8 +81,8 @@ def _promise(path: Path, archive: zipfile.ZipFile, name: str) -> tuple[np.dtype,
         npy.read_magic(member)
         read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
         shape, _, dtype = read(member)
-        if any(type(length) is not int or length < 0 for length in shape):
-            raise ValueError(f"its shape is {shape}")
+        if any(type(length) is not int or not 0 <= length < 2**63 for length in shape):
+            raise ValueError("its shape is not that of an array")
     size = int(np.prod(shape, dtype=object)) * dtype.itemsize
     stored = archive.getinfo(f"{name}.npy").file_size
     if dtype.kind in "biuf" and size > stored:

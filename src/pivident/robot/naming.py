@@ -10,6 +10,9 @@ from contextlib import contextmanager
 
 from pivident.errors import RobotDescriptionError
 
+#: Longest number of a joint; Python refuses to read numbers of thousands of digits.
+MOST_DIGITS = 9
+
 
 def nearest(name: str, known: Iterable[str]) -> str:
     """A half sentence that names the nearest known names, or lists all of them.
@@ -50,7 +53,8 @@ def find_joint(names: Sequence[str], reference: str) -> int:
     """
     if reference in names:
         return list(names).index(reference)
-    if reference.isdecimal() and 1 <= int(reference) <= len(names):
+    digits = reference.isdecimal() and len(reference) <= MOST_DIGITS
+    if digits and 1 <= int(reference) <= len(names):
         return int(reference) - 1
     if reference.lstrip("-").isdecimal():
         raise RobotDescriptionError(

@@ -22,7 +22,7 @@ from pivident.robot.inertia import from_center_of_mass, moved, tensor
 from pivident.robot.naming import nearest, repeated
 
 #: Largest URDF that is read, after decompression [bytes]; real ones have some 100 kB.
-MAXIMUM_SIZE = 64 * 2**20
+MAXIMUM_SIZE = 8 * 2**20
 
 #: Most elements, and most links or joints; real ones have some thousands, and some hundreds.
 MOST_ELEMENTS, MOST_LINKS = 100_000, 1000
