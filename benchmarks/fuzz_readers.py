@@ -88,9 +88,7 @@ def _memory_disk() -> str | None:
 def _run_child(name: str, folder: Path, engine: str, count: int, seed: int) -> str:
     """Run a child to its end; how it died, or empty."""
     arguments = [sys.executable, str(CHILD), name, str(folder), engine, str(count), str(seed)]
-    threads = dict.fromkeys(
-        ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS"), "1"
-    )
+    threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "POLARS_MAX_THREADS"), "1")
     quiet = os.environ | threads | {"PIVIDENT_DATA": "/nonexistent", "TMPDIR": str(folder / "tmp")}
     with (folder / "log").open("wb") as log:
         child = subprocess.Popen(arguments, stdout=log, stderr=log, env=quiet, cwd=folder)
@@ -162,7 +160,9 @@ def main() -> int:
         )
     (chosen.out / "table.json").write_text(json.dumps({"engine": engine, "rows": rows}, indent=1))
     print(f"\nengine: {engine}")
-    print(f"{'reader':<12}{'inputs':>9}{'answers':>9}{'refused':>9}{'findings':>9}{'slowest':>9}{'MB':>6}{'s':>7}")
+    print(
+        f"{'reader':<12}{'inputs':>9}{'answers':>9}{'refused':>9}{'findings':>9}{'slowest':>9}{'MB':>6}{'s':>7}"
+    )
     for row in rows:
         print(
             f"{row['reader']:<12}{row['inputs']:>9}{row['answers']:>9}{row['refused']:>9}"

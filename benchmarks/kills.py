@@ -136,7 +136,9 @@ def kill_workers(kills: int, rng: random.Random, place: Path) -> dict[str, objec
     made, studies, lost = 0, 0, 0
     while made < kills:
         folder = place / f"study-{studies}"
-        process = cli("study", str(scenario), "--runs", "400", "--workers", "2", "--out", str(folder))
+        process = cli(
+            "study", str(scenario), "--runs", "400", "--workers", "2", "--out", str(folder)
+        )
         while process.poll() is None:
             time.sleep(rng.uniform(0.5, 3.0))
             try:
@@ -165,7 +167,7 @@ def write_log(folder: Path) -> Path:
 
 
 def kill_identifications(kills: int, rng: random.Random, place: Path) -> dict[str, object]:
-    """``pivident identify`` killed; the folder is as before or whole, and one more run clears up."""
+    """``pivident identify`` killed; the folder is as before or whole, one more run clears up."""
     experiment = write_log(place)
     whole = place / "whole"
     begin = time.monotonic()

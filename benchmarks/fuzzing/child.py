@@ -102,7 +102,9 @@ class Judge:
         kept.mkdir(exist_ok=True)
         (kept / f"{kind.replace(' ', '-')}-{digest}").write_bytes(data)
         with (self.folder / "findings.jsonl").open("a") as file:
-            file.write(json.dumps({"kind": kind, "text": text, "input": digest, "mark": mark}) + "\n")
+            file.write(
+                json.dumps({"kind": kind, "text": text, "input": digest, "mark": mark}) + "\n"
+            )
 
 
 def _place(error: BaseException) -> str:

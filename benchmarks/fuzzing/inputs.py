@@ -43,9 +43,11 @@ TOML_CHUNKS = (
     "= " + "[" * 3000 + "\n", "= " + "{a=" * 2000 + "\n", "[" + "a." * 3000 + "a]\n",
     '"" = 1\n', '"\\u0000" = 1\n', "= '''", '= """', "= {}", "= nan", "= inf", "= " + "9" * 5000,
     "= true", "= []", '= ""', "= [1, 'a', 1.0, {}]", "= -1", "= 1e400", "= 0", "= 1e-300",
-    'side = "motor"\n', "rate = 1e300\n", "resample = true\n", "samples_axis = 1\n", "part = [0, 1]\n",
+    'side = "motor"\n', "rate = 1e300\n", "resample = true\n", "samples_axis = 1\n",
+    "part = [0, 1]\n", "part = [-1e308, 1e308]\n",
     'folder = "../../x"\n', 'model = "/dev/zero"\n', 'files = "/dev/zero"\n', "friction = []\n",
-    "methods = []\n", "frozen = {a = 1.0}\n", "position_offset = [1.0, 2.0]\n", "torque_timing = 3\n",
+    "methods = []\n", "frozen = {a = 1.0}\n", "position_offset = [1.0, 2.0]\n",
+    "torque_timing = 3\n",
 )  # fmt: skip
 
 EXPERIMENT = b"""
@@ -198,7 +200,8 @@ URDF_CHUNKS = (
     '<!DOCTYPE r [<!ENTITY % x SYSTEM "http://localhost:9/x"> %x;]>', "&a;", "&#0;", "&#x1b;",
     "<![CDATA[", "]]>", "<!--", "-->", "<?php ?>", '<?xml version="1.0" encoding="utf-16"?>',
     '<?xml version="1.1"?>', '<?xml version="1.0" encoding="utf-7"?>', "<a>" * 2000, "</robot>",
-    '<link name="l1"/>', '<joint name="x" type="floating"><parent link="l1"/><child link="l3"/></joint>',
+    '<link name="l1"/>',
+    '<joint name="x" type="floating"><parent link="l1"/><child link="l3"/></joint>',
     'xmlns="urn:x"', '<mimic joint="j1"/>', "<inertial/>", '<origin xyz="nan 0 0"/>', "&lt;",
     '<xi:include href="/etc/passwd" xmlns:xi="http://www.w3.org/2001/XInclude"/>', "\x85", "\u2028",
 )  # fmt: skip
@@ -206,16 +209,24 @@ URDF_CHUNKS = (
 
 def grown_urdf(rng: random.Random) -> bytes:
     """A tree, or nearly one, of links and joints."""
-    names = [rng.choice(("l", "é", "<", "a" * 50, "[", "=")) + str(k) for k in range(rng.randrange(1, 8))]
+    names = [
+        rng.choice(("l", "é", "<", "a" * 50, "[", "=")) + str(k) for k in range(rng.randrange(1, 8))
+    ]
     parts = [f'<link name="{_xml(name)}">{_inertial(rng)}</link>' for name in names]
     for k, child in enumerate(names[1:], start=1):
         parent = rng.choice(names[:k] if rng.random() < 0.9 else names)
-        kind = rng.choice(("revolute", "continuous", "prismatic", "fixed", "planar", "floating", ""))
+        kind = rng.choice(
+            ("revolute", "continuous", "prismatic", "fixed", "planar", "floating", "")
+        )
         inner = f'<parent link="{_xml(parent)}"/><child link="{_xml(child)}"/>'
         if rng.random() < 0.5:
-            inner += f'<axis xyz="{_triple(rng)}"/><origin xyz="{_triple(rng)}" rpy="{_triple(rng)}"/>'
+            inner += (
+                f'<axis xyz="{_triple(rng)}"/><origin xyz="{_triple(rng)}" rpy="{_triple(rng)}"/>'
+            )
         if rng.random() < 0.5:
-            inner += f'<limit lower="{_value(rng)}" upper="{_value(rng)}" velocity="{_value(rng)}"/>'
+            inner += (
+                f'<limit lower="{_value(rng)}" upper="{_value(rng)}" velocity="{_value(rng)}"/>'
+            )
         if rng.random() < 0.3:
             inner += f'<dynamics damping="{_value(rng)}" friction="{_value(rng)}"/>'
         if rng.random() < 0.1:
@@ -250,8 +261,9 @@ def _xml(text: str) -> str:
 
 CSV_CHUNKS = (
     "\0", "\ufeff", '"', '""', "'", ";", "\t", ",", "\n", "\r", "\r\n", "#", "\n\n\n", "," * 5000,
-    "\n" * 3000, '"' + "a" * 200000, "1,2,3\n" * 50, "nan", "inf", "1e400", "1,5", "=1+1", "\x1b[2J",
-    "\u2028", "\x85", "\x0b", "\x0c", "\x1c", "a" * 70000, '"a\nb"', "0x10", "1_000", "١", "−1",
+    "\n" * 3000, '"' + "a" * 200000, "1,2,3\n" * 50, "nan", "inf", "1e400", "1,5", "=1+1",
+    "\x1b[2J", "\u2028", "\x85", "\x0b", "\x0c", "\x1c", "a" * 70000, '"a\nb"', "0x10", "1_000",
+    "١", "−1",
 )  # fmt: skip
 
 
@@ -259,15 +271,26 @@ def grown_csv(rng: random.Random) -> bytes:
     """A table, or nearly one, of any width."""
     separator = rng.choice(",;\t,,")
     columns = rng.choice((1, 2, 3, 7, 7, 40))
-    cell = (lambda: rng.choice(TEXTS + NUMBERS)) if rng.random() < 0.3 else (lambda: f"{rng.gauss(0, 1):.4g}")
+    cell = (
+        (lambda: rng.choice(TEXTS + NUMBERS))
+        if rng.random() < 0.3
+        else (lambda: f"{rng.gauss(0, 1):.4g}")
+    )
     rows = []
     if rng.random() < 0.8:
-        rows.append(separator.join(rng.choice((f"c{k}", rng.choice(TEXTS), "a")) if rng.random() < 0.1 else f"c{k}" for k in range(columns)))
+        rows.append(
+            separator.join(
+                rng.choice((f"c{k}", rng.choice(TEXTS), "a")) if rng.random() < 0.1 else f"c{k}"
+                for k in range(columns)
+            )
+        )
     for _ in range(rng.randrange(20)):
         width = columns if rng.random() < 0.98 else rng.randrange(9)
         rows.append(separator.join(cell() for _ in range(width)))
     end = rng.choice(("\n", "\n", "\n", "\r\n", "\r"))
-    return (rng.choice(("", "", "\ufeff", "# a comment\n")) + end.join(rows) + rng.choice(("", end))).encode()
+    return (
+        rng.choice(("", "", "\ufeff", "# a comment\n")) + end.join(rows) + rng.choice(("", end))
+    ).encode()
 
 
 # -------------------------------------------------------------------------------------- arrays
@@ -297,7 +320,9 @@ def mat_seeds() -> tuple[bytes, ...]:
     made = []
     for options in ({}, {"do_compression": True}, {"format": "4"}):
         stream = io.BytesIO()
-        content = {name: np.atleast_2d(np.asarray(v, float)) for name, v in arrays().items() if v.size}
+        content = {
+            name: np.atleast_2d(np.asarray(v, float)) for name, v in arrays().items() if v.size
+        }
         if options.get("format") != "4":
             content |= {"text": "abc", "cell": np.array([1, "a"], dtype=object), "st": {"a": 1.0}}
             content |= {"c": np.array([[1j]]), "u": np.uint8([[1, 2]]), "l": np.array([[True]])}
@@ -315,7 +340,9 @@ def hdf5_seeds() -> tuple[bytes, ...]:
         with h5py.File(stream, "w", userblock_size=512) as file:
             for name, values in arrays().items():
                 own = options if values.size and values.ndim else {}
-                file.create_dataset(name, data=values, **own).attrs["MATLAB_class"] = np.bytes_("double")
+                file.create_dataset(name, data=values, **own).attrs["MATLAB_class"] = np.bytes_(
+                    "double"
+                )
             file.create_group("#refs#")
             file["text"] = "abc"
             file["soft"] = h5py.SoftLink("/q")
@@ -328,9 +355,21 @@ def parquet_seeds() -> tuple[bytes, ...]:
 
     made = []
     table = {f"c{k}": column for k, column in enumerate(log_table().T)}
-    odd = {"i": [1, 2, None], "s": ["a", "b", "c"], "l": [[1.0], [], [2.0]], "b": [True, False, None], "u": [1.5, 2.5, 3.5]}
+    odd = {
+        "i": [1, 2, None],
+        "s": ["a", "b", "c"],
+        "l": [[1.0], [], [2.0]],
+        "b": [True, False, None],
+        "u": [1.5, 2.5, 3.5],
+    }
     nested = {"n": [{"a": {"b": [1]}}], "d": [date(2020, 1, 1)], "f": [1.0]}
-    for content, packing in ((table, "zstd"), (table, "uncompressed"), (table, "snappy"), (odd, "zstd"), (nested, "gzip")):
+    for content, packing in (
+        (table, "zstd"),
+        (table, "uncompressed"),
+        (table, "snappy"),
+        (odd, "zstd"),
+        (nested, "gzip"),
+    ):
         stream = io.BytesIO()
         pl.DataFrame(content).write_parquet(stream, compression=packing)
         made.append(stream.getvalue())

@@ -19,7 +19,8 @@ LARGEST = 2**16
 NUMBERS = (
     "0", "-0", "-1", "1", "2", "1e308", "1e999", "-1e-320", "nan", "inf", "-inf", "+nan", "1_0",
     "9" * 25, "9" * 400, "9" * 5000, "0x" + "f" * 5000, "0b11", "1e-400", "1.5", "4294967296",
-    "18446744073709551616", "9223372036854775807", "-9223372036854775808", "1,5", "٣", "0." + "1" * 999,
+    "18446744073709551616", "9223372036854775807", "-9223372036854775808", "1,5", "٣",
+    "0." + "1" * 999,
 )  # fmt: skip
 
 #: Texts that mean something to a page, a shell, a spreadsheet, a terminal or a file system.
@@ -115,7 +116,9 @@ def _gentle(text: str, rng: random.Random) -> str:
                 text = "\n".join(lines)
             case _ if numbers:
                 old = rng.choice(numbers)
-                new = rng.choice((f"{rng.gauss(0, 3):.3g}", str(rng.randrange(9)), rng.choice(NUMBERS)))
+                new = rng.choice(
+                    (f"{rng.gauss(0, 3):.3g}", str(rng.randrange(9)), rng.choice(NUMBERS))
+                )
                 text = text[: old.start()] + new + text[old.end() :]
     return text
 
@@ -176,7 +179,9 @@ def inside_zip(data: bytes, rng: random.Random) -> bytes:
         case _:
             members[at] = name, b"\0" * rng.choice((0, 10, 2**20))
     packed = io.BytesIO()
-    method = rng.choice((zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA))
+    method = rng.choice(
+        (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA)
+    )
     with zipfile.ZipFile(packed, "w", method) as archive:
         for name, content in members:
             archive.writestr(name or "x", content)
@@ -189,7 +194,8 @@ HEADERS = (
     "'descr': [('a', '<f8')]", "'descr': 3", "'descr': '|V999999999'", "'fortran_order': 3",
     "'shape': (3,)", "'shape': (-1,)", "'shape': (99999999999,)", "'shape': (2**99,)",
     "'shape': " + "(" * 200 + ")" * 200, "'shape': (True, 2)", "'shape': (0,)", "'shape': 3",
-    "'shape': (" + "1," * 70 + ")", "'x': 1", "'shape': (9" + "9" * 60 + ",)", "'descr': '<f8\\x00'",
+    "'shape': (" + "1," * 70 + ")", "'x': 1", "'shape': (9" + "9" * 60 + ",)",
+    "'descr': '<f8\\x00'",
 )  # fmt: skip
 
 
@@ -209,7 +215,11 @@ def spoilt_header(content: bytes, rng: random.Random) -> bytes:
         header = rng.choice(("(" * 900, "{" * 5000, "[" * 3000 + "]" * 3000, "-" * 5000 + "1"))
     line = header.encode("utf-8") + b"\n"
     version = rng.choice(((1, 0), (1, 0), (1, 0), (2, 0), (3, 0), (9, 9)))
-    size = len(line).to_bytes(2 if version == (1, 0) else 4, "little", signed=False) if len(line) < 65536 else b"\xff\xff"
+    size = (
+        len(line).to_bytes(2 if version == (1, 0) else 4, "little", signed=False)
+        if len(line) < 65536
+        else b"\xff\xff"
+    )
     return b"\x93NUMPY" + bytes(version) + size + line + content[end + 1 :]
 
 
@@ -243,5 +253,24 @@ def _spoilt_words(body: bytes, rng: random.Random) -> bytes:
     if rng.random() < 0.4 or len(body) < 8:
         return spoilt_bytes(body, rng)
     at = 4 * rng.randrange(min(len(body) // 4, 24))
-    values = (0, 1, 2, 3, 5, 6, 7, 9, 13, 14, 15, 16, 17, 2**16, 2**24, 2**31 - 1, 2**32 - 1, rng.getrandbits(32))
+    values = (
+        0,
+        1,
+        2,
+        3,
+        5,
+        6,
+        7,
+        9,
+        13,
+        14,
+        15,
+        16,
+        17,
+        2**16,
+        2**24,
+        2**31 - 1,
+        2**32 - 1,
+        rng.getrandbits(32),
+    )
     return body[:at] + rng.choice(values).to_bytes(4, "little") + body[at + 4 :]

@@ -175,7 +175,9 @@ READERS: dict[str, Reader] = {
         lambda rng: inputs.packed(inputs.grown_csv(rng)),
         guided=False,
     ),
-    "csv-audit": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _audited, inputs.grown_csv, False),
+    "csv-audit": Reader(
+        "log.csv", lambda: (inputs.log_csv(),), _CSV, _audited, inputs.grown_csv, False
+    ),
     "npz": Reader("log.npz", inputs.npz_seeds, inside_zip, _table),
     "mat-v5": Reader("log.mat", inputs.mat_seeds, inside_mat, _table, guided=False),
     "mat-v7.3": Reader("log.mat", inputs.hdf5_seeds, spoilt_bytes, _table, guided=False),

@@ -17,7 +17,7 @@ def is_printable(name: str) -> bool:
 
 
 def escaped(text: str) -> str:
-    """The text with such characters written out (``\\x1b``); line ends and tabs stay.
+    r"""The text with such characters written out (``\x1b``); line ends and tabs stay.
 
     Args:
         text: what may come from a file.

@@ -16,8 +16,10 @@ import pytest
 from pivident.audit.reading import bare_log
 from pivident.errors import ExperimentError, FileFormatError, PividentError, RobotDescriptionError
 from pivident.experiment import load_experiment
+from pivident.recording.load import load_recording
 from pivident.recording.read_npz import read_npz
 from pivident.recording.tables import names_in, read_table
+from pivident.recording.timestamps import uniform_grid
 from pivident.robot import parse_modified_dh, parse_urdf, read_modified_dh, read_urdf
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf_xml import MAXIMUM_SIZE, MOST_ELEMENTS, MOST_LINKS
@@ -86,8 +88,8 @@ def test_a_name_without_end_is_refused(ending):
 
 
 def test_a_robot_named_with_nul_in_an_experiment_is_refused(tmp_path):
-    path = written(tmp_path, "e.toml", '[robot]\nmodel = "a\\u0000.urdf"\n[recording]\nfiles = "x"\n'
-                   'columns = {q = "q", tau = "tau"}\n')  # fmt: skip
+    path = written(tmp_path, "e.toml", '[robot]\nmodel = "a\\u0000.urdf"\n[recording]\n'
+                   'files = "x"\ncolumns = {q = "q", tau = "tau"}\n')  # fmt: skip
     with pytest.raises(RobotDescriptionError, match="NUL"):
         _ = load_experiment(path).robot
 
@@ -103,7 +105,9 @@ def test_a_robot_named_with_nul_in_an_experiment_is_refused(tmp_path):
         '<!DOCTYPE r [<!ENTITY x SYSTEM "file:///etc/passwd">]>',
         '<!DOCTYPE r [<!ENTITY % x SYSTEM "http://localhost:9/x"> %x;]>',
         '<!DOCTYPE r [<!ENTITY a "lol"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]>',
-        "<!DOCTYPE r [" + "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 30)) + "]>",
+        "<!DOCTYPE r ["
+        + "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 30))
+        + "]>",
     ],
 )
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-16"])
@@ -131,7 +135,10 @@ def test_inclusions_are_passed_over(tmp_path):
         (b"<robot>" + b"<a/>" * (MOST_ELEMENTS + 1) + b"</robot>", "more than .* elements"),
         (b"<robot>" + b"<a>" * 50_000, "is not XML"),
         (b"<robot>" + b" " * MAXIMUM_SIZE + b"</robot>", "larger than"),
-        (b"".join([b"<robot>", *(b'<link name="%d"/>' % k for k in range(MOST_LINKS + 1)), b"</robot>"]), "can be read"),
+        (
+            b"<robot>%s</robot>" % b"".join(b'<link name="%d"/>' % k for k in range(MOST_LINKS + 1)),
+            "can be read",
+        ),
     ],
 )  # fmt: skip
 def test_packed_urdf_bombs(tmp_path, content, message):
@@ -187,12 +194,16 @@ def test_toml_that_goes_on_and_on(parse, text, message):
 @pytest.mark.parametrize("value", ["9" * 400, "nan", "inf", "1979-05-27", "[[1]]"])
 @pytest.mark.parametrize(
     "line",
-    ["[controller]\ntype = 'pd'\nkp = {}\nkd = 1", "[identify]\nmask = {}", "[gains]\nknown_within = {}"],
+    [
+        "[controller]\ntype = 'pd'\nkp = {}\nkd = 1",
+        "[identify]\nmask = {}",
+        "[gains]\nknown_within = {}",
+    ],
 )
 def test_numbers_that_are_none(tmp_path, line, value):
     path = written(tmp_path, "e.toml", f"robot = 'planar_2r'\n[recording]\nfiles = 'x'\n"
                    f"columns = {{q = 'q', tau = 'tau'}}\n{line.format(value)}\n")  # fmt: skip
-    with pytest.raises(ExperimentError, match="key '(kp|mask|known_within)'"):
+    with pytest.raises(ExperimentError, match=r"key '(kp|mask|known_within)'"):
         load_experiment(path)
 
 
@@ -218,12 +229,16 @@ def test_a_joint_numbered_with_thousands_of_digits(tmp_path):
 
 
 def test_a_scenario_of_a_billion_conditions():
-    groups = "".join(f"[vary.g{g}]\n" + "".join(f"a{k} = {{}}\n" for k in range(9)) for g in range(9))
+    groups = "".join(
+        f"[vary.g{g}]\n" + "".join(f"a{k} = {{}}\n" for k in range(9)) for g in range(9)
+    )
     with pytest.raises(ExperimentError, match=r"makes 387420489 conditions, at most"):
         read_scenario(STUDY + groups, "s")
 
 
-@pytest.mark.parametrize("name", ["../../x", "/etc/x", "..", "a/b", "a\\\\b", ".hidden", "\\u001b[2J", ""])
+@pytest.mark.parametrize(
+    "name", ["../../x", "/etc/x", "..", "a/b", "a\\\\b", ".hidden", "\\u001b[2J", ""]
+)
 def test_conditions_are_no_paths(name):
     with pytest.raises(ExperimentError, match="names a folder of results"):
         read_scenario(f'{STUDY}[vary.g]\n"{name}" = {{}}\n', "s")
@@ -232,7 +247,8 @@ def test_conditions_are_no_paths(name):
 @pytest.mark.parametrize("folder", ["../elsewhere", "/tmp/x", "a/../../b", "a\\u001bb"])
 def test_results_do_not_go_where_a_file_from_elsewhere_likes(tmp_path, folder):
     path = written(tmp_path, "e.toml", f"robot = 'planar_2r'\n[recording]\nfiles = 'x'\n"
-                   f"columns = {{q = 'q', tau = 'tau'}}\n[output]\nfolder = \"{folder}\"\n")  # fmt: skip
+                   f"columns = {{q = 'q', tau = 'tau'}}\n"
+                   f"[output]\nfolder = \"{folder}\"\n")  # fmt: skip
     with pytest.raises(ExperimentError, match="beside or below this file"):
         load_experiment(path)
 
@@ -318,7 +334,7 @@ def test_pickled_arrays_are_never_loaded(tmp_path, monkeypatch):
         except FileFormatError as error:
             assert "pickled objects" in str(error)
     bare = written(tmp_path, "b.npz", pickle.dumps(Harm()))
-    with pytest.raises(FileFormatError, match="not an .npz archive"):
+    with pytest.raises(FileFormatError, match=r"not an \.npz archive"):
         read_table(bare)
     assert not (tmp_path / "harmed").exists()
 
@@ -391,7 +407,13 @@ def test_parquet_with_nested_and_other_types(tmp_path):
     import polars as pl
 
     path = tmp_path / "a.parquet"
-    content = {"x": [1.0], "n": [{"a": {"b": [1]}}], "l": [[1.0] * 1000], "d": [date(2020, 1, 1)], "s": ["="]}
+    content = {
+        "x": [1.0],
+        "n": [{"a": {"b": [1]}}],
+        "l": [[1.0] * 1000],
+        "d": [date(2020, 1, 1)],
+        "s": ["="],
+    }
     pl.DataFrame(content).write_parquet(path)
     assert list(read_table(path)) == ["x"]
     pl.DataFrame({f"c{k}": [1.0] for k in range(2000)}).write_parquet(path)
@@ -443,6 +465,51 @@ def test_a_broken_trajectory_is_named(tmp_path):
         (tmp_path / FILE).write_text(text)
         with pytest.raises(StudyFolderError, match="delete it: it is made again"):
             optimised_series(scenario, tmp_path)
+
+
+# ---------------------------------------------------------------------------------- experiments
+
+LOG = "time,q1,q2,tau1,tau2\n" + "".join(
+    f"{k / 1000},{np.sin(k):.5f},{np.cos(k):.5f},{np.sin(2 * k):.5f},{np.cos(3 * k):.5f}\n"
+    for k in range(60)
+)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ("resample = true\nrate = 1e300", "samples of 60, more than"),
+        ("resample = true\nrate = 1e10", "samples of 60, more than"),
+        ("part = [5.0, 1e308]", "no sample of recording"),
+        ("part = [-1e308, -1e307]", "no sample of recording"),
+        ('side = {q = ["motor"]}', "choose joint or motor"),
+        ("units = {q = 1e400}", "number other than 0"),
+        (f"units = {{q = {'9' * 400}}}", "number other than 0"),
+        ("units = {t = 1979-05-27}", "is not known here"),
+        ("position_offset = [1e308, 1e308]", "far beyond its limits"),
+    ],
+)
+def test_recordings_that_cannot_be(tmp_path, more, message):
+    written(tmp_path, "log.csv", LOG)
+    columns = 'columns = {t = "time", q = ["q1", "q2"], tau = ["tau1", "tau2"]}'
+    path = written(tmp_path, "e.toml", f'robot = "planar_2r"\n[recording]\nfiles = "log.csv"\n'
+                   f"{columns}\n{more}\n")  # fmt: skip
+    with pytest.raises(PividentError, match=message):
+        load_experiment(path).recordings()
+
+
+def test_one_stamp_far_away_does_not_fill_the_memory():
+    """A grid at the rate of the others would have 10^15 samples."""
+    t = np.append(np.arange(100) / 1000.0, 1e12)
+    with pytest.raises(PividentError, match="samples of 101, more than"):
+        uniform_grid(t)
+
+
+@pytest.mark.parametrize("spec", [{"file": ["a"], "columns": "q1"}, {"file": {}, "columns": "q1"}])
+def test_files_that_are_no_names(tmp_path, spec):
+    path = written(tmp_path, "log.csv", LOG)
+    with pytest.raises(PividentError, match="the file of q is named"):
+        load_recording(path, {"t": "time", "q": spec, "tau": ["tau1", "tau2"]})
 
 
 # --------------------------------------------------------------------------------------- memory

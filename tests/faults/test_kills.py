@@ -51,7 +51,9 @@ with store.opened(scenario, 10**6):
 def started(code, *arguments, **options):
     """A process that has come to its work."""
     command = [sys.executable, "-c", code, *map(str, arguments)]
-    process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, **options)
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, **options
+    )
     assert process.stdout.readline() == b"ready\n"
     return process
 
@@ -187,7 +189,9 @@ def test_a_store_on_a_full_disk(small_disk):
     with contextlib.suppress(PividentError), store.opened(small(), 10**6):
         for run in range(10**4):
             written = run
-            rows = [{"run": run, "record": run, "start": 0, "method": "ls", "theta": [run * 1.0] * 99}]
+            rows = [
+                {"run": run, "record": run, "start": 0, "method": "ls", "theta": [run * 1.0] * 99}
+            ]
             store.append(rows)
     assert 0 < written < 10**4
     assert store.done() == set(range(written))

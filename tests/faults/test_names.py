@@ -25,13 +25,14 @@ STEERING = ["\x1b[2J", "\x9b2J", "a\nb", "\x07", "\x7f", "\u202eabc", "\u2028", 
 
 BREAKING = [
     "<script>alert(1)</script>", '"><img src=x onerror=alert(1)>', "*/ int x; /*", "$(reboot)",
-    "`id`", "'; rm -rf .", "=cmd|' /C calc'!A0", "+1+1", "-1+1", "@SUM(1)", "../../x", "a\\b", "%s%n",
+    "`id`", "'; rm -rf .", "=cmd|' /C calc'!A0", "+1+1", "-1+1", "@SUM(1)", "../../x", "a\\b",
+    "%s%n",
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize("name", STEERING)
 def test_control_characters_are_refused_in_names(name):
-    with pytest.raises(RobotDescriptionError, match="control characters|is not XML"):
+    with pytest.raises(RobotDescriptionError, match=r"control characters|is not XML"):
         parse_urdf(
             f'<robot name="r"><link name="a"/><link name="b"/><joint name="&#{ord(name[0])};'
             '" type="revolute"><parent link="a"/><child link="b"/></joint></robot>'
@@ -46,7 +47,9 @@ def test_control_characters_are_refused_in_names(name):
     wave = np.sin(np.arange(50.0))[:, None]
     for names in ({"name": name}, {"joint_names": (name,)}, {"inputs": {name: wave}}):
         with pytest.raises(RecordingError, match="control characters"):
-            Recording(**{"name": "r", "joint_names": ("j",), "q": wave, "tau": wave, "rate": 1.0} | names)
+            Recording(
+                **{"name": "r", "joint_names": ("j",), "q": wave, "tau": wave, "rate": 1.0} | names
+            )
 
 
 @pytest.mark.parametrize("name", STEERING[:-1])

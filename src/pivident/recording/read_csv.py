@@ -115,7 +115,7 @@ def _header(path: Path) -> _Header:
             raise FileFormatError(f"{path.name} holds no table; export the log again")
     if len(first) >= LONGEST_LINE:
         raise FileFormatError(
-            f"{path.name} has a first line of {LONGEST_LINE} characters or more; is it a text table?"
+            f"{path.name} has a first line of {LONGEST_LINE} characters or more; is it a table?"
         )
     separator = max(SEPARATORS, key=first.count)
     if first.count(separator) >= MOST_COLUMNS:

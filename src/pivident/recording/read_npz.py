@@ -13,7 +13,6 @@ from numpy.lib import format as npy
 from pivident.errors import FileFormatError
 from pivident.recording.files import existing_file, refuse_bomb
 
-
 #: Longest header of an array [bytes]. NumPy would read whatever length is promised.
 LONGEST_HEADER = 2**16
 

@@ -222,10 +222,10 @@ class Recording:
         """
         # Rounding keeps a time that is meant to be a sample's own from missing it by one bit.
         first, last = (
-            int(np.ceil(round((time - self.start_time) * self.rate, 6)))
+            np.nan_to_num(np.ceil(round((time - self.start_time) * self.rate, 6)))
             for time in (start_s, stop_s)
         )
-        first, last = max(first, 0), min(last, self.samples)
+        first, last = (int(np.clip(index, 0, self.samples)) for index in (first, last))
         if first >= last:
             raise RecordingError(
                 f"no sample of recording {self.name!r} lies between {start_s:g} and {stop_s:g} s; "

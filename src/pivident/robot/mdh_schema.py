@@ -300,7 +300,9 @@ def _explained(details: Any, content: dict[str, Any]) -> str:
     if details["type"] == "missing":
         return f"{where}key {key!r} is missing; {addition(TableFile, details['loc'])}"
     if details["type"] == "model_type":
-        return f"{where}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
+        return (
+            f"{where}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
+        )
     message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
     message = message.replace("Input should be", "must be").replace("List should", "must")
     if not key:
