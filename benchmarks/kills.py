@@ -109,7 +109,10 @@ def kill_studies(kills: int, rng: random.Random, place: Path) -> dict[str, objec
         folder = place / f"killed-{finished}"
         while made < kills:
             process = cli("study", str(scenario), *options, "--out", str(folder))
-            if not kill_after(process, rng.uniform(0.1, 1.3) * lasting, rng.random() < 0.5):
+            begin = time.monotonic()
+            if not kill_after(process, rng.uniform(0.1, 1.0) * lasting, rng.random() < 0.5):
+                if time.monotonic() - begin > 0.5 * lasting:
+                    lasting = time.monotonic() - begin
                 break
             made += 1
             shards = sorted((folder / "runs").glob("*.parquet"))
@@ -126,7 +129,7 @@ def kill_studies(kills: int, rng: random.Random, place: Path) -> dict[str, objec
     return {"kills": made, "studies": finished, "runs_at_kills": progress}
 
 
-def kill_workers(kills: int, rng: random.Random, place: Path) -> dict[str, object]:
+def kill_workers(kills: int, rng: random.Random, place: Path, *how: str) -> dict[str, object]:
     """Worker processes of a running study killed; the study itself goes on."""
     import polars as pl
     import psutil
@@ -136,11 +139,10 @@ def kill_workers(kills: int, rng: random.Random, place: Path) -> dict[str, objec
     made, studies, lost = 0, 0, 0
     while made < kills:
         folder = place / f"study-{studies}"
-        process = cli(
-            "study", str(scenario), "--runs", "400", "--workers", "2", "--out", str(folder)
-        )
+        options = ("--runs", "400", "--workers", "2", *how, "--out", str(folder))
+        process = cli("study", str(scenario), *options)
         while process.poll() is None:
-            time.sleep(rng.uniform(0.5, 3.0))
+            time.sleep(rng.uniform(1.0, 8.0))
             try:
                 family = psutil.Process(process.pid).children(recursive=True)
                 workers = [p for p in family if "spawn_main" in " ".join(p.cmdline())]
@@ -156,6 +158,11 @@ def kill_workers(kills: int, rng: random.Random, place: Path) -> dict[str, objec
         assert not unfinished(folder)
         studies += 1
     return {"kills": made, "studies": studies, "runs_recorded_as_lost": lost}
+
+
+def kill_dask_workers(kills: int, rng: random.Random, place: Path) -> dict[str, object]:
+    """The same on a Dask cluster of this machine."""
+    return kill_workers(kills, rng, place, "--dask")
 
 
 def write_log(folder: Path) -> Path:
@@ -177,8 +184,10 @@ def kill_identifications(kills: int, rng: random.Random, place: Path) -> dict[st
     out, made, left, there = place / "results" / "out", 0, 0, 0
     out.parent.mkdir()
     while made < kills:
-        process = cli("identify", str(experiment), "--out", str(out))
-        made += kill_after(process, rng.uniform(0.2, 1.05) * lasting, True)
+        process, begin = cli("identify", str(experiment), "--out", str(out)), time.monotonic()
+        was_killed = kill_after(process, rng.uniform(0.2, 1.05) * lasting, True)
+        lasting = lasting if was_killed else time.monotonic() - begin
+        made += was_killed
         left += len(unfinished(out.parent))
         if out.exists():
             there += 1
@@ -240,6 +249,7 @@ def write_together(kills: int, rng: random.Random, place: Path) -> dict[str, obj
 KINDS: dict[str, Callable[[int, random.Random, Path], dict[str, object]]] = {
     "study": kill_studies,
     "worker": kill_workers,
+    "dask": kill_dask_workers,
     "identify": kill_identifications,
     "write": kill_writers,
     "together": write_together,

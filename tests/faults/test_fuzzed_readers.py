@@ -15,7 +15,11 @@ from pivident.robot import parse_modified_dh, parse_urdf
 EXAMPLES = 60
 
 some = settings(
-    max_examples=EXAMPLES, deadline=None, suppress_health_check=list(HealthCheck), database=None
+    max_examples=EXAMPLES,
+    derandomize=True,
+    deadline=None,
+    suppress_health_check=list(HealthCheck),
+    database=None,
 )
 
 

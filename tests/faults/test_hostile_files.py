@@ -136,8 +136,8 @@ def test_inclusions_are_passed_over(tmp_path):
         (b"<robot>" + b"<a>" * 50_000, "is not XML"),
         (b"<robot>" + b" " * MAXIMUM_SIZE + b"</robot>", "larger than"),
         (
-            b"<robot>%s</robot>" % b"".join(b'<link name="%d"/>' % k for k in range(MOST_LINKS + 1)),
-            "can be read",
+            b"<robot>%s</robot>" % b"".join(b'<link name="%d"/>' % k for k in range(1001)),
+            f"{MOST_LINKS} can be read",
         ),
     ],
 )  # fmt: skip
@@ -234,6 +234,13 @@ def test_a_scenario_of_a_billion_conditions():
     )
     with pytest.raises(ExperimentError, match=r"makes 387420489 conditions, at most"):
         read_scenario(STUDY + groups, "s")
+
+
+def test_scenarios_with_numbers_beyond_all_others():
+    scenario = read_scenario(f"seed = {'9' * 400}\n{STUDY}", "s")
+    assert scenario.hash != read_scenario(f"seed = {'9' * 399}\n{STUDY}", "s").hash
+    with pytest.raises(ExperimentError, match="'runs' = 1000000000000"):
+        read_scenario(f"runs = 1000000000000\n{STUDY}", "s")
 
 
 @pytest.mark.parametrize(

@@ -323,7 +323,12 @@ def _real(value: Any) -> Any:
         return {key: _real(v) for key, v in value.items()}
     if isinstance(value, list):
         return [_real(v) for v in value]
-    return float(value) if type(value) is int else value
+    if type(value) is not int:
+        return value
+    try:
+        return float(value)
+    except OverflowError:  # a seed of hundreds of digits
+        return value
 
 
 def _short_forms(tables: Mapping[str, Any]) -> dict[str, Any]:
