@@ -44,6 +44,9 @@ torque = 0.05
 methods = ["ls", "iv"]
 """
 
+#: What the latest command has said.
+LOG = Path(tempfile.gettempdir()) / f"kills-{os.getpid()}.log"
+
 #: Runs of the study that is killed.
 RUNS = 150
 
@@ -61,12 +64,12 @@ for number in itertools.count():
 """
 
 
-def cli(*arguments: str, **options: object) -> subprocess.Popen[bytes]:
+def cli(*arguments: str) -> subprocess.Popen[bytes]:
     """The command line in a session of its own, so that it can be killed with its workers."""
     start = "import sys; from pivident.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", start, *arguments]
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, stdout=quiet, stderr=quiet, start_new_session=True, **options)
+    with LOG.open("wb") as log:
+        return subprocess.Popen(command, stdout=log, stderr=log, start_new_session=True)
 
 
 def kill_after(process: subprocess.Popen[bytes], seconds: float, group: bool) -> bool:
@@ -151,7 +154,7 @@ def kill_workers(kills: int, rng: random.Random, place: Path, *how: str) -> dict
                     made += 1
             except psutil.Error:
                 continue
-        assert process.returncode == 0, f"the study ended with {process.returncode}"
+        assert process.returncode == 0, LOG.read_text()[-2000:]
         rows = pl.read_parquet(folder / "runs" / "*.parquet")
         assert sorted(rows.filter(pl.col("method") == "ls")["run"]) == list(range(400))
         lost += rows.filter(pl.col("error").is_not_null())["run"].n_unique()
@@ -269,6 +272,7 @@ def main() -> None:
             found = KINDS[kind](chosen.kills, random.Random(chosen.seed), Path(place))
         counts = {k: (v if np.ndim(v) == 0 else f"{min(v)} to {max(v)}") for k, v in found.items()}
         print(f"{kind:<9} fine  {counts}  {time.monotonic() - begin:.0f} s", flush=True)
+    LOG.unlink(missing_ok=True)
 
 
 if __name__ == "__main__":

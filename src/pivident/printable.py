@@ -7,6 +7,9 @@ import re
 #: Control characters, line separators, and marks that turn the direction of writing.
 _ACTIVE = "\\x00-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028\\u2029\\u202a-\\u202e\\u2066-\\u2069"
 
+#: Longest message, in characters.
+LONGEST_TEXT = 2000
+
 _IN_NAMES = re.compile(f"[{_ACTIVE}]")
 _IN_TEXTS = re.compile(f"(?![\\n\\t])[{_ACTIVE}]")
 
@@ -14,6 +17,15 @@ _IN_TEXTS = re.compile(f"(?![\\n\\t])[{_ACTIVE}]")
 def is_printable(name: str) -> bool:
     """Whether a name has no characters that steer a terminal or break a line."""
     return _IN_NAMES.search(name) is None
+
+
+def shortened(text: str) -> str:
+    """The beginning and the end of a text, where it is longer than anyone reads.
+
+    Args:
+        text: what may repeat a part of a file.
+    """
+    return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 300]} … {text[-300:]}"
 
 
 def escaped(text: str) -> str:

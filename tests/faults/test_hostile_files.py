@@ -122,6 +122,27 @@ def test_an_entity_that_nobody_declared():
         parse_urdf('<robot name="&xxe;"/>')
 
 
+LINKS = '<link name="a"/><link name="b"/>'
+ENDS = '<parent link="a"/><child link="b"/>'
+
+
+@pytest.mark.parametrize("length", ["1e308", "1e200", "3e-9"])
+def test_an_axis_of_any_length_is_a_direction(length):
+    """Its square would be infinite, and the direction nought."""
+    axis = f'<axis xyz="{length} {length} 0"/>'
+    joint = f'<joint name="j" type="revolute">{ENDS}{axis}</joint>'
+    robot = parse_urdf(f'<robot name="r">{LINKS}{joint}</robot>')
+    z = robot.joints[0].rotation[:, 2]
+    np.testing.assert_allclose(z, [np.sqrt(0.5), np.sqrt(0.5), 0.0], atol=1e-15)
+
+
+def test_a_value_of_megabytes_is_not_repeated():
+    joint = f'<joint name="j" type="{"x" * 10**6}">{ENDS}</joint>'
+    with pytest.raises(RobotDescriptionError, match="does not exist") as caught:
+        parse_urdf(f'<robot name="r">{LINKS}{joint}</robot>')
+    assert len(str(caught.value)) < 3000
+
+
 def test_inclusions_are_passed_over(tmp_path):
     text = """<robot name="r" xmlns:xi="http://www.w3.org/2001/XInclude">
     <xi:include href="/etc/passwd" parse="text"/><link name="a"/><link name="b"/>

@@ -37,6 +37,7 @@ from pivident.experiment.recordings import loop_of, recording_of
 from pivident.experiment.robot import robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.files import regular_file
+from pivident.printable import shortened
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -217,7 +218,8 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
     try:
         yield
     except ExperimentError as error:
-        raise ExperimentError(f"{path}: {table + ' ' if table else ''}{error}") from error
+        text = shortened(str(error))
+        raise ExperimentError(f"{path}: {table + ' ' if table else ''}{text}") from error
     except PividentError as error:
         error.add_note(f"{path}: {table.rstrip(':')}".rstrip(": "))
         raise

@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.errors import RobotDescriptionError
+from pivident.printable import shortened
 
 #: Longest number of a joint; Python refuses to read numbers of thousands of digits.
 MOST_DIGITS = 9
@@ -69,4 +70,4 @@ def errors_name(source: str) -> Iterator[None]:
     try:
         yield
     except RobotDescriptionError as error:
-        raise RobotDescriptionError(f"{source}: {error}") from error
+        raise RobotDescriptionError(f"{source}: {shortened(str(error))}") from error

@@ -234,12 +234,13 @@ def _axis(element: ElementTree.Element, joint_type: str, where: str) -> np.ndarr
     if axis is None or joint_type not in MOVING:
         return np.array([1.0, 0.0, 0.0])
     vector = _numbers(_attribute(axis, "xyz", f"{where}: axis"), 3, f"{where}: axis xyz")
-    length = np.linalg.norm(vector)
-    if not length > 1e-9:
+    largest = np.abs(vector).max()
+    if not largest > 1e-9:
         raise RobotDescriptionError(
             f"{where}: axis xyz = {axis.get('xyz')!r} has no direction; give the joint's axis"
         )
-    return vector / length
+    direction = vector / largest  # the square of a very long one would be infinite
+    return direction / np.linalg.norm(direction)
 
 
 def _limits(
