@@ -15,7 +15,7 @@ Item = TypeVar("Item")
 def thread_count() -> int:
     """Threads to use: ``PIVIDENT_THREADS`` if set, else the cores given to this process."""
     wish = os.environ.get("PIVIDENT_THREADS", "")
-    if wish.isdigit() and int(wish) > 0:
+    if wish.isdecimal() and len(wish) < 6 and int(wish) > 0:
         return int(wish)
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 

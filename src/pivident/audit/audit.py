@@ -316,7 +316,9 @@ def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
     page = render_page(audits)
     with atomic_folder(folder) as build:
         (build / "audit.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8"
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
+            encoding="utf-8",
+            errors="backslashreplace",  # file names may hold bytes that are no text
         )
         (build / "audit.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     return Path(folder) / "audit.html"

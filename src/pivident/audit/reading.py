@@ -14,9 +14,11 @@ import numpy as np
 from pivident.audit.column_names import guess_channels, is_clock
 from pivident.audit.log import CHANNELS, Log
 from pivident.errors import BadCell, FileFormatError, RecordingError
+from pivident.printable import escaped
 from pivident.recording import public_records
 from pivident.recording.columns import array_of, assemble, locate
 from pivident.recording.files import SourceFile
+from pivident.recording.read_csv import text_content
 from pivident.recording.tables import names_in, read_table
 from pivident.recording.timestamps import LIKELY_RATES, LOWEST_RATE
 from pivident.recording.units import TIME, factor_to_si
@@ -61,7 +63,7 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         )
     claimed = {n for own in names.values() for n in own}
     return Log(
-        path.name,
+        shown(path),
         tuple(joints),
         {n: v for n, v in columns.items() if n not in claimed},
         clocks,
@@ -146,7 +148,7 @@ def described_log(
     channels, commands = _to_si(logged, units or {}, side, transmission, position_offset, robot)
     first = places.get("q", next(iter(places.values()), None))
     return Log(
-        name or (paths[first.file].name if first else next(iter(paths.values())).name),
+        name or shown(paths[first.file] if first else next(iter(paths.values()))),
         names,
         {},
         clocks,
@@ -163,6 +165,11 @@ def described_log(
         side.get("q", "joint") if isinstance(side, Mapping) else side,
         unit,
     )
+
+
+def shown(path: Path) -> str:
+    """Name of a file as it can be printed and written: it may hold any byte."""
+    return escaped(path.name.encode("utf-8", "backslashreplace").decode())
 
 
 def entry_log(
@@ -243,18 +250,24 @@ def _forgiving_table(path: Path) -> dict[str, np.ndarray]:
     import polars as pl
 
     names = names_in(path)
-    for separator in (",", ";", "\t"):
-        frame = pl.read_csv(
-            path,
-            separator=separator,
-            has_header=names[0] != "column_1",
-            infer_schema=False,
-            comment_prefix="#",
-            encoding="utf8-lossy",
-            truncate_ragged_lines=True,
-        )
-        if frame.width == len(names):
-            break
+    content = text_content(path)
+    try:
+        for separator in (",", ";", "\t"):
+            frame = pl.read_csv(
+                content,
+                separator=separator,
+                has_header=names[0] != "column_1",
+                infer_schema=False,
+                comment_prefix="#",
+                encoding="utf8-lossy",
+                truncate_ragged_lines=True,
+                glob=False,
+            )
+            if frame.width == len(names):
+                break
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        reason = str(error).partition("\n")[0]
+        raise FileFormatError(f"{path.name} cannot be read as a table ({reason})") from error
     columns = [c.str.strip_chars().cast(pl.Float64, strict=False) for c in frame.get_columns()]
     table = {
         name: column.fill_null(float("nan")).to_numpy()

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.printable import escaped
 from pivident.robot import Joint, Robot, gallery_names, load_robot
 
 
@@ -35,7 +36,7 @@ def robot_text(name: str) -> str:
 def _heading(robot: Robot) -> str:
     gravity = ", ".join(f"{g:g}" for g in robot.gravity)
     lines = [robot.name, robot.description, f"gravity in the base frame: {gravity} m/s²"]
-    return "\n".join(line for line in lines if line)
+    return escaped("\n".join(line for line in lines if line))
 
 
 def _geometry(robot: Robot) -> str:

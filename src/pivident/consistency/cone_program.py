@@ -116,6 +116,29 @@ def solve_cone_program(
     return Solved(np.asarray(found.x), tuple(multipliers), str(found.status), float(found.obj_val))
 
 
+def violation(requirements: Sequence[Requirement], u: np.ndarray) -> float:
+    """How far a point is outside the farthest of the cones, on their own scales; zero inside.
+
+    A solution of reduced accuracy may lie outside by what is all of a small bound.
+
+    Args:
+        requirements: the conditions; exponential cones and equations are left out.
+        u: the point, shape (unknowns,).
+    """
+    from pivident.consistency.pseudo_inertia import from_triangle
+
+    worst = 0.0
+    for r in requirements:
+        value = _rows(r, u.size) @ u + r.offset
+        if r.cone == "nonnegative":
+            worst = max(worst, float(-value.min(initial=0.0)))
+        elif r.cone == "second_order":
+            worst = max(worst, float(np.linalg.norm(value[1:]) - value[0]))
+        elif r.cone == "semidefinite":
+            worst = max(worst, float(-np.linalg.eigvalsh(from_triangle(value, r.order))[0]))
+    return worst
+
+
 def _rows(requirement: Requirement, size: int) -> np.ndarray:
     """F with a column for every unknown."""
     matrix = requirement.matrix

@@ -16,7 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.consistency.cone_program import Requirement, Solved, solve_cone_program
+from pivident.consistency.cone_program import (
+    Requirement,
+    Solved,
+    solve_cone_program,
+    violation,
+)
 from pivident.consistency.constraints import REAL_BODY, Constraint, link_places
 from pivident.consistency.metric import Metric
 from pivident.consistency.priors import prior_terms
@@ -40,6 +45,9 @@ RELATIVE_ROOM = 1e-4
 #: solution; with parameters z times the reference it moves d² by that times z². Stronger ones are
 #: tried where the solver needs them.
 PULLS = (1e-8, 1e-6, 1e-4)
+
+#: Largest violation of a constraint, on the scale of the reference.
+OUTSIDE = 1e-5
 
 #: Accuracy of the prior's choice, which is a matter of taste; the second one is taken where the
 #: solver does not get to the first.
@@ -224,7 +232,7 @@ def _closest(
         if solved.infeasible:
             words = [f"{c.subject}: {c.kind}" for c in constraints if _declared(c)]
             raise ContradictoryBounds(words)
-        if solved.found:
+        if solved.found and violation(requirements, solved.u) < OUTSIDE:
             return solved
     raise IdentificationError(
         f"the search for consistent parameters ended with {solved.status}; the covariance of "

@@ -22,6 +22,7 @@ from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.export import SCHEMA
 from pivident.estimation.identification import Identification, Iteration, JointFit
+from pivident.files import regular_file
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.robot_values import Finite, Name, RobotValues, Values, made_robot, problem_text
@@ -147,7 +148,7 @@ def json_of_file(file: Path) -> dict[str, Any]:
         IdentificationFileError: it cannot be read, is too large, or no JSON object.
     """
     try:
-        size = file.stat().st_size
+        size = regular_file(file).stat().st_size
         if size > LARGEST_FILE:
             raise IdentificationFileError(
                 str(file),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.schema import ConsistencyEntry, ConsistencyFile, ExperimentFile
 from pivident.robot import Robot, load_robot, read_urdf
 from pivident.robot.naming import nearest
+from pivident.toml_text import parse_toml
 
 #: Frames of a reference may differ by rounding of their files [m, and elements of rotations].
 FRAME_TOLERANCE = 1e-4
@@ -133,8 +133,10 @@ def read_consistency(path: Path, robot: Robot) -> ConsistencyOptions:
 
     with errors_name(path, ""):
         try:
-            content = tomllib.loads(file_text(path))
-        except tomllib.TOMLDecodeError as error:
+            content = parse_toml(file_text(path))
+        except ExperimentError:
+            raise
+        except ValueError as error:
             raise ExperimentError(f"is not TOML: {error}; correct this line") from error
         if "consistency" not in content:
             raise ExperimentError("has no table [consistency]; put the bounds below that heading")

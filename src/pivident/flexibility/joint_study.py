@@ -284,7 +284,9 @@ def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
     page = render_page(found)
     with atomic_folder(folder) as build:
         (build / "flexibility.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8"
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
+            encoding="utf-8",
+            errors="backslashreplace",  # file names may hold bytes that are no text
         )
         (build / "flexibility.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     return Path(folder) / "flexibility.html"

@@ -72,7 +72,9 @@ def write_friction(
     content = as_json(examination)
     with atomic_folder(folder) as build:
         (build / "friction.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False), encoding="utf-8"
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
+            encoding="utf-8",
+            errors="backslashreplace",  # file names may hold bytes that are no text
         )
         (build / "friction.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
         table.write_csv(build / "curves.csv", float_precision=None)

@@ -79,7 +79,7 @@ def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> Channel:
         file = name
     if file is None and len(files) == 1:
         file = next(iter(files))
-    if file not in files:
+    if not isinstance(file, str) or file not in files:
         given = "is not decided" if file is None else f"is named {file!r}"
         raise RecordingError(
             f"the file of {name} {given}; write {{file = …, columns = …}} with one of "

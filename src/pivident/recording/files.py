@@ -8,6 +8,8 @@ from os import PathLike
 from pathlib import Path
 
 from pivident.errors import FileFormatError
+from pivident.files import regular_file
+from pivident.printable import escaped
 
 #: A file may expand to this many bytes without question.
 HARMLESS_SIZE = 256 * 2**20
@@ -32,7 +34,7 @@ class SourceFile:
     def of(cls, path: str | PathLike[str]) -> SourceFile:
         """Name and hash of a file on disk."""
         path = existing_file(path)
-        return cls(path.name, sha256(path))
+        return cls(escaped(path.name), sha256(path))
 
 
 def existing_file(path: str | PathLike[str]) -> Path:
@@ -42,11 +44,13 @@ def existing_file(path: str | PathLike[str]) -> Path:
         FileFormatError: the file is missing, a folder, empty or not readable.
     """
     path = Path(path)
-    if path.is_dir():
-        raise FileFormatError(f"{path.name} is a folder; name the file with the record in it")
     try:
-        with path.open("rb") as stream:
+        with regular_file(path).open("rb") as stream:
             empty = not stream.read(1)
+    except IsADirectoryError:
+        raise FileFormatError(
+            f"{path.name} is a folder; name the file with the record in it"
+        ) from None
     except OSError as error:
         raise FileFormatError(
             f"{path} cannot be opened ({error.strerror}); check its name and permissions"
@@ -54,6 +58,21 @@ def existing_file(path: str | PathLike[str]) -> Path:
     if empty:
         raise FileFormatError(f"{path.name} is empty; export the log again")
     return path
+
+
+def nameable(path: Path) -> Path | bytes:
+    """The path in full, or the content of a file whose name holds bytes that are no text.
+
+    Polars knows no such names, and takes a leading ``~`` for somebody's folder.
+
+    Args:
+        path: an existing file.
+    """
+    try:
+        str(path).encode("utf-8")
+    except UnicodeEncodeError:
+        return path.read_bytes()
+    return path.absolute()
 
 
 def sha256(path: Path) -> str:

@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
+from pivident.printable import is_printable
 from pivident.recording import checks
 from pivident.recording.files import SourceFile
 from pivident.robot.transmission import Transmission
@@ -104,6 +105,9 @@ class Recording:
     def _check(self) -> None:
         """Refuse what no estimator could use."""
         self._check_options()
+        for name in (self.name, *self.joint_names, *self.inputs):
+            if not is_printable(name):
+                raise RecordingError(f"the name {name!r} holds control characters; rename it")
         if not self.joint_names or len(set(self.joint_names)) != self.joints:
             raise RecordingError(
                 f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"
@@ -218,10 +222,10 @@ class Recording:
         """
         # Rounding keeps a time that is meant to be a sample's own from missing it by one bit.
         first, last = (
-            int(np.ceil(round((time - self.start_time) * self.rate, 6)))
+            np.nan_to_num(np.ceil(round((time - self.start_time) * self.rate, 6)))
             for time in (start_s, stop_s)
         )
-        first, last = max(first, 0), min(last, self.samples)
+        first, last = (int(np.clip(index, 0, self.samples)) for index in (first, last))
         if first >= last:
             raise RecordingError(
                 f"no sample of recording {self.name!r} lies between {start_s:g} and {stop_s:g} s; "

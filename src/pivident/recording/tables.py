@@ -9,10 +9,14 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import FileFormatError, UnknownColumn
+from pivident.printable import is_printable
 from pivident.recording.read_csv import csv_names, read_csv
 from pivident.recording.read_mat import mat_names, read_mat
 from pivident.recording.read_npz import npz_names, read_npz
 from pivident.recording.read_parquet import parquet_names, read_parquet
+
+#: Longest name of a column or an array, in characters.
+LONGEST_NAME = 500
 
 Names = Callable[[Path], tuple[str, ...]]
 Read = Callable[[Path, Sequence[str] | None], dict[str, np.ndarray]]
@@ -31,9 +35,19 @@ def names_in(path: str | Path) -> tuple[str, ...]:
     """Names of the columns or arrays in a file, without loading them.
 
     Raises:
-        FileFormatError: no reader for that kind of file, or the file cannot be read.
+        FileFormatError: no reader for that kind of file, or the file cannot be read, or a name
+            would do something to a terminal or a page.
     """
-    return _reader(Path(path))[0](Path(path))
+    path = Path(path)
+    names = _reader(path)[0](path)
+    for name in names:
+        if len(name) > LONGEST_NAME or not is_printable(name):
+            what = "control characters" if len(name) <= LONGEST_NAME else f"{len(name)} characters"
+            raise FileFormatError(
+                f"{path.name} has a column or array whose name has {what}, "
+                f"{name[:20]!r}…; rename it"
+            )
+    return names
 
 
 def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:

@@ -24,6 +24,9 @@ LIKELY_RATES = (20.0, 20e3)
 #: An interval longer than this many median ones lacks samples.
 GAP = 1.5
 
+#: Most samples of a uniform grid for each sample that was logged.
+MOST_NEW_SAMPLES = 100
+
 
 def check_seconds(t: np.ndarray) -> None:
     """Refuse stamps whose unit nobody gave and that are hardly seconds.
@@ -141,13 +144,23 @@ def uniform_grid(t: np.ndarray, rate: float | None = None) -> tuple[np.ndarray, 
 
     Returns:
         The grid's times [s] and its rate [Hz].
+
+    Raises:
+        RecordingError: the grid would have more than `MOST_NEW_SAMPLES` samples for each stamp.
     """
     check_increasing(t)
     rate = 1.0 / float(np.median(np.diff(t))) if rate is None else float(rate)
     check_positive("rate to resample to", rate)
     rate = round_rate(rate)
     # Half a micro-sample of slack: the last stamp belongs to the grid although it is rounded.
-    samples = int(np.floor((t[-1] - t[0]) * rate + 5e-7)) + 1
+    periods = float(np.floor((t[-1] - t[0]) * rate + 5e-7))
+    if not periods < MOST_NEW_SAMPLES * len(t):
+        raise RecordingError(
+            f"{rate:g} Hz from {t[0]:g} to {t[-1]:g} s makes {periods:.3g} samples of {len(t)}, "
+            f"more than {MOST_NEW_SAMPLES} for each; check the rate, the unit of the time "
+            "column, and gaps in it"
+        )
+    samples = int(periods) + 1
     return np.minimum(t[0] + np.arange(samples) / rate, t[-1]), rate
 
 

@@ -9,6 +9,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.errors import RobotDescriptionError
+from pivident.printable import shortened
+
+#: Longest number of a joint; Python refuses to read numbers of thousands of digits.
+MOST_DIGITS = 9
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -50,7 +54,8 @@ def find_joint(names: Sequence[str], reference: str) -> int:
     """
     if reference in names:
         return list(names).index(reference)
-    if reference.isdecimal() and 1 <= int(reference) <= len(names):
+    digits = reference.isdecimal() and len(reference) <= MOST_DIGITS
+    if digits and 1 <= int(reference) <= len(names):
         return int(reference) - 1
     if reference.lstrip("-").isdecimal():
         raise RobotDescriptionError(
@@ -65,4 +70,4 @@ def errors_name(source: str) -> Iterator[None]:
     try:
         yield
     except RobotDescriptionError as error:
-        raise RobotDescriptionError(f"{source}: {error}") from error
+        raise RobotDescriptionError(f"{source}: {shortened(str(error))}") from error

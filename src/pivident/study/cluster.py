@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import logging
 import os
+import time
 from collections.abc import Iterator
 from concurrent.futures import CancelledError, Executor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -46,11 +48,34 @@ class DaskCluster:
     def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
         self.scheduler = scheduler
         self.workers = workers or thread_count()
+        self._connection: Client | None = None
+        self._last_seen = 0.0
+
+    def check(self) -> None:
+        """Notice that all workers are gone: Dask does not start one again that died at its start.
+
+        Raises:
+            BrokenProcessPool: the cluster of this machine has had none for `FIRST_WORKER` seconds.
+            StudyError: nor has the one behind the scheduler.
+        """
+        if self._connection is None or self._connection.scheduler_info().get("workers"):
+            self._last_seen = time.monotonic()
+            return
+        if time.monotonic() - self._last_seen < FIRST_WORKER:
+            return
+        if self.scheduler is None:
+            raise BrokenProcessPool("all workers of the cluster have died")
+        raise StudyError(
+            f"the scheduler at {self.scheduler} has had no workers for {FIRST_WORKER} s; the runs "
+            f"that had finished are on disk. Start some with 'dask worker {self.scheduler}', and "
+            "the same command goes on"
+        )
 
     @contextmanager
     def __call__(self) -> Iterator[Executor]:
         """An executor on the cluster, which is left when the context ends."""
         with self._client() as client:
+            self._connection, self._last_seen = client, time.monotonic()
             if self.scheduler is not None:
                 self.workers = _ready_workers(client, self.scheduler)
             try:

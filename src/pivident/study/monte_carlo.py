@@ -18,7 +18,7 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 from pivident.study.motion import FILE as TRAJECTORY
 from pivident.study.motion import as_json, optimised_series
@@ -58,6 +58,20 @@ class Pool(Protocol):
 
     def __call__(self) -> AbstractContextManager[Executor]:
         """A context with an executor."""
+        ...
+
+
+@runtime_checkable
+class Watched(Protocol):
+    """A pool that can lose all of its workers without its runs ending with an error."""
+
+    def check(self) -> None:
+        """Say whether it still has workers.
+
+        Raises:
+            BrokenProcessPool: it has none, and a new one has to be made.
+            StudyError: it has none, and nothing can be done about it here.
+        """
         ...
 
 
@@ -201,6 +215,8 @@ class _Runner:
                     running[executor.submit(self.work, self.task, waiting[-1])] = waiting[-1]
                     waiting.pop()  # only now: a pool that is broken does not take it
                 ready, _ = wait(running, timeout=TELLING, return_when=FIRST_COMPLETED)
+                if not ready and isinstance(self.pool, Watched):
+                    self.pool.check()
                 for future in ready:
                     self.finished += self._rows(future, running)
                 self._write_now_and_then()

@@ -150,7 +150,7 @@ class ScenarioFile(Entry):
     """The whole file, its short forms written out."""
 
     description: str = ""
-    runs: PositiveInt = 100
+    runs: Annotated[int, Field(gt=0, le=10_000_000)] = 100
     seed: Annotated[int, Field(ge=0)] = 0
     robot: RobotEntry
     truth: TruthEntry = TruthEntry()
