@@ -13,11 +13,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.auxiliary_model import SimulatedMotion
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.sandwich import windows_of
+from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
@@ -48,7 +48,9 @@ def voting(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.nda
         dq: speeds that decide, shape (joints, samples): the instruments', where there are any.
         limits: shape (joints,) [rad/s or m/s]; zero: all samples count.
     """
-    votes = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
+    votes = np.ones(dq.shape, bool)
+    for j in np.flatnonzero(limits > 0.0):
+        votes[j] = np.abs(dq[j]) > limits[j]
     votes[:, : kinematics.start] = False
     votes[:, kinematics.stop :] = False
     return votes
@@ -93,6 +95,12 @@ def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np
     Friction that grows with the load takes the one that is with the motion, or else that of θ.
     """
     return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta, motion.inner).T
+
+
+def residual_of(regressor: Regressor, kinematics: Kinematics, theta: np.ndarray) -> np.ndarray:
+    """τ - Φθ on a recording, time last, shape (joints, samples)."""
+    model = torque_of(regressor, kinematics, theta)
+    return np.subtract(kinematics.tau, model, out=model)
 
 
 def accumulate(
