@@ -18,6 +18,7 @@ from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.simulated_motion import SimulatedMotion, central_differences
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.scratch import working_array
 from pivident.signals.random_walk import smooth_channels
 from pivident.simulation.closed_loop import (
     LoopSignals,
@@ -102,7 +103,7 @@ class AuxiliaryModel:
         if step < 1 or abs(ratio - step) > 1e-9:
             made = simulate(model, controller, signals, names, start)
             return self._resampled(made, recording)
-        kept = np.empty((len(self._channels), recording.joints, recording.samples))
+        kept = working_array((len(self._channels), recording.joints, recording.samples))
         for span, channels, _ in simulate_blocks(model, controller, signals, names, start):
             first = -span.start % step  # of the stretch's samples, the first that was recorded
             begin = (span.start + first) // step
@@ -118,7 +119,7 @@ class AuxiliaryModel:
         channels = (made.q, made.dq, made.ddq, made.tau)
         wanted = np.arange(recording.samples) / recording.rate
         t = np.arange(len(made.q)) / made.rate
-        kept = np.empty((len(self._channels), recording.joints, recording.samples))
+        kept = working_array((len(self._channels), recording.joints, recording.samples))
         for target, channel in zip(kept, self._channels, strict=True):
             target[:] = CubicSpline(t, channels[channel], axis=0)(wanted).T
         return self._as_motion(kept, recording.rate)

@@ -18,6 +18,7 @@ from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.sandwich import windows_of
 from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
@@ -135,7 +136,7 @@ def accumulate(
 
 def filtered(signal: np.ndarray, filters: Sequence[Prefilter]) -> np.ndarray:
     """One signal per joint through the joints' prefilters, shape (joints, samples)."""
-    out = np.empty_like(signal)
+    out = working_array(signal.shape)
 
     def work(j: int) -> None:
         filters[j].stream(1).process(signal[j : j + 1], out[j : j + 1])

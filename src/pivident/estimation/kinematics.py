@@ -10,6 +10,7 @@ import numpy as np
 from pivident.errors import RecordingTooShort
 from pivident.estimation.methods import Bandpass, RandomWalk
 from pivident.recording.recording import Recording
+from pivident.scratch import working_array
 from pivident.signals.alignment import AlignedTorque, align_torque
 from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk import smooth_with_lines
@@ -92,7 +93,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         ends = (smoothed.edge, smoothed.edge)
         f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
     q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
-    tau = np.empty(q.shape)
+    tau = working_array(q.shape)
     at_instants = signals.align and isinstance(signals, RandomWalk)
     lost = [(0, 0)] * recording.joints
 

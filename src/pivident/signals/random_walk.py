@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import NonFiniteSamples, RecordingError
+from pivident.scratch import working_array
 from pivident.signals.random_walk_likelihood import (
     SMALLEST_NVR,
     diffuse_fit,
@@ -205,7 +206,7 @@ def smooth_channels(
     check_positions(y, rate, order, passes)
     samples, channels = y.shape
     given = np.broadcast_to(np.asarray(np.nan if nvr is None else nvr, dtype=float), channels)
-    trajectories = np.empty((3, channels, samples))
+    trajectories = working_array((3, channels, samples))
     figures = np.empty((5, channels))
 
     def work(channel: int) -> None:
