@@ -1,16 +1,48 @@
-"""Output folders that are either as they were or complete, never half written."""
+"""Files that may be read, and output folders that are as they were or complete, never half written.
+
+What a killed process leaves behind is put right by the next one that writes to the same place: a
+build that was not finished is removed, and one that was being moved in is moved in.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
+import re
 import secrets
 import shutil
+import stat
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from os import PathLike
 from pathlib import Path
 
 from pivident.errors import PividentError
+
+#: Names of folders that are being built, and of those that are complete and are being moved in.
+BUILD, COMPLETE = ".pivident-", ".pivident-complete-"
+
+_REMAINDER = re.compile(r"\.pivident-(complete-)?[0-9a-f]{8}")
+
+
+def regular_file(path: str | PathLike[str]) -> Path:
+    """The path, once it is known to name a file: a device or a pipe could be read without end.
+
+    Args:
+        path: file to be read.
+
+    Raises:
+        OSError: there is no such file, or it is something else; ``strerror`` says what.
+    """
+    path = Path(path)
+    if "\0" in str(path):
+        raise OSError(errno.EINVAL, "its name holds a NUL character", str(path))
+    mode = path.stat().st_mode
+    if stat.S_ISDIR(mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(mode):
+        raise OSError(errno.EINVAL, "it is a device or a pipe, not a file", str(path))
+    return path
 
 
 @contextmanager
@@ -18,8 +50,11 @@ def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
     """Build the content of a folder aside, and move it in once all of it is there.
 
     The content is built in a hidden folder inside the nearest folder that exists, hence on the
-    same file system, and moved file by file with ``os.replace``; other files stay where they
-    are. An exception, Ctrl-C included, leaves the folder as it was.
+    same file system. A new folder appears by one rename. Into one that exists, files are moved one
+    by one with ``os.replace``; other files stay where they are. An exception, Ctrl-C included,
+    leaves the folder as it was; a process that is killed while it moves files in leaves the rest
+    in a hidden folder, from which the next call for the same folder finishes. Of two processes
+    that write to one folder, one waits until the other has moved its files.
 
     Args:
         path: folder to create or to write into.
@@ -32,11 +67,12 @@ def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
     """
     folder = Path(path)
     build: Path | None = None
+    handle: int | None = None
     try:
-        build = _nearest_folder(folder) / f".pivident-{secrets.token_hex(4)}"
-        build.mkdir()
+        _clear_up(folder)
+        build, handle = _new_build(_nearest_folder(folder))
         yield build
-        _move(build, folder)
+        build = _move(build, folder)
     except OSError as error:
         if not _is_about(error, build, folder):
             raise
@@ -47,6 +83,8 @@ def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
     finally:
         if build is not None:
             shutil.rmtree(build, ignore_errors=True)
+        if handle is not None:
+            os.close(handle)
 
 
 def _nearest_folder(path: Path) -> Path:
@@ -55,17 +93,100 @@ def _nearest_folder(path: Path) -> Path:
     return next((p for p in (path, *path.parents) if p.exists()), path)
 
 
-def _move(build: Path, folder: Path) -> None:
-    """Move all files in. Ctrl-C in between waits until these few renames are done."""
+def _new_build(parent: Path) -> tuple[Path, int | None]:
+    """A hidden folder, and the handle of a lock that ends with this process."""
+    while True:
+        build = parent / f"{BUILD}{secrets.token_hex(4)}"
+        build.mkdir()
+        try:
+            return build, _lock(build)
+        except (BlockingIOError, FileNotFoundError):
+            continue  # another process took it for a remainder before it was locked
+
+
+def _lock(folder: Path, wait: bool = False) -> int | None:
+    """Lock a folder.
+
+    Returns:
+        The handle that holds the lock; None where folders cannot be locked.
+
+    Raises:
+        BlockingIOError: another process has locked it.
+        FileNotFoundError: another process has removed it.
+    """
     try:
-        _move_remaining(build, folder)
-    except KeyboardInterrupt:
-        _move_remaining(build, folder)
-        raise
+        import fcntl
+    except ImportError:
+        return None
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        if not os.path.samestat(os.fstat(handle), os.stat(folder)):
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(folder))
+        return handle
+    except OSError as error:
+        os.close(handle)
+        if isinstance(error, (BlockingIOError, FileNotFoundError)):
+            raise
+        return None  # a file system without locks
+
+
+def _clear_up(folder: Path) -> None:
+    """Remove or move in what killed processes left in the folder, or in the one above it."""
+    for place in dict.fromkeys((_nearest_folder(folder), folder.absolute().parent)):
+        with suppress(OSError):
+            for left in [p for p in place.iterdir() if _REMAINDER.fullmatch(p.name)]:
+                _settle(left)
+
+
+def _settle(left: Path) -> None:
+    """Finish or remove one hidden folder, unless its process is alive."""
+    try:
+        handle = _lock(left)
+    except OSError:
+        return
+    if handle is None:
+        return
+    try:
+        if left.name.startswith(COMPLETE):
+            _move_remaining(left, left.parent)
+        shutil.rmtree(left, ignore_errors=True)
+    finally:
+        os.close(handle)
+
+
+def _move(build: Path, folder: Path) -> Path:
+    """Move all files in. Ctrl-C in between waits until these few renames are done.
+
+    Returns:
+        What is left of the hidden folder.
+    """
+    if not folder.exists():
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            os.rename(build, folder)
+            return build
+        except OSError as error:
+            if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+                raise  # else another process was faster
+    complete = folder / build.name.replace(BUILD, COMPLETE)
+    handle = None if folder.name.startswith(BUILD) else _lock(folder, wait=True)
+    try:
+        os.rename(build, complete)
+        try:
+            _move_remaining(complete, folder)
+        except KeyboardInterrupt:
+            _move_remaining(complete, folder)
+            raise
+        finally:
+            shutil.rmtree(complete, ignore_errors=True)
+    finally:
+        if handle is not None:
+            os.close(handle)
+    return complete
 
 
 def _move_remaining(build: Path, folder: Path) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
     for source in sorted(p for p in build.rglob("*") if p.is_file()):
         target = folder / source.relative_to(build)
         target.parent.mkdir(parents=True, exist_ok=True)

@@ -17,6 +17,7 @@ from pivident.errors import BadCell, FileFormatError, RecordingError
 from pivident.recording import public_records
 from pivident.recording.columns import array_of, assemble, locate
 from pivident.recording.files import SourceFile
+from pivident.recording.read_csv import text_content
 from pivident.recording.tables import names_in, read_table
 from pivident.recording.timestamps import LIKELY_RATES, LOWEST_RATE
 from pivident.recording.units import TIME, factor_to_si
@@ -243,18 +244,24 @@ def _forgiving_table(path: Path) -> dict[str, np.ndarray]:
     import polars as pl
 
     names = names_in(path)
-    for separator in (",", ";", "\t"):
-        frame = pl.read_csv(
-            path,
-            separator=separator,
-            has_header=names[0] != "column_1",
-            infer_schema=False,
-            comment_prefix="#",
-            encoding="utf8-lossy",
-            truncate_ragged_lines=True,
-        )
-        if frame.width == len(names):
-            break
+    content = text_content(path)
+    try:
+        for separator in (",", ";", "\t"):
+            frame = pl.read_csv(
+                content,
+                separator=separator,
+                has_header=names[0] != "column_1",
+                infer_schema=False,
+                comment_prefix="#",
+                encoding="utf8-lossy",
+                truncate_ragged_lines=True,
+                glob=False,
+            )
+            if frame.width == len(names):
+                break
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        reason = str(error).partition("\n")[0]
+        raise FileFormatError(f"{path.name} cannot be read as a table ({reason})") from error
     columns = [c.str.strip_chars().cast(pl.Float64, strict=False) for c in frame.get_columns()]
     table = {
         name: column.fill_null(float("nan")).to_numpy()

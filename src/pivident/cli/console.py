@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from pivident.errors import PividentError
+from pivident.printable import escaped
 
 if TYPE_CHECKING:
     from rich.status import Status
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
 
 def note(line: str) -> None:
     """One line on standard error."""
-    print(line, file=sys.stderr, flush=True)
+    print(escaped(line), file=sys.stderr, flush=True)
 
 
 def error_line(error: BaseException) -> str:
@@ -66,7 +67,7 @@ class Progress:
         else:
             from rich.text import Text
 
-            self._status.update(Text(line))
+            self._status.update(Text(escaped(line)))
 
     def keep(self, line: str) -> None:
         """What has been done; stays on the screen."""
@@ -75,4 +76,4 @@ class Progress:
         else:
             from rich.text import Text
 
-            self._status.console.print(Text(line))
+            self._status.console.print(Text(escaped(line)))

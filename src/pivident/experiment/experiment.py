@@ -22,7 +22,6 @@ Paths are relative to the file. All tables and keys are in `pivident.experiment.
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -37,12 +36,11 @@ from pivident.experiment.methods import method_of
 from pivident.experiment.recordings import loop_of, recording_of
 from pivident.experiment.robot import robot_of
 from pivident.experiment.schema import ExperimentFile
+from pivident.files import regular_file
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
-
-#: Larger files are logs, not experiment files [bytes].
-LARGEST_FILE = 2**20
+from pivident.toml_text import LARGEST_FILE, parse_toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +62,7 @@ class Experiment:
 
     @property
     def output(self) -> Path | None:
-        """Folder that the file names for its results, or None."""
+        """Folder that the file names for its results, or None; it lies beside or below the file."""
         folder = self.content.output.folder
         return None if folder is None else self.path.parent / folder
 
@@ -193,8 +191,10 @@ def load_experiment(path: str | Path) -> Experiment:
     path = Path(path)
     with errors_name(path, ""):
         try:
-            content = tomllib.loads(_text(path))
-        except tomllib.TOMLDecodeError as error:
+            content = parse_toml(_text(path))
+        except ExperimentError:
+            raise
+        except ValueError as error:
             raise ExperimentError(f"is not TOML: {error}; correct this line") from error
         experiment = Experiment(path, validated(content))
         for name in METHODS:
@@ -226,7 +226,7 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
 def _text(path: Path) -> str:
     """Content of the file."""
     try:
-        if path.stat().st_size > LARGEST_FILE:
+        if regular_file(path).stat().st_size > LARGEST_FILE:
             raise ExperimentError(
                 f"has {path.stat().st_size} bytes, too many for an experiment file; is it the log?"
             )

@@ -9,7 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from pivident.errors import ExperimentError
 from pivident.experiment.schema import ExperimentFile
-from pivident.robot.mdh_schema import addition, keys_at
+from pivident.robot.mdh_schema import addition, keys_at, short
 from pivident.robot.naming import nearest
 
 #: What is called otherwise here, where such a key exists.
@@ -27,9 +27,6 @@ MEANT = {
     "method": ("methods",),
     "sample_rate": ("rate",),
 }
-
-#: Texts longer than this are not repeated in a message.
-LONGEST_VALUE = 60
 
 Root = TypeVar("Root", bound=BaseModel)
 
@@ -69,7 +66,8 @@ def _causes(problems: Sequence[Any]) -> list[Any]:
     return unknown + [
         p
         for p in problems
-        if p not in unknown and not (p["type"] == "missing" and p["loc"][:-1] in tables)
+        if p["type"] != "extra_forbidden"
+        and not (p["type"] == "missing" and p["loc"][:-1] in tables)
     ]
 
 
@@ -95,13 +93,13 @@ def explained(details: Any, content: dict[str, Any], root: type[BaseModel] = Exp
             return f"there is no {key}; add the table [{key}]"
         return f"{table}key {key!r} is missing; {addition(root, details['loc'])}"
     if details["type"] == "model_type":
-        return f"{table}{key or 'this entry'} must be a table of keys, not {details['input']!r}"
+        return f"{table}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
     message = details["msg"].removeprefix("Value error, ")
     message = message.replace("Input should be", "must be").replace("List should", "must")
     if not key:
         return f"{table}{message}"
-    value = repr(details["input"])
-    if isinstance(details["input"], dict) or len(value) > LONGEST_VALUE:
+    value = short(details["input"])
+    if isinstance(details["input"], dict) or value.endswith("…"):
         return f"{table}key {key!r}: {message}"
     return f"{table}key {key!r} = {value}: {message}"
 

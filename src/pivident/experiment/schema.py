@@ -7,12 +7,14 @@ the checked tables into robot, recordings, loop and methods.
 from __future__ import annotations
 
 import math
+from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
-from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
 from pivident.estimation.methods import METHODS
+from pivident.printable import is_printable
 from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
 from pivident.robot.naming import nearest
@@ -39,7 +41,12 @@ SET_BY_DATASET = (
 
 
 def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+    if not isinstance(value, (int, float)) or isinstance(value, bool):
+        return False
+    try:
+        return math.isfinite(value)
+    except OverflowError:  # a whole number of hundreds of digits
+        return False
 
 
 def _numbers(value: Any) -> Any:
@@ -379,10 +386,21 @@ class ValidationEntry(Entry):
         return self
 
 
+def _below(folder: str) -> str:
+    """A folder beside or below the file: one from elsewhere must not write where it likes."""
+    path = PurePath(folder)
+    if path.is_absolute() or path.drive or ".." in path.parts or not is_printable(folder):
+        raise ValueError(
+            "must lie beside or below this file, without '..'; --out on the command line can name "
+            "any other folder"
+        )
+    return folder
+
+
 class OutputEntry(Entry):
     """Where results go and how they are headed."""
 
-    folder: Annotated[str, Field(min_length=1)] | None = None
+    folder: Annotated[str, Field(min_length=1), AfterValidator(_below)] | None = None
     title: str | None = None
     report: bool = True
 

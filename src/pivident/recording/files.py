@@ -8,6 +8,7 @@ from os import PathLike
 from pathlib import Path
 
 from pivident.errors import FileFormatError
+from pivident.files import regular_file
 
 #: A file may expand to this many bytes without question.
 HARMLESS_SIZE = 256 * 2**20
@@ -42,11 +43,13 @@ def existing_file(path: str | PathLike[str]) -> Path:
         FileFormatError: the file is missing, a folder, empty or not readable.
     """
     path = Path(path)
-    if path.is_dir():
-        raise FileFormatError(f"{path.name} is a folder; name the file with the record in it")
     try:
-        with path.open("rb") as stream:
+        with regular_file(path).open("rb") as stream:
             empty = not stream.read(1)
+    except IsADirectoryError:
+        raise FileFormatError(
+            f"{path.name} is a folder; name the file with the record in it"
+        ) from None
     except OSError as error:
         raise FileFormatError(
             f"{path} cannot be opened ({error.strerror}); check its name and permissions"

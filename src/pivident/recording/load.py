@@ -15,6 +15,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
+from pivident.printable import escaped
 from pivident.recording import checks, timestamps
 from pivident.recording.columns import Channel, ColumnSpec, array_of, assemble, locate
 from pivident.recording.files import SourceFile
@@ -117,7 +118,7 @@ def load_recording(
         key.removeprefix("inputs."): logged[key] for key in logged if key not in CHANNELS
     }
     content["sources"] = tuple(SourceFile.of(path) for path in _in_use(channels, paths))
-    name = name or Path(paths[channels["q"].file].name.removesuffix(".gz")).stem
+    name = name or escaped(Path(paths[channels["q"].file].name.removesuffix(".gz")).stem)
     return Recording(
         name=name,
         joint_names=joint_names,

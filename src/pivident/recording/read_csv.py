@@ -19,6 +19,7 @@ import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
 from pivident.recording.files import HARMLESS_SIZE, existing_file, refuse_bomb
+from pivident.robot.naming import repeated
 
 if TYPE_CHECKING:
     import polars as pl
@@ -28,6 +29,12 @@ COMMENT = "#"
 
 #: Longest header, in characters; a file without line ends is not read into memory to find out.
 LONGEST_LINE = 2**20
+
+#: Most columns. Each costs the parser some kilobytes, and no log of a robot has so many.
+MOST_COLUMNS = 10_000
+
+#: Longest line or cell that a message repeats, in characters.
+LONGEST_QUOTE = 80
 
 
 def csv_names(path: str | Path) -> tuple[str, ...]:
@@ -59,29 +66,31 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
     path = existing_file(path)
     header = _header(path)
     wanted = list(header.names if names is None else names)
-    places = sorted({header.names.index(name) for name in wanted})
+    place_of = {name: place for place, name in enumerate(header.names)}
+    places = sorted({place_of[name] for name in wanted})
+    chosen = set(places)
     try:
         frame = pl.read_csv(
-            _unpacked(path) if _is_gzipped(path) else path,
+            text_content(path),
             has_header=header.present,
             columns=places,
             schema_overrides=[
-                pl.Float64 if place in places else pl.String for place in range(len(header.names))
+                pl.Float64 if place in chosen else pl.String for place in range(len(header.names))
             ],
             separator=header.separator,
             comment_prefix=COMMENT,
             encoding="utf8-lossy",
             glob=False,
         )
-    except pl.exceptions.PolarsError as error:
-        _explain(path, header, wanted, str(error).splitlines()[0])
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        _explain(path, header, wanted, str(error).partition("\n")[0])
     frame = _without_blank_end(frame)
     if frame.height == 0:
         raise FileFormatError(f"{path.name} has a header but no samples; export the log again")
     if sum(frame.null_count().row(0)):
         _explain(path, header, wanted, "a cell is empty")
     by_place = dict(zip(places, frame.get_columns(), strict=True))
-    return {name: by_place[header.names.index(name)].to_numpy() for name in wanted}
+    return {name: by_place[place_of[name]].to_numpy() for name in wanted}
 
 
 @dataclass(frozen=True)
@@ -104,14 +113,23 @@ def _header(path: Path) -> _Header:
                 break
         else:
             raise FileFormatError(f"{path.name} holds no table; export the log again")
+    if len(first) >= LONGEST_LINE:
+        raise FileFormatError(
+            f"{path.name} has a first line of {LONGEST_LINE} characters or more; is it a text table?"
+        )
     separator = max(SEPARATORS, key=first.count)
+    if first.count(separator) >= MOST_COLUMNS:
+        raise FileFormatError(
+            f"{path.name} has more than {MOST_COLUMNS} columns; transpose the table, or export "
+            "only those of the robot"
+        )
     cells = _cells(first, separator)
     if all(_is_number(cell) for cell in cells):
         return _Header(tuple(f"column_{i + 1}" for i in range(len(cells))), separator, False)
-    repeated = sorted({cell for cell in cells if cells.count(cell) > 1})
-    if repeated:
+    twice = repeated(cells)
+    if twice:
         raise FileFormatError(
-            f"{path.name} has more than one column {repeated[0]!r}; rename them in its header"
+            f"{path.name} has more than one column {_quoted(twice[0])}; rename them in its header"
         )
     return _Header(tuple(cells), separator, True)
 
@@ -131,6 +149,18 @@ def _without_blank_end(frame: pl.DataFrame) -> pl.DataFrame:
 
     filled = frame.select(pl.any_horizontal(pl.all().is_not_null())).to_series().arg_true()
     return frame.head(int(filled[-1]) + 1) if len(filled) else frame.clear()
+
+
+def text_content(path: Path) -> Path | bytes:
+    """What a parser reads: the file itself, or what it holds where it is packed.
+
+    Args:
+        path: a text table.
+
+    Raises:
+        FileFormatError: it expands beyond reason, or is no whole gzip file.
+    """
+    return _unpacked(path) if _is_gzipped(path) else path
 
 
 def _is_gzipped(path: Path) -> bool:
@@ -165,11 +195,12 @@ def _explain(path: Path, header: _Header, wanted: Sequence[str], reason: str) ->
         for number, cells in _rows(lines, header):
             if len(cells) != len(header.names):
                 reason = f"it has {len(cells)} cells instead of {len(header.names)}"
-                raise BadCell(path.name, number, None, header.separator.join(cells), reason)
+                text = header.separator.join(cells)[:LONGEST_LINE]
+                raise BadCell(path.name, number, None, text, reason)
             for name, place in places.items():
                 cell = cells[place]
                 if not _is_number(cell):
-                    reason = f"{cell!r} is not a number" if cell else "the cell is empty"
+                    reason = f"{_quoted(cell)} is not a number" if cell else "the cell is empty"
                     raise BadCell(path.name, number, name, cell, reason)
     raise FileFormatError(f"{path.name} cannot be read as a table of numbers ({reason})")
 
@@ -189,7 +220,16 @@ def _rows(lines: Iterable[str], header: _Header) -> Iterator[tuple[int, list[str
 def _cells(line: str, separator: str) -> list[str]:
     """The cells of one line, without blanks around them and quotes."""
     reader = csv.reader([line.rstrip("\r\n")], delimiter=separator, skipinitialspace=True)
-    return [cell.strip() for cell in next(reader, [])]
+    try:
+        cells = next(reader, [])
+    except csv.Error:  # a quote that does not end, before a cell longer than the module takes
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
+
+
+def _quoted(cell: str) -> str:
+    """A cell as a message repeats it."""
+    return repr(cell if len(cell) <= LONGEST_QUOTE else f"{cell[: LONGEST_QUOTE - 1]}…")
 
 
 def _is_number(cell: str) -> bool:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import zipfile
-import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,10 @@ from numpy.lib import format as npy
 
 from pivident.errors import FileFormatError
 from pivident.recording.files import existing_file, refuse_bomb
+
+
+#: Longest header of an array [bytes]. NumPy would read whatever length is promised.
+LONGEST_HEADER = 2**16
 
 
 def npz_names(path: str | Path) -> tuple[str, ...]:
@@ -61,19 +65,24 @@ def _archive(path: Path) -> zipfile.ZipFile:
     """The archive, opened."""
     try:
         return zipfile.ZipFile(path)
-    except (zipfile.BadZipFile, OSError) as error:
+    # An archive can be damaged in many ways; all of them mean the same to a user.
+    except Exception as error:
         raise FileFormatError(f"{path.name} is not an .npz archive ({error})") from error
 
 
 def _promise(path: Path, archive: zipfile.ZipFile, name: str) -> tuple[np.dtype, int]:
     """Type and bytes that an array's header promises, before anything is allocated."""
-    try:
-        with archive.open(f"{name}.npy") as member:
-            version = npy.read_magic(member)
-            read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-            shape, _, dtype = read(member)
-    except (ValueError, EOFError, OSError, zlib.error, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"{path.name}: array {name!r} is damaged ({error})") from error
+    with _damage_named(path, name), archive.open(f"{name}.npy") as member:
+        version = npy.read_magic(member)
+        length = int.from_bytes(member.read(2 if version == (1, 0) else 4), "little")
+        if length > LONGEST_HEADER:
+            raise ValueError(f"its header has {length} bytes")
+    with _damage_named(path, name), archive.open(f"{name}.npy") as member:
+        npy.read_magic(member)
+        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+        shape, _, dtype = read(member)
+        if any(type(length) is not int or length < 0 for length in shape):
+            raise ValueError(f"its shape is {shape}")
     size = int(np.prod(shape, dtype=object)) * dtype.itemsize
     stored = archive.getinfo(f"{name}.npy").file_size
     if dtype.kind in "biuf" and size > stored:
@@ -85,8 +94,15 @@ def _promise(path: Path, archive: zipfile.ZipFile, name: str) -> tuple[np.dtype,
 
 def _load(path: Path, archive: zipfile.ZipFile, name: str) -> np.ndarray:
     """One array, without ever unpickling."""
+    with _damage_named(path, name), archive.open(f"{name}.npy") as member:
+        return npy.read_array(member, allow_pickle=False)
+
+
+@contextmanager
+def _damage_named(path: Path, name: str) -> Iterator[None]:
+    """One error for the many that unpacking and reading a damaged array end with."""
     try:
-        with archive.open(f"{name}.npy") as member:
-            return npy.read_array(member, allow_pickle=False)
-    except (ValueError, EOFError, OSError, zlib.error, zipfile.BadZipFile) as error:
-        raise FileFormatError(f"{path.name}: array {name!r} is damaged ({error})") from error
+        yield
+    except Exception as error:
+        reason = str(error).partition("\n")[0]
+        raise FileFormatError(f"{path.name}: array {name!r} is damaged ({reason})") from error

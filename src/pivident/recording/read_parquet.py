@@ -22,7 +22,7 @@ def parquet_names(path: str | Path) -> tuple[str, ...]:
     path = existing_file(path)
     try:
         schema = pl.read_parquet_schema(path)
-    except (pl.exceptions.PolarsError, OSError) as error:
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise FileFormatError(f"{path.name} is not a readable Parquet file ({error})") from error
     return tuple(name for name, kind in schema.items() if kind.is_numeric() or kind == pl.Boolean)
 
@@ -49,7 +49,7 @@ def read_parquet(path: str | Path, names: Sequence[str] | None = None) -> dict[s
         table = pl.scan_parquet(path, glob=False)
         refuse_bomb(path, 8 * len(wanted) * table.select(pl.len()).collect().item())
         frame = table.select(pl.col(wanted).cast(pl.Float64)).collect()
-    except pl.exceptions.PolarsError as error:
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise FileFormatError(f"{path.name} is a damaged Parquet file ({error})") from error
     for name in wanted:
         empty = frame[name].is_null().arg_true()

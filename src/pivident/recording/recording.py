@@ -13,6 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
+from pivident.printable import is_printable
 from pivident.recording import checks
 from pivident.recording.files import SourceFile
 from pivident.robot.transmission import Transmission
@@ -104,6 +105,9 @@ class Recording:
     def _check(self) -> None:
         """Refuse what no estimator could use."""
         self._check_options()
+        for name in (self.name, *self.joint_names, *self.inputs):
+            if not is_printable(name):
+                raise RecordingError(f"the name {name!r} holds control characters; rename it")
         if not self.joint_names or len(set(self.joint_names)) != self.joints:
             raise RecordingError(
                 f"recording {self.name!r}: joint names {self.joint_names} are missing or repeated"

@@ -101,7 +101,10 @@ def _scaled(channel: str, spec: dict[str, str | float]) -> tuple[float, bool]:
 
 def _number(channel: str, name: str, value: object) -> float:
     """A finite number other than zero."""
-    number = float(value) if isinstance(value, (int, float)) else math.nan
+    try:
+        number = float(value) if isinstance(value, (int, float)) else math.nan
+    except OverflowError:  # a whole number of hundreds of digits
+        number = math.inf
     if not math.isfinite(number) or number == 0.0:
         raise RecordingError(f"{name} of {channel} is {value!r}; a number other than 0 is needed")
     return number

@@ -22,6 +22,7 @@ from typing import Literal
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
+from pivident.printable import is_printable
 from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
 from pivident.robot.naming import find_joint
 from pivident.robot.transmission import Transmission
@@ -236,6 +237,15 @@ def check_robot(robot: Robot) -> None:
             f"robot {robot.name!r}: gravity {robot.gravity} must be three finite numbers in m/s²"
         )
     names = [joint.name for joint in robot.joints]
+    for what, name in (
+        ("robot", robot.name),
+        *(("joint", name) for name in names),
+        *(("link", link.name) for link in robot.links),
+    ):
+        if not is_printable(name):
+            raise RobotDescriptionError(
+                f"{what} {name!r}: its name holds control characters; rename it"
+            )
     repeated = {name for name in names if names.count(name) > 1}
     if repeated:
         raise RobotDescriptionError(f"joint names used twice: {', '.join(sorted(repeated))}")

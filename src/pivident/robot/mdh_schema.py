@@ -35,6 +35,12 @@ GRAVITY_BY_NAME = {
 
 _SIGN = {"smoothing", "gamma"}
 
+#: Most joints of a file.
+MOST_JOINTS = 1000
+
+#: Most problems that one error lists, and the longest value that it repeats, in characters.
+MOST_PROBLEMS, LONGEST_VALUE = 20, 60
+
 TermName = Literal[
     "viscous",
     "coulomb",
@@ -265,7 +271,7 @@ class TableFile(Entry):
     units: Literal["radians", "degrees"] = "radians"
     gravity: Gravity = GRAVITY_BY_NAME["-z"]
     friction: FrictionTerms | None = None
-    joints: Annotated[list[JointEntry], Field(min_length=1)]
+    joints: Annotated[list[JointEntry], Field(min_length=1, max_length=MOST_JOINTS)]
     couplings: list[CouplingEntry] = []
     transmission: TransmissionEntry = TransmissionEntry()
 
@@ -279,7 +285,10 @@ def validated(content: dict[str, Any]) -> TableFile:
     try:
         return TableFile.model_validate(content)
     except ValidationError as error:
-        problems = [_explained(details, content) for details in error.errors()]
+        found = error.errors()
+        problems = [_explained(details, content) for details in found[:MOST_PROBLEMS]]
+        if len(found) > MOST_PROBLEMS:
+            problems.append(f"and {len(found) - MOST_PROBLEMS} more")
         raise RobotDescriptionError("\n  ".join(problems)) from None
 
 
@@ -291,14 +300,27 @@ def _explained(details: Any, content: dict[str, Any]) -> str:
     if details["type"] == "missing":
         return f"{where}key {key!r} is missing; {addition(TableFile, details['loc'])}"
     if details["type"] == "model_type":
-        return f"{where}{key or 'this entry'} must be a table of keys, not {details['input']!r}"
+        return f"{where}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
     message = details["msg"].removeprefix("Value error, ").replace(" after validation", "")
     message = message.replace("Input should be", "must be").replace("List should", "must")
     if not key:
         return f"{where}{message}"
     if isinstance(details["input"], dict):
         return f"{where}key {key!r}: {message}"
-    return f"{where}key {key!r} = {details['input']!r}: {message}"
+    return f"{where}key {key!r} = {short(details['input'])}: {message}"
+
+
+def short(value: Any) -> str:
+    """A value as a message repeats it.
+
+    Args:
+        value: what a file holds.
+    """
+    try:
+        text = repr(value)
+    except ValueError:  # a whole number of thousands of digits
+        return "a number of thousands of digits"
+    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"
 
 
 def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]:

@@ -30,7 +30,6 @@ joints), ``[transmission]`` with ``reduction`` or ``reduction_matrix``, ``drive_
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -39,6 +38,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
+from pivident.files import regular_file
 from pivident.robot.assembly import Member, merge_fixed
 from pivident.robot.description import Coupling, Joint, Link, Robot
 from pivident.robot.drives import implied_coupling, with_drives
@@ -65,6 +65,7 @@ from pivident.robot.friction import (
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.naming import errors_name, find_joint, nearest, repeated
 from pivident.robot.transmission import Transmission
+from pivident.toml_text import LARGEST_FILE, parse_toml
 
 if TYPE_CHECKING:
     from pivident.robot.mdh_schema import (
@@ -92,6 +93,9 @@ def read_modified_dh(path: str | Path) -> Robot:
     path = Path(path)
     with errors_name(str(path)):
         try:
+            size = regular_file(path).stat().st_size
+            if size > LARGEST_FILE:
+                raise RobotDescriptionError(f"has {size} bytes, too many for a robot file")
             text = path.read_text(encoding="utf-8")
         except OSError as error:
             raise RobotDescriptionError(
@@ -118,8 +122,8 @@ def parse_modified_dh(text: str, source: str = "modified DH table") -> Robot:
 
     with errors_name(source):
         try:
-            content = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+            content = parse_toml(text)
+        except ValueError as error:
             raise RobotDescriptionError(f"is not TOML: {error}; correct this line") from error
         return _robot(validated(content))
 

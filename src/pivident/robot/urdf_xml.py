@@ -16,12 +16,16 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
+from pivident.files import regular_file
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
 from pivident.robot.naming import nearest, repeated
 
 #: Largest URDF that is read, after decompression [bytes]; real ones have some 100 kB.
 MAXIMUM_SIZE = 64 * 2**20
+
+#: Most elements, and most links or joints; real ones have some thousands, and some hundreds.
+MOST_ELEMENTS, MOST_LINKS = 100_000, 1000
 
 MOVING = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
@@ -76,8 +80,21 @@ class UrdfModel:
     joints: tuple[UrdfJoint, ...]
 
 
-class _NoDoctype(ElementTree.TreeBuilder):
-    """A tree builder that stops at a DOCTYPE, before any entity is declared or expanded."""
+class _BoundedTree(ElementTree.TreeBuilder):
+    """A tree builder that stops at a DOCTYPE, before any entity is declared or expanded.
+
+    It also stops where there are more elements than any robot has.
+    """
+
+    elements = 0
+
+    def start(self, tag: str, attributes: dict[str, str]) -> ElementTree.Element:
+        self.elements += 1
+        if self.elements > MOST_ELEMENTS:
+            raise RobotDescriptionError(
+                f"has more than {MOST_ELEMENTS} elements; this is not a robot description"
+            )
+        return super().start(tag, attributes)
 
     def doctype(self, name: str, pubid: str | None, system: str | None) -> None:
         raise RobotDescriptionError(
@@ -93,7 +110,7 @@ def file_content(path: Path) -> bytes:
         RobotDescriptionError: it cannot be read, is damaged or larger than ``MAXIMUM_SIZE``.
     """
     try:
-        with path.open("rb") as file:
+        with regular_file(path).open("rb") as file:
             compressed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
         with gzip.open(path) if compressed else path.open("rb") as file:
             content = file.read(MAXIMUM_SIZE + 1)
@@ -125,6 +142,11 @@ def parse_model(content: bytes | str) -> UrdfModel:
     root = _root(content)
     link_elements = root.findall("link")
     joint_elements = root.findall("joint")
+    if max(len(link_elements), len(joint_elements)) > MOST_LINKS:
+        raise RobotDescriptionError(
+            f"has {len(link_elements)} links and {len(joint_elements)} joints, {MOST_LINKS} can be "
+            "read; leave out what does not belong to the robot"
+        )
     link_names = [_attribute(element, "name", "link") for element in link_elements]
     joint_names = [_attribute(element, "name", "joint") for element in joint_elements]
     for kind, names in (("link", link_names), ("joint", joint_names)):
@@ -144,7 +166,7 @@ def parse_model(content: bytes | str) -> UrdfModel:
 
 
 def _root(content: bytes | str) -> ElementTree.Element:
-    parser = ElementTree.XMLParser(target=_NoDoctype())
+    parser = ElementTree.XMLParser(target=_BoundedTree())
     try:
         root = ElementTree.fromstring(content, parser)
     except (ElementTree.ParseError, LookupError, ValueError) as error:

@@ -16,10 +16,12 @@ import numpy as np
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError
+from pivident.files import regular_file
 from pivident.simulation import excitation
 from pivident.simulation.excitation import FourierSeries, motion_limits, random_series
 from pivident.simulation.feed_forward import computed_torque_feed_forward, gravity_feed_forward
 from pivident.simulation.reference import point_to_point
+from pivident.study.errors import StudyFolderError
 
 if TYPE_CHECKING:
     from pivident.estimation.problem import Loop
@@ -123,9 +125,9 @@ def optimised_series(
     key = _key(scenario)
     file = None if folder is None else folder / FILE
     if file is not None and file.is_file():
-        kept = json.loads(file.read_text("utf-8"))
-        if kept["belongs_to"] == key:
-            return FourierSeries.of(kept)
+        kept = _kept_series(file, key)
+        if kept is not None:
+            return kept
     if key in _found:
         return _found[key]
     _found[key] = excitation.optimised_series(
@@ -138,6 +140,21 @@ def optimised_series(
         progress=progress,
     )
     return _found[key]
+
+
+def _kept_series(file: Path, key: str) -> FourierSeries | None:
+    """The motion of a file, None where it belongs to another robot, limits or seed.
+
+    Raises:
+        StudyFolderError: the file cannot be read.
+    """
+    try:
+        kept = json.loads(regular_file(file).read_text("utf-8"))
+        return FourierSeries.of(kept) if kept["belongs_to"] == key else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        raise StudyFolderError(
+            file, f"it cannot be read ({type(error).__name__})", "delete it: it is made again"
+        ) from error
 
 
 def as_json(scenario: Scenario, series: FourierSeries) -> str:

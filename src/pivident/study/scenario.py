@@ -30,7 +30,8 @@ from __future__ import annotations
 import hashlib
 import itertools
 import json
-import tomllib
+import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -41,11 +42,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pivident.errors import ExperimentError
+from pivident.files import regular_file
+from pivident.toml_text import LARGEST_FILE, parse_toml
 
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
     from pivident.robot.description import Robot
     from pivident.study.schema import ScenarioFile
+
+#: Most conditions of a scenario.
+MOST_CONDITIONS = 1000
 
 #: Keys that say how much is done, not what: they may change from one call to the next.
 AMOUNTS = ("runs", "description")
@@ -195,6 +201,7 @@ class Scenario:
         robot = self.content.robot.model
         file = Path(self.source).parent / robot
         if robot.endswith((".toml", ".urdf", ".urdf.gz")):
+            self.robot  # noqa: B018 - says what is wrong with the file
             content["robot_sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
         return content
 
@@ -218,6 +225,9 @@ def load_scenario(name: str | Path) -> Scenario:
     path = Path(name)
     if path.suffix == ".toml" or path.is_file():
         try:
+            size = regular_file(path).stat().st_size
+            if size > LARGEST_FILE:
+                raise ExperimentError(f"{path}: has {size} bytes, too many for a scenario")
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
             reason = getattr(error, "strerror", None) or "it is not UTF-8 text"
@@ -257,15 +267,37 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
     source = source or f"{name}.toml"
     with _named(source):
         try:
-            tables = tomllib.loads(text)
-        except tomllib.TOMLDecodeError as error:
+            tables = parse_toml(text)
+        except ValueError as error:
             raise ExperimentError(f"is not TOML: {error}; correct this line") from error
         plain = _short_forms(tables)
         checked(plain, ScenarioFile)
     vary = plain.pop("vary", {})
+    with _named(source):
+        _check_alternatives(vary)
     scenario = Scenario(name, plain, source, vary)
     scenario.check()
     return scenario
+
+
+def _check_alternatives(vary: Mapping[str, Mapping[str, Any]]) -> None:
+    """Refuse more conditions than anyone simulates, and names that are no names of folders."""
+    count = math.prod(len(group) for group in vary.values())
+    if count > MOST_CONDITIONS:
+        raise ExperimentError(
+            f"[vary] makes {count} conditions, at most {MOST_CONDITIONS} are possible; vary less "
+            "at once"
+        )
+    if vary and not count:
+        empty = next(name for name, group in vary.items() if not group)
+        raise ExperimentError(f"[vary.{empty}] has no alternatives; add some, or remove the table")
+    for group, alternatives in vary.items():
+        for name in alternatives:
+            if not re.fullmatch(r"\w[\w.+-]{0,63}", name):
+                raise ExperimentError(
+                    f"[vary.{group}] the alternative {name!r} names a folder of results; use "
+                    "letters, digits, '.', '_', '+' and '-' only, at most 64"
+                )
 
 
 def merged(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

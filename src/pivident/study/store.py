@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pivident.files import regular_file
 from pivident.study.errors import OtherScenario, StudyFolderError
 from pivident.study.fingerprint import fingerprint
 from pivident.study.run import Row
@@ -29,6 +30,9 @@ if TYPE_CHECKING:
 LAYOUT = 1
 
 MANIFEST, SHARDS, LOCK = "manifest.json", "runs", "lock"
+
+#: Largest manifest that is read [bytes].
+LARGEST_MANIFEST = 2**22
 
 #: Names of files that are being written.
 UNFINISHED = ".unfinished-"
@@ -117,10 +121,14 @@ class Store:
         """
         path = self.folder / MANIFEST
         try:
-            return json.loads(path.read_text("utf-8"))
+            if regular_file(path).stat().st_size > LARGEST_MANIFEST:
+                raise ValueError("it is too large")
+            content = json.loads(path.read_text("utf-8"))
+            _check_manifest(content)
+            return content
         except FileNotFoundError:
             return None
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, RecursionError) as error:
             raise StudyFolderError(
                 self.folder, f"{MANIFEST} cannot be read ({error})", "choose another folder"
             ) from error
@@ -287,6 +295,24 @@ class Store:
                 "free some space, change its permissions or choose another --out; the runs that "
                 "are in it are as they were, and the same command goes on from there",
             ) from error
+
+
+def _check_manifest(content: Any) -> None:
+    """Refuse what was not written here, whether or not its layout is known.
+
+    Raises:
+        ValueError: it is no table, or a key holds a value of another kind.
+    """
+    if not isinstance(content, dict):
+        raise ValueError("it is not a table")
+    kinds = {"scenario": dict, "hash": str, "runs": int, "version": str, "programs": list}
+    for key, kind in kinds.items():
+        if key in content and not isinstance(content[key], kind):
+            raise ValueError(f"{key} is of another kind")
+        if key not in content and "layout" in content:
+            raise ValueError(f"{key} is missing")
+    if not all(isinstance(program, str) for program in content.get("programs", ())):
+        raise ValueError("programs are of another kind")
 
 
 def differences(here: Any, there: Any, key: str = "") -> list[str]:

@@ -1,0 +1,1 @@
+"""Fuzzing of every reader: inputs, judge and engine; `benchmarks/fuzz_readers.py` drives them."""

@@ -1,0 +1,174 @@
+"""The readers that are fuzzed: what they begin with, how inputs are made, and what is called.
+
+A reader is one entry of `READERS`. What it calls gets a file and may return anything or raise a
+`PividentError`; everything else is a finding.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from fuzzing import inputs
+from fuzzing.mutations import (
+    Rewrite,
+    inside_gzip,
+    inside_mat,
+    inside_zip,
+    spoilt_bytes,
+    spoilt_text,
+)
+
+
+@dataclass(frozen=True)
+class Reader:
+    """One reader under test.
+
+    Attributes:
+        file: name of the file that it reads.
+        seeds: files to begin with.
+        spoil: changes a file in the manner of its format.
+        read: what is called with the file.
+        grow: makes a new file; None: changes only.
+    """
+
+    file: str
+    seeds: Callable[[], tuple[bytes, ...]]
+    spoil: Rewrite
+    read: Callable[[Path], object]
+    grow: Callable[[random.Random], bytes] | None = None
+
+    def mutated(self, data: bytes, rng: random.Random) -> bytes:
+        """The next input from an earlier one."""
+        choice = rng.random()
+        if choice < 0.2 and self.grow is not None:
+            return self.grow(rng)
+        if choice < 0.35:
+            return spoilt_bytes(data, rng)
+        try:
+            return self.spoil(data, rng)
+        except Exception:  # a change that cannot be written in this format
+            return spoilt_bytes(data, rng)
+
+
+def _text(chunks: tuple[str, ...]) -> Rewrite:
+    return lambda data, rng: spoilt_text(data, rng, chunks)
+
+
+def _urdf(path: Path) -> object:
+    from pivident.robot import read_urdf
+
+    return read_urdf(path)
+
+
+def _robot(path: Path) -> object:
+    from pivident.robot import read_modified_dh
+
+    return read_modified_dh(path)
+
+
+def _experiment(path: Path) -> object:
+    """The file, its robot and its recordings, of which public ones are left out."""
+    from pivident.experiment import load_experiment
+
+    log = path.parent / "log.csv"
+    if not log.exists():
+        log.write_bytes(inputs.log_csv())
+    experiment = load_experiment(path)
+    experiment.robot  # noqa: B018 - building it is the check
+    if any(entry.dataset for entry in experiment.content.recording):
+        return experiment
+    return experiment.recordings()
+
+
+def _study(path: Path) -> object:
+    from pivident.study.scenario import load_scenario
+
+    return load_scenario(path).hash
+
+
+def _table(path: Path) -> object:
+    from pivident.recording.tables import names_in, read_table
+
+    names = names_in(path)
+    if len(names) > 1:
+        read_table(path, names[:1])
+    return read_table(path)
+
+
+def _audited(path: Path) -> object:
+    """Reading as the audit does it, which forgives more."""
+    from pivident.audit.reading import bare_log
+
+    return bare_log(path)
+
+
+def _manifest(path: Path) -> object:
+    """Opening the results folder of a study whose manifest this is."""
+    from pivident.study.scenario import read_scenario
+    from pivident.study.store import Store
+
+    store = Store(path.parent)
+    store.programs()
+    scenario = read_scenario(inputs.STUDY.decode().split("[vary")[0], "study")
+    with store.opened(scenario, 6):
+        return store.done()
+
+
+def _grown_toml(*bases: bytes) -> Callable[[random.Random], bytes]:
+    return lambda rng: inputs.grown_toml(rng, bases)
+
+
+_TOML = _text(inputs.TOML_CHUNKS)
+_CSV = _text(inputs.CSV_CHUNKS)
+_URDF = _text(inputs.URDF_CHUNKS)
+
+READERS: dict[str, Reader] = {
+    "urdf": Reader("arm.urdf", lambda: (inputs.URDF,), _URDF, _urdf, inputs.grown_urdf),
+    "urdf.gz": Reader(
+        "arm.urdf.gz",
+        lambda: (inputs.packed(inputs.URDF),),
+        inside_gzip(_URDF),
+        _urdf,
+        lambda rng: inputs.packed(inputs.grown_urdf(rng)),
+    ),
+    "robot": Reader(
+        "arm.toml",
+        inputs.gallery_toml,
+        _TOML,
+        _robot,
+        lambda rng: inputs.grown_toml(rng, inputs.gallery_toml()),
+    ),
+    "experiment": Reader(
+        "experiment.toml",
+        lambda: (inputs.EXPERIMENT, inputs.EXPERIMENT_2),
+        _TOML,
+        _experiment,
+        _grown_toml(inputs.EXPERIMENT, inputs.EXPERIMENT_2),
+    ),
+    "study": Reader(
+        "study.toml", lambda: (inputs.STUDY,), _TOML, _study, _grown_toml(inputs.STUDY)
+    ),
+    "csv": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _table, inputs.grown_csv),
+    "csv.gz": Reader(
+        "log.csv.gz",
+        lambda: (inputs.packed(inputs.log_csv()),),
+        inside_gzip(_CSV),
+        _table,
+        lambda rng: inputs.packed(inputs.grown_csv(rng)),
+    ),
+    "csv-audit": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _audited, inputs.grown_csv),
+    "npz": Reader("log.npz", inputs.npz_seeds, inside_zip, _table),
+    "mat-v5": Reader("log.mat", inputs.mat_seeds, inside_mat, _table),
+    "mat-v7.3": Reader("log.mat", inputs.hdf5_seeds, spoilt_bytes, _table),
+    "parquet": Reader("log.parquet", inputs.parquet_seeds, spoilt_bytes, _table),
+    "manifest": Reader(
+        "manifest.json",
+        lambda: (inputs.manifest_seed(),),
+        _text(inputs.JSON_CHUNKS),
+        _manifest,
+        lambda rng: inputs.grown_json(rng, inputs.manifest_seed()),
+    ),
+}
