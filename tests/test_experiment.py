@@ -76,6 +76,29 @@ def test_several_recordings_parts_and_timing(tmp_path):
     assert part.torque_timing == "averaged" and whole.torque_timing == "held"
 
 
+def test_a_pattern_stands_for_every_run_of_a_folder(tmp_path):
+    path = write_experiment(tmp_path, changed('"log.csv"', '"runs/*.csv"'))
+    runs = tmp_path / "runs"
+    runs.mkdir()
+    for name in ("tuesday", "monday"):
+        (runs / f"{name}.csv").write_bytes((tmp_path / "log.csv").read_bytes())
+    problem = load_experiment(path).problem()
+    assert [recording.name for recording in problem.recordings] == ["monday", "tuesday"]
+
+
+def test_a_pattern_that_no_file_fits_is_named(tmp_path):
+    line = message(tmp_path, changed('"log.csv"', '"runs/*.csv"'))
+    assert "runs/*.csv" in line and "no file fits" in line
+
+
+def test_one_name_for_many_runs_is_refused(tmp_path):
+    text = changed('files = "log.csv"', 'name = "shift"\nfiles = "*.csv"')
+    path = write_experiment(tmp_path, text)
+    (tmp_path / "other.csv").write_bytes((tmp_path / "log.csv").read_bytes())
+    with pytest.raises(ExperimentError, match="leave it out, they are named by their files"):
+        load_experiment(path)
+
+
 def test_robot_additions(tmp_path):
     robot = """
         [robot]

@@ -326,6 +326,15 @@ def npz_seeds() -> tuple[bytes, ...]:
     return packed.getvalue(), plain.getvalue(), odd.getvalue()
 
 
+def npy_seeds() -> tuple[bytes, ...]:
+    made = []
+    for array in (*arrays().values(), np.asfortranarray(log_table()), log_table().astype("i2")):
+        stream = io.BytesIO()
+        np.save(stream, array)
+        made.append(stream.getvalue())
+    return tuple(made)
+
+
 def mat_seeds() -> tuple[bytes, ...]:
     from scipy.io import savemat
 

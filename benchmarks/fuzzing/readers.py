@@ -203,6 +203,7 @@ READERS: dict[str, Reader] = {
         "log.csv", lambda: (inputs.log_csv(),), _CSV, _audited, inputs.grown_csv, False
     ),
     "npz": Reader("log.npz", inputs.npz_seeds, inside_zip, _table),
+    "npy": Reader("log.npy", inputs.npy_seeds, spoilt_bytes, _table),
     "mat-v5": Reader("log.mat", inputs.mat_seeds, inside_mat, _table, guided=False),
     "mat-v7.3": Reader("log.mat", inputs.hdf5_seeds, spoilt_bytes, _table, guided=False),
     "parquet": Reader("log.parquet", inputs.parquet_seeds, spoilt_bytes, _table, guided=False),

@@ -108,7 +108,7 @@ def test_a_robot_with_any_printable_name(name):
     labels = [f"fv{tree.label(k)}" for k in range(tree.size)]
     assert labels[0] == f"fv[{name}0]"
     names = (*labels, *identification.names[len(labels) :])
-    made = replace(identification, robot=tree, names=names)
+    made = replace(identification, robot=tree, names=names, recordings=())
     assert json.loads(to_json(made))["robot"] == name
     rows = list(csv.reader(io.StringIO(to_csv(made))))
     assert [row[0] for row in rows[1:3]] == labels

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from pivident.estimation.auxiliary_model import central_differences
+from pivident.estimation.simulated_motion import central_differences
 from pivident.study.bench import Bench
 from pivident.study.bound import ENDS, ORDER, efficiency_bounds, loop_noise, whitened
 from tests.study.small import small

@@ -18,6 +18,7 @@ from pivident.dynamics.friction_memory import memory_column
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor_kernels import dense_entries, joint_torques, packed_entries
 from pivident.robot.description import Robot
+from pivident.scratch import working_array
 from pivident.threads import run_in_threads
 
 BLOCK = 2048  # samples that a thread takes at a time
@@ -263,7 +264,7 @@ class Regressor:
         self, weights: np.ndarray, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, inner: np.ndarray
     ) -> np.ndarray:
         """Sum of each joint's entries with given weights, shape (samples, joints)."""
-        tau = np.empty(q.shape)
+        tau = working_array(q.shape)
 
         def block(part: slice) -> None:
             x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))

@@ -7,50 +7,34 @@ with the true one and not with the noise, which is what an instrument has to be.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.forward import make_model
+from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.simulated_motion import SimulatedMotion, central_differences
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.signals.instants import derivatives_at_instants
+from pivident.scratch import working_array
 from pivident.signals.random_walk import smooth_channels
-from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.closed_loop import (
+    LoopSignals,
+    Trajectory,
+    simulate,
+    simulate_blocks,
+)
 from pivident.simulation.feed_forward import (
     computed_torque_feed_forward,
     gravity_feed_forward,
 )
+from pivident.simulation.loop_kernel import TORQUE
 from pivident.threads import run_in_threads
 
 #: How often a step may be halved before the loop is declared impossible to simulate.
 HALVINGS = 6
-
-
-@dataclass(frozen=True, eq=False)
-class SimulatedMotion:
-    """Noise-free motion of one recording, time **last**, on the samples of the record.
-
-    Attributes:
-        q: positions [rad or m], shape (joints, samples).
-        dq: speeds; with ``differences`` they come from those of q, as the smoother's.
-        ddq: accelerations, likewise.
-        tau: torque held from each sample on [N m or N].
-        command: controller output [its own unit].
-        inner: columns with memory or load of this motion, shape (inner entries, samples); None
-            where they were not made.
-    """
-
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    tau: np.ndarray
-    command: np.ndarray
-    inner: np.ndarray | None = None
 
 
 class AuxiliaryModel:
@@ -62,6 +46,7 @@ class AuxiliaryModel:
             is held over each period the acceleration has no value at an instant; this is its mean
             over the two periods that adjoin it.
         kinematics: motions already smoothed at full rate, one per recording; None: smooth here.
+        torque: whether the torque is kept with the motion.
     """
 
     def __init__(
@@ -69,6 +54,7 @@ class AuxiliaryModel:
         problem: Problem,
         differences: bool,
         kinematics: Sequence[Kinematics] | None = None,
+        torque: bool = False,
     ) -> None:
         if problem.loop is None:
             raise ExperimentError(
@@ -77,6 +63,7 @@ class AuxiliaryModel:
             )
         self.problem = problem
         self.differences = differences
+        self.torque = torque
         self.loop = problem.loop
         self.signals = []
         for k, recording in enumerate(problem.recordings):
@@ -102,17 +89,51 @@ class AuxiliaryModel:
         motions: list[SimulatedMotion | None] = [None] * len(self.signals)
 
         def run(k: int) -> None:
-            recording, (signals, start) = problem.recordings[k], self.signals[k]
-            made = simulate(model, self.loop.controller, signals, problem.robot.joint_names, start)
-            channels = (made.q, made.dq, made.ddq, made.tau, made.command)
-            motion = [resample(x, signals.rate, recording) for x in channels]
-            if self.differences:
-                differences = central_differences(motion[0], recording.rate)
-                motion[1:3] = derivatives_at_instants(*differences)
-            motions[k] = SimulatedMotion(*(np.ascontiguousarray(x.T) for x in motion))
+            motions[k] = self._motion(k, model)
 
         run_in_threads(run, range(len(self.signals)))
         return [motion for motion in motions if motion is not None]
+
+    def _motion(self, k: int, model: Model) -> SimulatedMotion:
+        """The motion of one recording; the channels of the simulation are never held whole."""
+        recording, (signals, start) = self.problem.recordings[k], self.signals[k]
+        controller, names = self.loop.controller, self.problem.robot.joint_names
+        ratio = signals.rate / recording.rate
+        step = round(ratio)
+        if step < 1 or abs(ratio - step) > 1e-9:
+            made = simulate(model, controller, signals, names, start)
+            return self._resampled(made, recording)
+        kept = working_array((len(self._channels), recording.joints, recording.samples))
+        for span, channels, _ in simulate_blocks(model, controller, signals, names, start):
+            first = -span.start % step  # of the stretch's samples, the first that was recorded
+            begin = (span.start + first) // step
+            for target, channel in zip(kept, self._channels, strict=True):
+                chosen = channels[channel, first::step][: recording.samples - begin]
+                target[:, begin : begin + len(chosen)] = chosen.T
+        return self._as_motion(kept, recording.rate)
+
+    def _resampled(self, made: Trajectory, recording: Recording) -> SimulatedMotion:
+        """A motion of a control rate that is no multiple of the record's, by cubic splines."""
+        from scipy.interpolate import CubicSpline
+
+        channels = (made.q, made.dq, made.ddq, made.tau)
+        wanted = np.arange(recording.samples) / recording.rate
+        t = np.arange(len(made.q)) / made.rate
+        kept = working_array((len(self._channels), recording.joints, recording.samples))
+        for target, channel in zip(kept, self._channels, strict=True):
+            target[:] = CubicSpline(t, channels[channel], axis=0)(wanted).T
+        return self._as_motion(kept, recording.rate)
+
+    def _as_motion(self, kept: np.ndarray, rate: float) -> SimulatedMotion:
+        """The kept channels as a motion."""
+        tau = kept[-1] if self.torque else None
+        return SimulatedMotion(kept[0], rate, None if self.differences else kept[1:3], tau)
+
+    @property
+    def _channels(self) -> tuple[int, ...]:
+        """Channels of the simulation that are kept: q, dq and ddq if not by differences, tau."""
+        motion = (0,) if self.differences else (0, 1, 2)
+        return (*motion, TORQUE) if self.torque else motion
 
     def simulate_or_halve(
         self, previous: np.ndarray | None, theta: np.ndarray
@@ -224,33 +245,6 @@ def _feed_forward(
     dq = dq if dq_ref is None else dq_ref
     ddq = ddq if recording.ddq_ref is None else recording.ddq_ref
     return computed_torque_feed_forward(robot, standard, theta, q_ref, dq, ddq)
-
-
-def central_differences(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """(q_{k+1} - q_{k-1}) rate/2 and (q_{k+1} - 2 q_k + q_{k-1}) rate², ends repeated.
-
-    Args:
-        q: positions, shape (samples, joints).
-        rate: sampling rate [Hz].
-    """
-    dq, ddq = np.empty_like(q), np.empty_like(q)
-    dq[1:-1] = 0.5 * rate * (q[2:] - q[:-2])
-    ddq[1:-1] = rate**2 * ((q[2:] - q[1:-1]) - (q[1:-1] - q[:-2]))
-    for x in (dq, ddq):
-        x[0], x[-1] = x[1], x[-2]
-    return dq, ddq
-
-
-def resample(x: np.ndarray, rate: float, recording: Recording) -> np.ndarray:
-    """A channel simulated at the control rate, on the samples of the record, (samples, joints)."""
-    ratio = rate / recording.rate
-    step = round(ratio)
-    if step >= 1 and abs(ratio - step) < 1e-9:
-        return x[::step][: recording.samples]
-    from scipy.interpolate import CubicSpline
-
-    wanted = np.arange(recording.samples) / recording.rate
-    return CubicSpline(np.arange(len(x)) / rate, x, axis=0)(wanted)
 
 
 def _upsampled(x: np.ndarray, rate: float, wanted: float) -> np.ndarray:

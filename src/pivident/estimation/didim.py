@@ -30,7 +30,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
+from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.full_rate import FullRateRecord, accumulate, voting
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
@@ -41,6 +41,7 @@ from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.whitening import Whitening
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
@@ -84,7 +85,7 @@ def identify_didim(
         )
     say(f"{method.label}: noise of the encoders")
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
+    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics, torque=True)
     limits = [problem.speed_limits(r) for r in problem.recordings]
     whitening = Whitening(problem, method, kinematics)
     only_noise = all(r.simulated for r in problem.recordings)
@@ -182,6 +183,7 @@ def settled_starts(
     other.signals = [(s, (s.q_ref[0].copy(), np.zeros_like(s.q_ref[0]))) for s, _ in other.signals]
     starts = []
     for here, there, kin in zip(motions, other.simulate(theta), kinematics, strict=True):
+        assert here.tau is not None and there.tau is not None
         trace = np.abs(here.tau - there.tau) > FORGOTTEN * here.tau.std(axis=1, keepdims=True)
         seen = np.flatnonzero(trace.any(axis=0))
         start = max(kin.start, int(seen[-1]) + 1 if seen.size else 0)

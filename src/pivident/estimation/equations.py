@@ -47,6 +47,9 @@ class Motion(Protocol):
     def inner(self) -> np.ndarray | None:
         """Columns with memory or load, (inner entries, samples), where there are any."""
 
+    def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, dq and ddq on some samples."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointRows:

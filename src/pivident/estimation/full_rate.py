@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.auxiliary_model import SimulatedMotion
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.sandwich import windows_of
+from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
@@ -48,7 +49,9 @@ def voting(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.nda
         dq: speeds that decide, shape (joints, samples): the instruments', where there are any.
         limits: shape (joints,) [rad/s or m/s]; zero: all samples count.
     """
-    votes = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
+    votes = np.ones(dq.shape, bool)
+    for j in np.flatnonzero(limits > 0.0):
+        votes[j] = np.abs(dq[j]) > limits[j]
     votes[:, : kinematics.start] = False
     votes[:, kinematics.stop :] = False
     return votes
@@ -95,6 +98,12 @@ def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np
     return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta, motion.inner).T
 
 
+def residual_of(regressor: Regressor, kinematics: Kinematics, theta: np.ndarray) -> np.ndarray:
+    """τ - Φθ on a recording, time last, shape (joints, samples)."""
+    model = torque_of(regressor, kinematics, theta)
+    return np.subtract(kinematics.tau, model, out=model)
+
+
 def accumulate(
     regressor: Regressor,
     records: Sequence[FullRateRecord],
@@ -127,7 +136,7 @@ def accumulate(
 
 def filtered(signal: np.ndarray, filters: Sequence[Prefilter]) -> np.ndarray:
     """One signal per joint through the joints' prefilters, shape (joints, samples)."""
-    out = np.empty_like(signal)
+    out = working_array(signal.shape)
 
     def work(j: int) -> None:
         filters[j].stream(1).process(signal[j : j + 1], out[j : j + 1])

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.estimation.equations import Equations
-from pivident.estimation.full_rate import FullRateRecord, filtered, torque_of
+from pivident.estimation.full_rate import FullRateRecord, filtered, residual_of
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
-from pivident.estimation.iteration import joint_fits, make_identification
+from pivident.estimation.iteration import joint_fits, make_identification, sum_of_squares
 from pivident.estimation.methods import (
     CovarianceKind,
     InstrumentalVariables,
@@ -62,13 +62,12 @@ def full_rate_answer(
         reported: which covariance is the estimate's.
     """
     regressor, theta = problem.regressor, solution.theta
-    torques = [torque_of(regressor, r.kinematics, theta) for r in records]
     errors = [
-        (r.kinematics.tau - m, r.kinematics.tau, r.votes)
-        for r, m in zip(records, torques, strict=True)
+        (residual_of(regressor, r.kinematics, theta), r.kinematics.tau, r.votes) for r in records
     ]
-    scale = np.sqrt(variance)[:, None]
-    whitened = [filtered(error, filters) / scale for error, _, _ in errors]
+    whitened = [filtered(error, filters) for error, _, _ in errors]
+    for residual in whitened:
+        residual /= np.sqrt(variance)[:, None]
     fits = joint_fits(
         problem,
         errors,
@@ -82,11 +81,18 @@ def full_rate_answer(
     )
     # one figure for all joints: each weighted by its own unfiltered error
     spread = np.array([max(f.rms_error, 1e-300) ** 2 for f in fits])
-    error = sum(np.sum(np.sum(np.where(v, e, 0.0) ** 2, axis=1) / spread) for e, _, v in errors)
-    total = sum(np.sum(np.sum(np.where(v, t, 0.0) ** 2, axis=1) / spread) for _, t, v in errors)
+    error, total = (
+        sum(sum_of_squares(e[i], e[2]) @ (1.0 / spread) for e in errors) for i in (0, 1)
+    )
+    if _is_stationary(problem, reported, weight_power):
+        robust = stationary_covariance(regressor, records, filters, sums, variance, whitened)
+    else:
+        robust = sandwich(sums, theta, variance, weight_power)
     fitted = []
-    for r, model, residual in zip(records, torques, whitened, strict=True):
+    for r, (residual, _, _), white in zip(records, errors, whitened, strict=True):
         k = r.kinematics
+        model = np.subtract(k.tau, residual, out=residual)
+        white[~r.votes] = np.nan
         part = slice(k.start, k.stop)
         fitted.append(
             FittedRecording(
@@ -99,15 +105,11 @@ def full_rate_answer(
                 k.tau[:, part].T,
                 model[:, part].T,
                 ~r.votes[:, part].T,
-                np.where(r.votes, residual, np.nan)[:, part].T,
+                white[:, part].T,
                 k.recording.rate,
                 None if k.recording.q_ref is None else k.recording.q_ref[part],
             )
         )
-    if _is_stationary(problem, reported, weight_power):
-        robust = stationary_covariance(regressor, records, filters, sums, variance, whitened)
-    else:
-        robust = sandwich(sums, theta, variance, weight_power)
     answer = make_identification(
         problem,
         method,

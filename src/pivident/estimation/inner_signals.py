@@ -14,9 +14,9 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 
 if TYPE_CHECKING:
-    from pivident.estimation.auxiliary_model import SimulatedMotion
     from pivident.estimation.equations import Motion
     from pivident.estimation.kinematics import Kinematics
+    from pivident.estimation.simulated_motion import SimulatedMotion
 
 AnyMotion = TypeVar("AnyMotion", "Kinematics", "SimulatedMotion")
 
@@ -53,4 +53,4 @@ def packed_stretch(regressor: Regressor, motion: Motion, span: slice) -> np.ndar
             "a stretch does not know the path before it: give the motion its inner signals "
             "(with_inner) before it is cut into blocks"
         )
-    return regressor.packed(motion.q[:, span], motion.dq[:, span], motion.ddq[:, span], inner=inner)
+    return regressor.packed(*motion.stretch(span), inner=inner)

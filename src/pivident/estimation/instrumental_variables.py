@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
+from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.decimated import decimate_record, decimated_sums
 from pivident.estimation.decimated_answer import decimated_answer
 from pivident.estimation.full_rate import accumulate, records_with_instruments, torque_of
@@ -26,6 +26,7 @@ from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.standstill import (
     decided_by_residual,
     noisy_standstill,

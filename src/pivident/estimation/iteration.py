@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
-from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
+from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import (
     FittedRecording,
@@ -23,6 +23,7 @@ from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.sandwich import sandwich
 from pivident.estimation.signs import sign_warnings
+from pivident.estimation.simulated_motion import SimulatedMotion
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0
@@ -304,16 +305,17 @@ def joint_fits(
         at_bound: whether the order is the largest allowed.
     """
     fits = []
+    squares_of_joints = np.sum([sum_of_squares(e, v) for e, _, v in errors], axis=0)
+    torque_of_joints = np.sum([sum_of_squares(t, v) for _, t, v in errors], axis=0)
     for j, joint in enumerate(problem.robot.joints):
-        squares = [np.sum(e[j, v[j]] ** 2) for e, _, v in errors]
-        torque = [np.sum(t[j, v[j]] ** 2) for _, t, v in errors]
+        squares, torque = squares_of_joints[j], torque_of_joints[j]
         rows = sum(int(v[j].sum()) for _, _, v in errors)
         fits.append(
             JointFit(
                 name=joint.name,
                 torque_unit="N m" if joint.kind == "revolute" else "N",
-                relative_error=float(np.sqrt(sum(squares) / max(sum(torque), 1e-300))),
-                rms_error=float(np.sqrt(sum(squares) / max(rows, 1))),
+                relative_error=float(np.sqrt(squares / max(torque, 1e-300))),
+                rms_error=float(np.sqrt(squares / max(rows, 1))),
                 noise_std=float(noise_std[j]),
                 noise_unit=noise_units[j],
                 ar_order=int(orders[j]) if len(orders) else 0,
@@ -325,6 +327,16 @@ def joint_fits(
             )
         )
     return fits
+
+
+def sum_of_squares(signal: np.ndarray, votes: np.ndarray) -> np.ndarray:
+    """Sum of the squares of the samples that vote, shape (joints,).
+
+    Args:
+        signal: shape (joints, samples).
+        votes: likewise.
+    """
+    return np.array([np.sum(own[voted] ** 2) for own, voted in zip(signal, votes, strict=True)])
 
 
 def torque_units(problem: Problem) -> list[str]:

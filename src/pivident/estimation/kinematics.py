@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.errors import RecordingTooShort
 from pivident.estimation.methods import Bandpass, RandomWalk
 from pivident.recording.recording import Recording
-from pivident.signals.alignment import align_torque
+from pivident.scratch import working_array
+from pivident.signals.alignment import AlignedTorque, align_torque
 from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk import smooth_with_lines
 from pivident.signals.counted_positions import has_visible_counts, nvr_of_counts
@@ -55,6 +56,10 @@ class Kinematics:
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     inner: np.ndarray | None = None
 
+    def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, dq and ddq on some samples."""
+        return self.q[:, span], self.dq[:, span], self.ddq[:, span]
+
 
 def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) -> Kinematics:
     """Differentiate the positions and put the torque where the derivatives are.
@@ -69,14 +74,6 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     known = signals.ends(recording.rate) if isinstance(signals, Bandpass) else (EDGE, EDGE)
     if recording.samples < sum(known) + SHORTEST_RUN:
         raise RecordingTooShort(recording.samples, sum(known) + SHORTEST_RUN)
-    timing = recording.torque_timing if signals.align else "sampled"
-    torque = align_torque(
-        recording.tau,
-        recording.rate,
-        timing,
-        control_rate=recording.control_rate,
-        delay=recording.delay - recording.drive_delay,
-    )
     unknown = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     if isinstance(signals, Bandpass):
@@ -93,30 +90,42 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     else:
         smoothed, lines = _random_walk(recording, signals)
         motion = (smoothed.q, smoothed.dq, smoothed.ddq)
-        if signals.align:
-            motion = (smoothed.q, *derivatives_at_instants(smoothed.dq, smoothed.ddq))
-            if torque.is_average:
-                torque = replace(torque, tau=torque_at_instants(torque.tau))
         ends = (smoothed.edge, smoothed.edge)
         f50, encoder_std = np.atleast_1d(smoothed.f50), np.atleast_1d(smoothed.noise_std)
-    start = max(ends[0], torque.lost_start)
-    stop = recording.samples - max(ends[1], torque.lost_end)
+    q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
+    tau = working_array(q.shape)
+    at_instants = signals.align and isinstance(signals, RandomWalk)
+    lost = [(0, 0)] * recording.joints
+
+    def work(j: int) -> None:
+        torque = _aligned(recording, j, signals.align)
+        lost[j] = torque.lost_start, torque.lost_end
+        averaged = at_instants and torque.is_average
+        tau[j] = torque_at_instants(torque.tau) if averaged else torque.tau
+        if at_instants:
+            dq[j], ddq[j] = derivatives_at_instants(dq[j], ddq[j])
+
+    run_in_threads(work, range(recording.joints))
+    start = max(ends[0], *(first for first, _ in lost))
+    stop = recording.samples - max(ends[1], *(last for _, last in lost))
     if stop - start < SHORTEST_RUN:
         raise RecordingTooShort(
             recording.samples, recording.samples - (stop - start) + SHORTEST_RUN
         )
-    q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion)
-    return Kinematics(
-        recording,
-        q,
-        dq,
-        ddq,
-        np.ascontiguousarray(torque.tau.T),
-        start,
-        stop,
-        f50,
-        encoder_std,
-        lines,
+    return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines)
+
+
+def _aligned(recording: Recording, joint: int, align: bool) -> AlignedTorque:
+    """Torque of one joint on the instants of the positions.
+
+    A declared delay is taken out in any case.
+    """
+    return align_torque(
+        np.ascontiguousarray(recording.tau[:, joint]),
+        recording.rate,
+        recording.torque_timing if align else "sampled",
+        control_rate=recording.control_rate,
+        delay=recording.delay - recording.drive_delay,
     )
 
 

@@ -16,7 +16,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
+from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.full_rate import (
     FullRateRecord,
     accumulate,
@@ -37,6 +37,7 @@ from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.whitening import Whitening
 
 #: Estimates before the one that may be the last: noise models come from the residuals of both.

@@ -182,8 +182,10 @@ class Problem:
     def _rated_speeds(self, recording: Recording) -> np.ndarray:
         """Rated speeds; where one is not known, the fastest motion of the record."""
         rated = self.robot.rated_speeds
-        fastest = np.abs(np.diff(recording.q, axis=0)).max(axis=0) * recording.rate
-        return np.where(np.isfinite(rated), rated, fastest)
+        unknown = np.flatnonzero(~np.isfinite(rated))
+        for j in unknown:
+            rated[j] = np.abs(np.diff(recording.q[:, j])).max() * recording.rate
+        return rated
 
     def initial_values(self) -> np.ndarray:
         """Start of the iteration: nominal inertias, zero friction, then ``initial`` by name.

@@ -13,7 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.full_rate import BLOCK, FullRateRecord
 from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.problem import Problem
 from pivident.signals.prefilter import Prefilter
@@ -79,7 +79,13 @@ def noisy_standstill(
 def slow_samples(problem: Problem, record: FullRateRecord) -> np.ndarray:
     """Samples at which the instruments stand still, shape (joints, samples)."""
     source = record.kinematics if record.motion is None else record.motion
-    return np.abs(source.dq) < problem.low_speeds(record.kinematics.recording)[:, None]
+    low = problem.low_speeds(record.kinematics.recording)
+    samples = record.votes.shape[1]
+    slow = np.empty((len(low), samples), bool)
+    for first in range(0, samples, BLOCK):
+        span = slice(first, min(first + BLOCK, samples))
+        slow[:, span] = np.abs(source.stretch(span)[1]) < low[:, None]
+    return slow
 
 
 def without_recent(votes: np.ndarray, length: int) -> np.ndarray:

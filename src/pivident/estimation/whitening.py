@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.full_rate import FullRateRecord, torque_of
+from pivident.estimation.full_rate import FullRateRecord, residual_of
 from pivident.estimation.iteration import position_units
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Arma, PrefilteredIV
@@ -105,9 +105,7 @@ class Whitening:
 
     def _fit(self, number: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
         """Noise models, filters, and the joints whose standstill is noisier than their motion."""
-        residuals = [
-            kin.tau - torque_of(self.problem.regressor, kin, theta) for kin in self.kinematics
-        ]
+        residuals = [residual_of(self.problem.regressor, k, theta) for k in self.kinematics]
         if isinstance(self.method.noise, Repetition):
             residuals = self.method.noise.non_repeating(residuals, self.kinematics)
         n = self.problem.robot.size

@@ -3,7 +3,7 @@
     robot = "staubli_tx40"                 # gallery name, .toml or .urdf
 
     [recording]                            # several: [[recording]]
-    files = "log.csv"                      # or dataset = "emps"
+    files = "log.csv"                      # or "runs/*.parquet", or dataset = "emps"
     columns = {q = ["q1", "q2"], tau = ["i1", "i2"], q_ref = ["r1", "r2"], t = "time"}
     units = {q = "deg", q_ref = "deg", tau = {unit = "A", gain = 12.5}}
 
@@ -36,7 +36,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.consistency import consistency_of
 from pivident.experiment.explained import validated
 from pivident.experiment.methods import method_of
-from pivident.experiment.recordings import loop_of, recording_of
+from pivident.experiment.recordings import loop_of, one_by_one, recording_of
 from pivident.experiment.robot import robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.files import regular_file
@@ -230,7 +230,7 @@ def load_experiment(path: str | Path) -> Experiment:
             raise
         except ValueError as error:
             raise ExperimentError(f"is not TOML: {error}; correct this line") from error
-        experiment = Experiment(path, validated(content))
+        experiment = Experiment(path, _with_every_run(validated(content), path.parent))
         for name in METHODS:
             method_of(name, experiment.content.identify)
     experiment.methods()
@@ -279,3 +279,11 @@ def file_text(path: Path) -> str:
         ) from error
     except UnicodeDecodeError as error:
         raise ExperimentError(f"is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
+
+
+def _with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
+    """The tables with one recording for each file of a pattern."""
+    unseen = one_by_one(content.validation.recording, folder)
+    validation = content.validation.model_copy(update={"recording": unseen})
+    runs = one_by_one(content.recording, folder)
+    return content.model_copy(update={"recording": runs, "validation": validation})

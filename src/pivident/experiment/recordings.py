@@ -48,6 +48,43 @@ RUNS: dict[str, dict[str, Loader]] = {
 }
 
 
+def one_by_one(entries: Sequence[RecordingEntry], folder: Path) -> list[RecordingEntry]:
+    """The tables with those of many runs, ``files = "runs/*.parquet"``, taken apart.
+
+    Args:
+        entries: tables of an experiment file.
+        folder: what paths are relative to.
+
+    Returns:
+        One table for each run, those of one pattern in the order of their files' names.
+
+    Raises:
+        ExperimentError: no file fits a pattern, or one name is given to several runs.
+    """
+    found = []
+    for entry in entries:
+        if not isinstance(entry.files, str) or not any(c in entry.files for c in "*?"):
+            found.append(entry)
+            continue
+        anchor, pattern = folder, entry.files
+        if Path(pattern).is_absolute():
+            anchor = Path(Path(pattern).anchor)
+            pattern = str(Path(pattern).relative_to(anchor))
+        files = sorted(path for path in anchor.glob(pattern) if path.is_file())
+        if not files:
+            raise ExperimentError(
+                f"files = {entry.files!r}: no file fits this pattern in {folder}; check the "
+                "folder and the ending"
+            )
+        if entry.name is not None and len(files) > 1:
+            raise ExperimentError(
+                f"name = {entry.name!r} is given to the {len(files)} runs of {entry.files!r}; "
+                "leave it out, they are named by their files"
+            )
+        found += [entry.model_copy(update={"files": str(path)}) for path in files]
+    return found
+
+
 def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording:
     """One recording, read, checked, and cut to its part.
 

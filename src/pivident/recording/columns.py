@@ -24,6 +24,7 @@ import numpy as np
 
 from pivident.errors import RecordingError, UnknownColumn
 from pivident.robot.naming import frozen_example
+from pivident.scratch import working_array
 
 #: What a user may write for the columns of one channel.
 ColumnSpec = str | Sequence[str] | Mapping[str, str | Sequence[str]]
@@ -139,7 +140,10 @@ def assemble(
             f"{channel.name} lists {len(columns)} column(s) for {joints} joint(s)"
             f"{_listed(joint_names)}; {_one_for_each(joint_names, len(columns))}"
         )
-    return np.column_stack(columns)
+    together = working_array((lengths[0], len(columns)))
+    for j, column in enumerate(columns):
+        together[:, j] = column
+    return together
 
 
 def _part(channel: Channel, column: str, table: Mapping[str, np.ndarray]) -> np.ndarray:

@@ -25,6 +25,7 @@ from pivident.recording.units import UnitSpec, check_kind, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
+from pivident.scratch import working_array
 
 #: Its keywords that are not fields of the recording.
 _OPTIONS = {
@@ -261,7 +262,8 @@ def _to_si(
                 check_kind(channel, unit, joint.name, joint.kind)
         quantity = channel.partition(".")[0]
         factors, commands = zip(*(factor_to_si(quantity, unit) for unit in per_joint), strict=True)
-        logged[channel] = logged[channel] * (factors[0] if channel == "t" else np.array(factors))
+        if any(factor != 1.0 for factor in factors):
+            logged[channel] = _scaled(logged[channel], np.array(factors))
         if any(commands):
             given = None if transmission is None else transmission.gain_given
             without = [
@@ -278,7 +280,13 @@ def _to_si(
                     "or drive_gain under [robot]; a torque constant of the motor also needs "
                     'reduction there and side = {tau = "motor"}'
                 )
-            logged[channel] *= np.where(commands, transmission.drive_gain, 1.0)
+            gains = np.where(commands, transmission.drive_gain, 1.0)
+            logged[channel] = _scaled(logged[channel], gains)
+
+
+def _scaled(values: np.ndarray, factors: np.ndarray) -> np.ndarray:
+    """Each column times its factor, in a working array of its own."""
+    return np.multiply(values, factors, out=working_array(values.shape))
 
 
 def _clock(
@@ -333,11 +341,15 @@ def _to_joint_side(
                 logged[channel] = transmission.joint_torques(logged[channel])
             else:
                 moved = transmission.joint_positions(logged[channel])
-                logged[channel] = moved - transmission.position_offset
+                moved -= transmission.position_offset
+                logged[channel] = moved
                 if position_offset is None:
                     offset = transmission.position_offset
         if channel == "q_link" and position_offset is None and sides["q"] == "motor":
             assert transmission is not None, "_sides has asked for it"
             offset = transmission.position_offset  # both encoders in the model's coordinates
         if channel in ("q", "q_ref", "q_link"):
-            logged[channel] = logged[channel] + offset
+            if offset.any():
+                logged[channel] = np.add(
+                    logged[channel], offset, out=working_array(logged[channel].shape)
+                )

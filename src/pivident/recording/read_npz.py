@@ -1,4 +1,7 @@
-"""NumPy archives: .npz. Pickled objects are never loaded."""
+"""NumPy arrays: archives (.npz) and single ones (.npy). Pickled objects are never loaded.
+
+An array that is large is read part by part into a working array; a single one is mapped.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,20 @@ import zipfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 import numpy as np
 from numpy.lib import format as npy
 
 from pivident.errors import FileFormatError
 from pivident.recording.files import existing_file, refuse_bomb
+from pivident.scratch import largest_in_memory, working_array
+
+#: Name of the array in a file that holds one only.
+ONLY = "data"
+
+#: Bytes that are read at a time of a large array.
+PART = 2**24
 
 #: Longest header of an array [bytes]. NumPy would read whatever length is promised.
 LONGEST_HEADER = 2**16
@@ -56,7 +67,7 @@ def read_npz(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
                     f"{path.name} holds {kind} in {name!r}; save it as an array of numbers"
                 )
             refuse_bomb(path, size)
-            arrays[name] = _load(path, archive, name)
+            arrays[name] = _load(path, archive, name, size)
     return arrays
 
 
@@ -72,14 +83,9 @@ def _archive(path: Path) -> zipfile.ZipFile:
 def _promise(path: Path, archive: zipfile.ZipFile, name: str) -> tuple[np.dtype, int]:
     """Type and bytes that an array's header promises, before anything is allocated."""
     with _damage_named(path, name), archive.open(f"{name}.npy") as member:
-        version = npy.read_magic(member)
-        length = int.from_bytes(member.read(2 if version == (1, 0) else 4), "little")
-        if length > LONGEST_HEADER:
-            raise ValueError(f"its header has {length} bytes")
+        _check_header_length(member)
     with _damage_named(path, name), archive.open(f"{name}.npy") as member:
-        npy.read_magic(member)
-        read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
-        shape, _, dtype = read(member)
+        shape, _, dtype = _header(member)
         if any(type(length) is not int or not 0 <= length < 2**63 for length in shape):
             raise ValueError("its shape is not that of an array")
     size = int(np.prod(shape, dtype=object)) * dtype.itemsize
@@ -91,10 +97,62 @@ def _promise(path: Path, archive: zipfile.ZipFile, name: str) -> tuple[np.dtype,
     return dtype, size
 
 
-def _load(path: Path, archive: zipfile.ZipFile, name: str) -> np.ndarray:
+def _check_header_length(member: IO[bytes]) -> None:
+    """Refuse a header that NumPy would read whatever its length."""
+    version = npy.read_magic(member)
+    length = int.from_bytes(member.read(2 if version == (1, 0) else 4), "little")
+    if length > LONGEST_HEADER:
+        raise ValueError(f"its header has {length} bytes")
+
+
+def _load(path: Path, archive: zipfile.ZipFile, name: str, size: int) -> np.ndarray:
     """One array, without ever unpickling."""
     with _damage_named(path, name), archive.open(f"{name}.npy") as member:
-        return npy.read_array(member, allow_pickle=False)
+        if size <= largest_in_memory():
+            return npy.read_array(member, allow_pickle=False)
+        shape, fortran, dtype = _header(member)
+        flat = working_array((int(np.prod(shape)),))
+        items = max(1, PART // dtype.itemsize)
+        for first in range(0, flat.size, items):
+            part = flat[first : first + items]
+            part[:] = np.frombuffer(member.read(part.size * dtype.itemsize), dtype)
+        return flat.reshape(shape, order="F" if fortran else "C")
+
+
+def _header(member: IO[bytes]) -> tuple[tuple[int, ...], bool, np.dtype]:
+    """Shape, order and type of an array, the stream then stands at its first item."""
+    version = npy.read_magic(member)
+    read = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    return read(member)
+
+
+def npy_names(path: str | Path) -> tuple[str, ...]:
+    """The name under which a single array goes: ``data``."""
+    existing_file(path)
+    return (ONLY,)
+
+
+def read_npy(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """The array of a .npy file, as ``data``; mapped, not read.
+
+    Args:
+        path: the file.
+        names: ``data``, or None.
+
+    Raises:
+        FileFormatError: the file is missing, damaged or shorter than it promises, or the array
+            holds text or pickled objects.
+    """
+    path = existing_file(path)
+    with _damage_named(path, ONLY), path.open("rb") as file:
+        _check_header_length(file)
+        file.seek(0)
+        dtype = _header(file)[2]
+    if dtype.kind not in "biuf":
+        kind = "pickled objects" if dtype.hasobject else f"{dtype}"
+        raise FileFormatError(f"{path.name} holds {kind}; save it as an array of numbers")
+    with _damage_named(path, ONLY):
+        return {ONLY: np.asarray(np.load(path, mmap_mode="r", allow_pickle=False))}
 
 
 @contextmanager

@@ -9,6 +9,10 @@ import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
 from pivident.recording.files import existing_file, nameable, refuse_bomb
+from pivident.scratch import working_array
+
+#: Rows that are read at a time; a longer table is never held in memory.
+ROWS = 2**20
 
 
 def parquet_names(path: str | Path) -> tuple[str, ...]:
@@ -47,12 +51,17 @@ def read_parquet(path: str | Path, names: Sequence[str] | None = None) -> dict[s
     wanted = list(parquet_names(path) if names is None else names)
     try:
         table = pl.scan_parquet(nameable(path), glob=False)
-        refuse_bomb(path, 8 * len(wanted) * table.select(pl.len()).collect().item())
-        frame = table.select(pl.col(wanted).cast(pl.Float64)).collect()
+        rows = table.select(pl.len()).collect().item()
+        refuse_bomb(path, 8 * len(wanted) * rows)
+        columns = working_array((len(wanted), rows))
+        for first in range(0, rows, ROWS):
+            part = table.slice(first, ROWS).select(pl.col(wanted).cast(pl.Float64)).collect()
+            for name, column in zip(wanted, columns, strict=True):
+                empty = part[name].is_null().arg_true()
+                if len(empty):
+                    row = first + int(empty[0]) + 1
+                    raise BadCell(path.name, row, name, "", "the cell is empty")
+                column[first : first + ROWS] = part[name].to_numpy()
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException, OSError) as error:
         raise FileFormatError(f"{path.name} is a damaged Parquet file ({error})") from error
-    for name in wanted:
-        empty = frame[name].is_null().arg_true()
-        if len(empty):
-            raise BadCell(path.name, int(empty[0]) + 1, name, "", "the cell is empty")
-    return {name: frame[name].to_numpy() for name in wanted}
+    return dict(zip(wanted, columns, strict=True))

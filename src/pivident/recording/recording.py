@@ -17,6 +17,7 @@ from pivident.printable import is_printable
 from pivident.recording import checks
 from pivident.recording.files import SourceFile
 from pivident.robot.transmission import Transmission
+from pivident.scratch import working_array
 
 #: Fields that hold samples, besides the inputs.
 CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexible joints
@@ -282,7 +283,8 @@ def _settled(channel: str, values: Any) -> np.ndarray:
             raise TypeError("complex numbers")
         if array.dtype == np.float64 and array.flags.c_contiguous and not array.flags.writeable:
             return array
-        settled = np.array(array, dtype=np.float64, order="C")
+        settled = working_array(array.shape)
+        settled[...] = array
     except (TypeError, ValueError) as error:
         raise RecordingError(f"{channel} is not an array of real numbers ({error})") from error
     settled.flags.writeable = False

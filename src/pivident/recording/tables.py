@@ -12,7 +12,7 @@ from pivident.errors import FileFormatError, UnknownColumn
 from pivident.printable import is_printable
 from pivident.recording.read_csv import csv_names, read_csv
 from pivident.recording.read_mat import mat_names, read_mat
-from pivident.recording.read_npz import npz_names, read_npz
+from pivident.recording.read_npz import npy_names, npz_names, read_npy, read_npz
 from pivident.recording.read_parquet import parquet_names, read_parquet
 
 #: Longest name of a column or an array, in characters.
@@ -26,6 +26,7 @@ READERS: dict[str, tuple[Names, Read]] = {
     ".txt": (csv_names, read_csv),
     ".tsv": (csv_names, read_csv),
     ".npz": (npz_names, read_npz),
+    ".npy": (npy_names, read_npy),
     ".mat": (mat_names, read_mat),
     ".parquet": (parquet_names, read_parquet),
 }
@@ -54,7 +55,7 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
     """Columns or arrays of a file by name.
 
     Args:
-        path: a .csv, .csv.gz, .txt, .tsv, .npz, .mat or .parquet file.
+        path: a .csv, .csv.gz, .txt, .tsv, .npz, .npy, .mat or .parquet file.
         names: those wanted; all where it is not given.
 
     Raises:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
+from pivident.scratch import working_array
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,7 +60,8 @@ class Transmission:
 
     def joint_positions(self, motor_positions: np.ndarray) -> np.ndarray:
         """Joint positions q = N⁻¹ q_motor + offset, shape (samples, joints) [rad or m]."""
-        return motor_positions @ np.linalg.inv(self.reduction).T + self.position_offset
+        q = _product(motor_positions, np.linalg.inv(self.reduction).T)
+        return np.add(q, self.position_offset, out=q)
 
     def motor_positions(self, q: np.ndarray) -> np.ndarray:
         """Motor positions q_motor = N (q - offset), shape (samples, joints) [rad or m]."""
@@ -67,8 +69,14 @@ class Transmission:
 
     def joint_torques(self, motor_torques: np.ndarray) -> np.ndarray:
         """Joint torques tau = Nᵀ tau_motor, shape (samples, joints) [N m or N]."""
-        return motor_torques @ self.reduction
+        return _product(motor_torques, self.reduction)
 
     def motor_torques(self, tau: np.ndarray) -> np.ndarray:
         """Motor torques tau_motor = N⁻ᵀ tau, shape (samples, joints) [N m or N]."""
         return tau @ np.linalg.inv(self.reduction)
+
+
+def _product(signal: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """A signal (samples, joints) times a matrix, in a working array."""
+    signal = np.asarray(signal, dtype=float)
+    return np.matmul(signal, matrix, out=working_array(signal.shape))

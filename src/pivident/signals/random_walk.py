@@ -22,6 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import NonFiniteSamples, RecordingError
+from pivident.scratch import working_array
 from pivident.signals.random_walk_likelihood import (
     SMALLEST_NVR,
     diffuse_fit,
@@ -205,7 +206,7 @@ def smooth_channels(
     check_positions(y, rate, order, passes)
     samples, channels = y.shape
     given = np.broadcast_to(np.asarray(np.nan if nvr is None else nvr, dtype=float), channels)
-    trajectories = np.empty((3, samples, channels))
+    trajectories = working_array((3, channels, samples))
     figures = np.empty((5, channels))
 
     def work(channel: int) -> None:
@@ -215,15 +216,15 @@ def smooth_channels(
         )
         if passes == 2:
             forward, _, _ = _smooth_channel(forward, rate, order, fixed, f50_max)
-        trajectories[0, :, channel] = q
-        differentiate(forward, rate, trajectories[1, :, channel], trajectories[2, :, channel])
+        trajectories[0, channel] = q
+        differentiate(forward, rate, trajectories[1, channel], trajectories[2, channel])
 
     with ThreadPoolExecutor(max(1, min(channels, threads or os.cpu_count() or 1))) as pool:
         list(pool.map(work, range(channels)))
     return SmoothedSignal(
-        q=trajectories[0],
-        dq=trajectories[1],
-        ddq=trajectories[2],
+        q=trajectories[0].T,
+        dq=trajectories[1].T,
+        ddq=trajectories[2].T,
         nvr=figures[0],
         f50=np.array([f50_from_nvr(x, order, rate) for x in figures[0]]),
         noise_std=figures[1],

@@ -6,6 +6,7 @@ held over the period. Accelerations at a sample are those right after the new to
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,6 +33,9 @@ from pivident.simulation.loop_kernel import (
     run_loop,
 )
 from pivident.simulation.python_loop import run_python_loop
+
+#: Samples that are simulated at a time where a run is taken in stretches.
+BLOCK = 16384
 
 #: Longest step over which the rigid body may be frozen [s].
 LONGEST_STEP = 2.5e-4
@@ -117,6 +121,42 @@ def simulate(
         MassMatrixNotPositiveDefinite: names the joint, the time and the pivot.
         ShapeMismatch: signals that do not belong together.
     """
+    samples = len(signals.q_ref)
+    blocks = simulate_blocks(model, controller, signals, joint_names, start, oracle, samples)
+    _, (q, dq, ddq, tau, command), states = next(blocks)
+    return Trajectory(float(signals.rate), q, dq, ddq, tau, command, states)
+
+
+def simulate_blocks(
+    model: Model,
+    controller: Controller,
+    signals: LoopSignals,
+    joint_names: tuple[str, ...],
+    start: tuple[np.ndarray, np.ndarray] | None = None,
+    oracle: int | None = None,
+    block: int = BLOCK,
+) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+    """Simulate a stretch at a time, so that a long run needs no memory for all of its channels.
+
+    Args:
+        model: see :func:`simulate`; likewise the next five.
+        controller: the sampled law. A Python function is simulated in one stretch.
+        signals: reference, known inputs, noise, gains and bounds.
+        joint_names: for messages.
+        start: initial positions and speeds.
+        oracle: see :func:`simulate`.
+        block: samples of a stretch.
+
+    Yields:
+        The samples, the channels q, dq, ddq, tau and command on them, shape
+        (5, stretch, joints), and the states of friction, shape (stretch, states). The next
+        stretch overwrites both.
+
+    Raises:
+        SimulationDiverged: see :func:`simulate`; likewise the others.
+        MassMatrixNotPositiveDefinite: M(q) is indefinite on the way.
+        ShapeMismatch: signals that do not belong together.
+    """
     n = len(model.inertia)
     rate, samples = float(signals.rate), len(signals.q_ref)
     delay = float(signals.drive_delay)
@@ -133,34 +173,57 @@ def simulate(
     limits = np.empty((4, n))
     limits[GAIN], limits[OUTPUT] = signals.drive_gain, signals.limit
     limits[DISTANCE], limits[SPEED] = signals.bound, signals.speed_bound
-    channels, failure = np.zeros((CHANNELS, samples, n)), np.zeros(1)
+    failure = np.zeros(1)
     controller.check(n)
     if isinstance(controller, PythonController):
         if dq_ref is None:
             dq_ref = backward_difference(q_ref, rate)
+        channels = np.zeros((CHANNELS, samples, n))
         what, joint, sample, record = run_python_loop(
             model, controller, begin, rate, delay, q_ref, dq_ref, inputs, noise, limits, steps,
             oracle, channels, failure,
         )  # fmt: skip
-    else:
-        law = controller.law(rate, q_ref, dq_ref)
-        state = initial_state(model, law, begin[0], begin[1], int(delay * rate + 1e-9))
-        on_path = path_arguments(model.friction, state, samples)
-        record = on_path[-1]
+        _check_outcome(what, joint, sample / rate, float(failure[0]), limits, joint_names)
+        yield slice(0, samples), channels, _states(model, record, samples)
+        return
+    law = controller.law(rate, q_ref, dq_ref)
+    state = initial_state(model, law, begin[0], begin[1], int(delay * rate + 1e-9))
+    block = min(block, samples)
+    channels = np.zeros((CHANNELS, block, n))
+    on_path = path_arguments(model.friction, state, block)
+    for first in range(0, samples, block):
+        last = min(first + block, samples)
         what, joint, sample = run_loop(
             model, law, state, rate, delay, q_ref, inputs, noise, limits,
-            steps, oracle, 0, samples, channels, failure, *on_path,
+            steps, oracle, first, last, first, channels, failure, *on_path,
         )  # fmt: skip
-    time, value = sample / rate, float(failure[0])
+        _check_outcome(what, joint, sample / rate, float(failure[0]), limits, joint_names)
+        length = last - first
+        yield slice(first, last), channels[:, :length], _states(model, on_path[-1], length)
+
+
+def _states(model: Model, record: np.ndarray | None, samples: int) -> np.ndarray:
+    """States of friction that remembers its path, shape (samples, states)."""
+    if record is None:
+        return np.zeros((samples, 0))
+    return record[:samples, model.friction.memories]
+
+
+def _check_outcome(
+    what: int,
+    joint: int,
+    time: float,
+    value: float,
+    limits: np.ndarray,
+    joint_names: tuple[str, ...],
+) -> None:
+    """Raise the error of a run that ended early."""
     if what == INDEFINITE:
         raise MassMatrixNotPositiveDefinite(joint_names[joint], time, value)
     if what in (TOO_FAR, TOO_FAST):
         fast = what == TOO_FAST
         bound = float(limits[SPEED if fast else DISTANCE, joint])
         raise SimulationDiverged(joint_names[joint], time, value, bound, speed=fast)
-    states = np.zeros((samples, 0)) if record is None else record[:, model.friction.memories]
-    q, dq, ddq, tau, command = channels
-    return Trajectory(rate, q, dq, ddq, tau, command, states)
 
 
 def _signal(name: str, signal: np.ndarray | None, samples: int, joints: int) -> np.ndarray:

@@ -43,7 +43,7 @@ GAIN, OUTPUT, DISTANCE, SPEED = 0, 1, 2, 3
 
 # Layers of ``channels``: positions, speeds, accelerations right after the new torque was applied,
 # torques, limited outputs of the law.
-_Q, _DQ, _DDQ, _TAU, _COMMAND, CHANNELS = 0, 1, 2, 3, 4, 5
+_Q, _DQ, _DDQ, TORQUE, _COMMAND, CHANNELS = 0, 1, 2, 3, 4, 5
 
 
 class LoopState(NamedTuple):
@@ -141,7 +141,7 @@ def path_arguments(
 @njit(cache=True, nogil=True, error_model="numpy")
 def run_loop(
     model, law, state, rate, delay, q_ref, inputs, noise, limits, steps, oracle, first, last,
-    channels, failure, path_index, path_value, path, path_record,
+    origin, channels, failure, path_index, path_value, path, path_record,
 ):  # fmt: skip
     """Simulate the samples from ``first`` to before ``last``.
 
@@ -159,7 +159,8 @@ def run_loop(
         oracle: None, or Runge–Kutta substeps per control period.
         first: first sample.
         last: one past the last sample.
-        channels: receives the motion, see above, shape (CHANNELS, samples, joints).
+        origin: sample that the first row of ``channels`` and of ``path_record`` belongs to.
+        channels: receives the motion, see above, shape (CHANNELS, rows, joints).
         failure: receives the pivot, distance or speed that ended the run, shape (1,).
         path_index: from ``path_arguments``; likewise the next three.
         path_value: values of these terms.
@@ -191,6 +192,7 @@ def run_loop(
     heard = 0  # row of noise and of inputs; a single row stands for all samples
     given = 0
     for k in range(first, last):
+        row = k - origin
         if noise.shape[0] > 1:
             heard = k
         if inputs.shape[0] > 1:
@@ -212,7 +214,7 @@ def run_loop(
             # anti-windup: the integrator rests while it would push further into the limit
             if (u - held) * growth <= 0.0:
                 integral[j] += growth
-            channels[_COMMAND, k, j] = held
+            channels[_COMMAND, row, j] = held
             for m in range(late + 1, 0, -1):
                 commanded[m, j] = commanded[m - 1, j]
             commanded[0, j] = limits[GAIN, j] * held
@@ -238,8 +240,8 @@ def run_loop(
                 return INDEFINITE, joint, k
             if turn == 0 or (turn == steps and waiting == 0.0):
                 for j in range(n):
-                    channels[_Q, k, j], channels[_DQ, k, j] = vectors[Q, j], vectors[V, j]
-                    channels[_DDQ, k, j], channels[_TAU, k, j] = vectors[DDQ, j], torque[j]
+                    channels[_Q, row, j], channels[_DQ, row, j] = vectors[Q, j], vectors[V, j]
+                    channels[_DDQ, row, j], channels[TORQUE, row, j] = vectors[DDQ, j], torque[j]
                     # comparisons are written so that NaN fails them
                     failure[0] = abs(vectors[Q, j] - q_ref[k, j])
                     if not failure[0] <= limits[DISTANCE, j]:
@@ -249,7 +251,7 @@ def run_loop(
                         return TOO_FAST, j, k
                 if path is not None:
                     for entry in range(path.shape[1]):
-                        path_record[k, entry] = path[STATE, entry]
+                        path_record[row, entry] = path[STATE, entry]
             if oracle is not None:  # decided by its type: the oracle is compiled when asked for
                 joint = advance_runge_kutta(
                     parent, prismatic, rotation, translation, gravity, inertia, rotor,

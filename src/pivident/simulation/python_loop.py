@@ -73,7 +73,7 @@ def run_python_loop(
             said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
             what, joint, _ = run_loop(
                 model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle,
-                k, k + 1, channels, failure, *on_path,
+                k, k + 1, 0, channels, failure, *on_path,
             )  # fmt: skip
             if what != DONE:
                 return what, joint, k, on_path[-1]

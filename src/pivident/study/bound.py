@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.auxiliary_model import central_differences
+from pivident.estimation.simulated_motion import central_differences
 from pivident.simulation.controllers import inverse_controller
 from pivident.study.bench import Bench
 

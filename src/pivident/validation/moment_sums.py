@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.auxiliary_model import central_differences
 from pivident.estimation.sandwich import Share, Windows, windows_of
+from pivident.estimation.simulated_motion import central_differences
 
 if TYPE_CHECKING:
     from pivident.dynamics.regressor import Regressor

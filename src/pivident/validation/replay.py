@@ -12,10 +12,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.estimation.auxiliary_model import AuxiliaryModel, SimulatedMotion
+from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import position_units, torque_units
 from pivident.estimation.problem import Problem
+from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.validation.prediction import Judge, total_error
 
@@ -65,7 +66,7 @@ class Replay:
         self.problem = replace(problem, recordings=(judge.recording,))
         self.recording = judge.recording
         self.auxiliary = AuxiliaryModel(
-            self.problem, differences=False, kinematics=[judge.kinematics]
+            self.problem, differences=False, kinematics=[judge.kinematics], torque=True
         )
 
     def simulate(self, found: Identification) -> SimulatedMotion:
@@ -85,6 +86,7 @@ class Replay:
             spans: samples of the recording.
         """
         motion = self.simulate(found)
+        assert motion.tau is not None
         position = motion.q.T - self.recording.q
         torque = as_logged(motion.tau.T, self.recording) - self.recording.tau
         return [

@@ -1,0 +1,56 @@
+"""Working arrays in files: the same results, nothing left behind, and a full folder says so."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from pivident.errors import PividentError
+from pivident.estimation.identify import identify
+from pivident.scratch import working_array
+from pivident.simulation.scenarios import tx40_fine
+
+
+def test_small_arrays_are_plain_memory():
+    array = working_array((3, 4))
+    assert array.shape == (3, 4) and array.base is None
+
+
+def test_large_ones_lie_in_a_file_without_a_name(tmp_path, monkeypatch):
+    monkeypatch.setenv("PIVIDENT_SCRATCH_ABOVE", "1000")
+    monkeypatch.setenv("PIVIDENT_SCRATCH", str(tmp_path))
+    array = working_array((2, 5000))
+    array[:] = np.arange(10000.0).reshape(2, 5000)
+    assert array.flags.writeable and array.flags.c_contiguous and array.base is not None
+    assert array.sum() == 49995000.0
+    assert not list(tmp_path.iterdir())
+
+
+def test_identification_does_not_depend_on_where_its_arrays_lie(tmp_path, monkeypatch):
+    problem, _ = tx40_fine(0, 8000)
+    plain = identify(problem, "piv")
+    monkeypatch.setenv("PIVIDENT_SCRATCH_ABOVE", "100000")
+    monkeypatch.setenv("PIVIDENT_SCRATCH", str(tmp_path))
+    filed = identify(dataclasses.replace(problem), "piv")
+    np.testing.assert_array_equal(filed.theta, plain.theta)
+    np.testing.assert_array_equal(filed.covariance, plain.covariance)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("PIVIDENT_SCRATCH_ABOVE", "2 GB", "give a number of bytes"),
+        ("PIVIDENT_SCRATCH", "/no/such/folder", "name a folder with more in PIVIDENT_SCRATCH"),
+    ],
+)
+def test_what_cannot_be_used_is_named(monkeypatch, name, value, message):
+    monkeypatch.setenv("PIVIDENT_SCRATCH_ABOVE", "1000")
+    monkeypatch.setenv(name, value)
+    with pytest.raises(PividentError, match=message):
+        working_array((1000,))
+
+
+def test_a_full_folder_is_an_error_and_no_signal(monkeypatch):
+    monkeypatch.setenv("PIVIDENT_SCRATCH_ABOVE", "1000")
+    with pytest.raises(PividentError, match="no room for"):
+        working_array((2**50,))
