@@ -306,8 +306,7 @@ def _at_the_limit(constraint: Constraint, multiplier: np.ndarray) -> tuple[np.nd
     values, vectors = np.linalg.eigh(from_triangle(multiplier, constraint.order))
     singular = vectors[:, values > INACTIVE * values[-1]]
     rank = singular.shape[1]
-    matrices = np.array([from_triangle(column, constraint.order) for column in constraint.matrix.T])
-    held = singular.T @ matrices @ singular
+    held = singular.T @ from_triangle(constraint.matrix.T, constraint.order) @ singular
     row, column = np.triu_indices(rank)
     rows = held[:, row, column].T
     return rows, WORDS[rank] if constraint.kind == REAL_BODY else constraint.kind

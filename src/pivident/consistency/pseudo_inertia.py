@@ -12,6 +12,7 @@ none of them exceeds the sum of the two others: where a density that is not flat
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -67,21 +68,28 @@ def triangle(matrix: np.ndarray) -> np.ndarray:
     Returns:
         Shape (..., order (order + 1)/2).
     """
-    column, row = np.tril_indices(matrix.shape[-1])
-    return matrix[..., row, column] * np.where(row == column, 1.0, np.sqrt(2.0))
+    row, column, weight = _upper_triangle(matrix.shape[-1])
+    return matrix[..., row, column] * weight
 
 
 def from_triangle(vector: np.ndarray, order: int = 4) -> np.ndarray:
-    """The symmetric matrix of :func:`triangle`, shape (order, order).
+    """The symmetric matrices of :func:`triangle`, shape (..., order, order).
 
     Args:
-        vector: shape (order (order + 1)/2,).
-        order: of the matrix.
+        vector: shape (..., order (order + 1)/2).
+        order: of the matrices.
     """
-    column, row = np.tril_indices(order)
-    matrix = np.zeros((order, order))
-    matrix[row, column] = matrix[column, row] = vector / np.where(row == column, 1.0, np.sqrt(2.0))
+    row, column, weight = _upper_triangle(order)
+    matrix = np.zeros((*vector.shape[:-1], order, order))
+    matrix[..., row, column] = matrix[..., column, row] = vector / weight
     return matrix
+
+
+@cache
+def _upper_triangle(order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows, columns and weights of the entries of :func:`triangle`."""
+    column, row = np.tril_indices(order)
+    return row, column, np.where(row == column, 1.0, np.sqrt(2.0))
 
 
 #: P of each of the ten inertial parameters alone, shape (10, 4, 4).
