@@ -72,9 +72,9 @@ def _lengths(points: list[scaling.LengthPoint]) -> list[dict[str, object]]:
           f"{'µs/sample/iter':>14s} {'peak MiB':>9s} {'before':>7s} {'record':>7s}")  # fmt: skip
     for p in points:
         print(
-            f"{p.samples:9,d} {p.parameters:4d} {p.threads:7d} {p.seconds:7.2f} {p.cpu_seconds:7.2f} "
-            f"{p.iterations:5d} {p.microseconds:14.2f} {p.peak_mib:9.0f} {p.before_mib:7.0f} "
-            f"{p.raw_mib:7.1f}"
+            f"{p.samples:9,d} {p.parameters:4d} {p.threads:7d} {p.seconds:7.2f} "
+            f"{p.cpu_seconds:7.2f} {p.iterations:5d} {p.microseconds:14.2f} {p.peak_mib:9.0f} "
+            f"{p.before_mib:7.0f} {p.raw_mib:7.1f}"
         )
     return [vars(p) | {"microseconds": p.microseconds} for p in points]
 

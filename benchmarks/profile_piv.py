@@ -19,8 +19,8 @@ os.environ["PIVIDENT_THREADS"] = "1"  # before pivident asks
 for _library in ("OMP", "OPENBLAS", "MKL"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
-from speed import bounds, stages  # noqa: E402
-from speed.report import write_json  # noqa: E402
+from speed import bounds, plots, stages  # noqa: E402
+from speed.report import RESULTS, write_json  # noqa: E402
 from speed.timing import load  # noqa: E402
 from speed.workloads import whole_job  # noqa: E402
 
@@ -42,6 +42,7 @@ def main() -> None:
     for row in table:
         floor = f"{row.floor_ms:8.1f} {row.distance:6.1f}" if row.bound else ""
         print(f"{row.stage:42s} {row.ms:7.1f} {100 * row.share:5.1f}% {row.bound:>8s} {floor}")
+    plots.stages(table, RESULTS)
     write_json("profile", {"work": label, "bounds": ceilings, "stages": table})
 
 

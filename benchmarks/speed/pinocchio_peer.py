@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 
 from pivident.robot.description import Robot
 
-#: Pinocchio has more kinds of joints than the lists of Boost are made for.
-_BOOST = ("-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS")
+#: Pinocchio has more kinds of joints, and functions of more arguments, than Boost is prepared for.
+#: Its algorithms are taken from its library, where they are compiled already.
+_DEFINITIONS = (
+    "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
+    "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+    "-DBOOST_FUSION_INVOKE_MAX_ARITY=10",
+    "-DPINOCCHIO_ENABLE_TEMPLATE_INSTANTIATION",
+)
 
 SOURCE = Path(__file__).with_name("pinocchio_loops.cpp")
 
@@ -86,8 +92,6 @@ def compiled_loops(
         folder: for the compiled program and its input.
         repeats: turns, of which the median counts.
     """
-    import os
-
     compiler = shutil.which(os.environ.get("CXX", "g++"))
     if compiler is None:
         return {}, "there is no C++ compiler"
@@ -99,11 +103,10 @@ def compiled_loops(
     includes += [f"-I{place}" for place in eigen if place.is_dir()]
     includes += os.environ.get("CPPFLAGS", "").split()
     program = folder / "pinocchio_loops"
-    made = subprocess.run(
-        [compiler, "-O3", "-march=native", "-DNDEBUG", "-std=c++17", *_BOOST, *includes, str(SOURCE),
-         f"-L{prefix / 'lib'}", "-lpinocchio_default", f"-Wl,-rpath,{prefix / 'lib'}", "-o", str(program)],
-        capture_output=True, text=True,
-    )  # fmt: skip
+    libraries = prefix / "lib"
+    command = [compiler, "-O2", "-DNDEBUG", "-std=c++17", *_DEFINITIONS, *includes]
+    command += [str(SOURCE), f"-L{libraries}", "-lpinocchio_default", f"-Wl,-rpath,{libraries}"]
+    made = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
     if made.returncode:
         missing = [line for line in made.stderr.splitlines() if "error" in line]
         return {}, f"it does not compile here: {missing[0] if missing else made.stderr[-200:]}"
@@ -125,4 +128,4 @@ def _write_input(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, p
         dynamic = [m, mx, my, mz, xx, xy, yy, xz, yz, zz]
         rows.append(np.r_[joint.parent, joint.rotation.ravel(), joint.translation, dynamic])
     rows += [robot.rotor_inertia, *(np.ascontiguousarray(x).ravel() for x in (q, dq, ddq))]
-    np.concatenate(rows).astype(sys.byteorder == "little" and "<f8" or ">f8").tofile(path)
+    np.concatenate(rows).astype(float).tofile(path)

@@ -96,9 +96,7 @@ def joints(points: Sequence[JointPoint], folder: Path) -> Path:
             mfc="none",
         )
     at = np.array([4, 12])
-    axes.plot(
-        at, getattr(arms[-1], "matrix_us") * (at / 12) ** 2, ":", color="#999999", label="quadratic"
-    )
+    axes.plot(at, arms[-1].matrix_us * (at / 12) ** 2, ":", color="#999999", label="quadratic")
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks([2, 3, 4, 6, 8, 12], ["2", "3", "4", "6", "8", "12"])

@@ -12,6 +12,8 @@ from unittest.mock import patch
 
 import numpy as np
 
+from pivident.dynamics.entry_plan import INERTIAS, MOMENTS
+from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.signals.random_walk_likelihood import _GRID_POINTS, _TOLERANCE
@@ -188,7 +190,8 @@ def _floors(
     products = sum(
         with_instruments * (2 * k * k + k * k + 3 * k) + alone * (k * k + k) for k in columns
     )
-    entries = (2 * with_instruments + alone) * regressor.entries
+    sources = 2 * with_instruments + alone
+    entries = sources * regressor.entries
     burg = sum(4 * 150 + 4 * p for p in found.orders)
     return {
         "smoother: NVR by maximum likelihood": [
@@ -200,11 +203,19 @@ def _floors(
         "normal equations": [("arithmetic", products * samples / each)],
         "columns": [
             ("memory", 8 * entries * samples / ceilings.bandwidth),
-            ("arithmetic", 16 * entries * samples / each),
+            ("arithmetic", _per_sample(regressor) * sources * samples / each),
         ],
         "noise models": [("arithmetic", burg * samples / each)],
         "simulation": [("latency", found.iterations * samples * _chain_of(joints) * latency)],
     }
+
+
+def _per_sample(regressor: Regressor) -> float:
+    """Multiply-adds of the columns of one sample: poses, motions, screws carried, blocks."""
+    plan = regressor._plan
+    carried = np.count_nonzero(plan.work[:, 1:])
+    inertias, moments = (np.count_nonzero(plan.work & kind) for kind in (INERTIAS, MOMENTS))
+    return 90.0 * plan.moved.sum() + 24.0 * carried + 24.0 * inertias + 18.0 * moments
 
 
 def _grid_width() -> float:

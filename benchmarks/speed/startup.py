@@ -58,7 +58,7 @@ def all_starts(repeats: int, empty_cache: bool) -> list[Start]:
                     1,
                     np.nan,
                     {"NUMBA_CACHE_DIR": folder},
-                )  # fmt: skip
+                )
             )
     return rows
 
