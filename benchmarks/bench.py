@@ -58,13 +58,14 @@ def _rows(options: argparse.Namespace) -> list[dict[str, object]]:
         beside = row.peer
         if row.theirs:
             beside += f": {row.theirs.ms:.1f} ms, ratio {row.ratio:.2f}"
+            beside += f", of processor times {row.work_ratio:.2f}"
         beside += f" ({row.note})" if row.note else ""
         print(
             f"{row.work:74.74s} {row.ours.ms:8.1f} {row.ours.cpu_ms:7.1f} {row.goal:>9s}  {beside}",
             flush=True,
         )
     plots.ratios(made, RESULTS)
-    return [vars(row) | {"ratio": row.ratio} for row in made]
+    return [vars(r) | {"ratio": r.ratio, "work_ratio": r.work_ratio} for r in made]
 
 
 def _lengths(points: list[scaling.LengthPoint]) -> list[dict[str, object]]:

@@ -103,7 +103,7 @@ def rollout(model, signals: LoopSignals, start: tuple[np.ndarray, np.ndarray]) -
     states = np.empty((1, control.shape[1], size))
 
     def work() -> np.ndarray:
-        run(model, data, state[None], control, state=states, skip_checks=True)
+        run(model, data, state[None], control, state=states)
         return states[0, :, 1 : 1 + model.nq]
 
     return work

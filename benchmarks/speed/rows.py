@@ -53,6 +53,11 @@ class Row:
         """How many times as fast as the peer."""
         return self.theirs.ms / self.ours.ms if self.theirs else float("nan")
 
+    @property
+    def work_ratio(self) -> float:
+        """The same of the processor times: what is left where the machine is busy."""
+        return self.theirs.cpu_ms / self.ours.cpu_ms if self.theirs else float("nan")
+
 
 def all_rows(repeats: int) -> Iterator[Row]:
     """Every row of the table."""
