@@ -100,6 +100,7 @@ def joints(points: Sequence[JointPoint], folder: Path) -> Path:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xticks([2, 3, 4, 6, 8, 12], ["2", "3", "4", "6", "8", "12"])
+    axes.set_yticks([0.1, 0.2, 0.5, 1, 2, 5], ["0.1", "0.2", "0.5", "1", "2", "5"])
     axes.minorticks_off()
     axes.set_xlabel("joints (open diamonds: a tree of 12)")
     axes.set_ylabel("per sample, one thread [µs]")
