@@ -92,24 +92,10 @@ def compiled_loops(
         folder: for the compiled program and its input.
         repeats: turns, of which the median counts.
     """
-    compiler = shutil.which(os.environ.get("CXX", "g++"))
-    if compiler is None:
-        return {}, "there is no C++ compiler"
-    import pinocchio
-
-    prefix = Path(pinocchio.__file__).parents[4]
-    includes = [f"-I{prefix / 'include'}"]
-    eigen = [Path("/usr/include/eigen3"), prefix / "include" / "eigen3"]
-    includes += [f"-I{place}" for place in eigen if place.is_dir()]
-    includes += os.environ.get("CPPFLAGS", "").split()
     program = folder / "pinocchio_loops"
-    libraries = prefix / "lib"
-    command = [compiler, "-O2", "-DNDEBUG", "-std=c++17", *_DEFINITIONS, *includes]
-    command += [str(SOURCE), f"-L{libraries}", "-lpinocchio_default", f"-Wl,-rpath,{libraries}"]
-    made = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
-    if made.returncode:
-        missing = [line for line in made.stderr.splitlines() if "error" in line]
-        return {}, f"it does not compile here: {missing[0] if missing else made.stderr[-200:]}"
+    if not program.exists() or program.stat().st_mtime < SOURCE.stat().st_mtime:
+        if reason := _compile(program):
+            return {}, reason
     _write_input(robot, q, dq, ddq, folder / "input.bin")
     ran = subprocess.run(
         [str(program), str(folder / "input.bin"), str(repeats)], capture_output=True, text=True
@@ -118,6 +104,28 @@ def compiled_loops(
         return {}, f"it ended with {ran.returncode}: {ran.stderr.strip()[-200:]}"
     words = [line.split() for line in ran.stdout.splitlines()]
     return {name: float(ms) for name, ms in words}, ""
+
+
+def _compile(program: Path) -> str:
+    """Compile the loops, which takes two minutes; what went wrong, or nothing."""
+    compiler = shutil.which(os.environ.get("CXX", "g++"))
+    if compiler is None:
+        return "there is no C++ compiler"
+    import pinocchio
+
+    prefix = Path(pinocchio.__file__).parents[4]
+    includes = [f"-I{prefix / 'include'}"]
+    eigen = [Path("/usr/include/eigen3"), prefix / "include" / "eigen3"]
+    includes += [f"-I{place}" for place in eigen if place.is_dir()]
+    includes += os.environ.get("CPPFLAGS", "").split()
+    libraries = prefix / "lib"
+    command = [compiler, "-O2", "-DNDEBUG", "-std=c++17", *_DEFINITIONS, *includes]
+    command += [str(SOURCE), f"-L{libraries}", "-lpinocchio_default", f"-Wl,-rpath,{libraries}"]
+    made = subprocess.run([*command, "-o", str(program)], capture_output=True, text=True)
+    if made.returncode:
+        missing = [line for line in made.stderr.splitlines() if "error" in line]
+        return f"it does not compile here: {missing[0] if missing else made.stderr[-200:]}"
+    return ""
 
 
 def _write_input(robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray, path: Path) -> None:

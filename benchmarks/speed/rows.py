@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import tempfile
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
@@ -23,6 +21,7 @@ from pivident.simulation.closed_loop import simulate
 from pivident.threads import thread_count
 
 from . import figaroh_peer, mujoco_peer, pinocchio_peer
+from .report import RESULTS
 from .timing import Timing, side_by_side, timed
 from .workloads import RATE, SAMPLES, base_regressor, simulated_record, whole_job
 
@@ -100,20 +99,19 @@ def matrix_rows(repeats: int) -> Iterator[Row]:
         repeats,
     )
     yield Row(name, ours, ">= 10 x", "Pinocchio, loop in Python", theirs)
-    with tempfile.TemporaryDirectory() as folder:
-        compiled, reason = pinocchio_peer.compiled_loops(
-            robot, *motion, Path(folder), max(3, repeats)
-        )
+    build = RESULTS / "build"
+    build.mkdir(parents=True, exist_ok=True)
+    compiled, reason = pinocchio_peer.compiled_loops(robot, *motion, build, max(3, repeats))
     for work, key, peer in (
         (name, "regressor", "Pinocchio, loop in C++ (processor time, 1 thread)"),
         ("closed-loop simulation", "aba_four_times", "Pinocchio, 4 ABA a sample in C++, no law"),
     ):
+        beside = ours if key == "regressor" else _simulation(repeats)
         if key in compiled:
             ms = compiled[key]
-            beside = ours if key == "regressor" else _simulation(repeats)
             yield Row(work, _processor(beside), "", peer, Timing(ms, ms, 0.0, ours.load))
         else:
-            yield Row(work, ours, "", peer, None, reason)
+            yield Row(work, beside, "", peer, None, reason)
 
 
 def _processor(timing: Timing) -> Timing:
