@@ -24,7 +24,8 @@ lint: .venv/.pivident-test
 	$(BIN)/mypy
 
 bench: .venv/.pivident-test
-	$(BIN)/python benchmarks/speed.py
+	$(BIN)/python benchmarks/bench.py
+	$(BIN)/python benchmarks/profile_piv.py
 	$(BIN)/python -m pytest benchmarks/bench_*.py --benchmark-enable --benchmark-only
 	$(BIN)/python benchmarks/symbolic_models.py
 

@@ -127,8 +127,8 @@ def accumulate(
     for record, own in zip(records, windows, strict=True):
         shares = [list(own.shares(span)) if count else [] for span in _blocks(own.samples)]
 
-        def add(j: int, span: slice, phi, z, tau, votes=record.votes, shares=shares) -> None:
-            sums[j].add(phi, z, tau, votes[j, span], shares[span.start // BLOCK])
+        def add(j: int, span: slice, stack, votes=record.votes, shares=shares) -> None:
+            sums[j].add_stack(stack, votes[j, span], shares[span.start // BLOCK])
 
         _walk(regressor, record, filters, add)
     return sums
@@ -151,7 +151,9 @@ def _blocks(samples: int) -> list[slice]:
 
 
 def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
-    """Hand the filtered columns of each block and joint to ``add(joint, span, Φ, Z, τ)``.
+    """Hand the filtered columns of each block and joint to ``add(joint, span, stack)``.
+
+    The stack holds Φ, Z (if there is one) and τ, one below the other.
 
     Threads take blocks in turn. A joint's filters go on from where the block before left them,
     so each block follows the one before joint by joint, and sums do not depend on the threads.
@@ -172,19 +174,15 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
             for j in joints:
                 own = slice(regressor.offsets[j], regressor.offsets[j + 1])
                 parts = [p[own] for p in packed] + [k.tau[j : j + 1, span]]
+                stack = np.concatenate(parts)
                 if block > 0:
                     done[block - 1][j].wait()
                 if not plain:
-                    parts = _split(streams[j].process(np.vstack(parts)), own.stop - own.start)
-                add(j, span, parts[0], parts[1] if len(sources) == 2 else None, parts[-1][0])
+                    streams[j].process(stack, stack)
+                add(j, span, stack)
                 done[block][j].set()
         finally:  # an error must not leave the next block waiting
             for event in done[block]:
                 event.set()
 
     run_in_threads(work, range(len(spans)))
-
-
-def _split(stack: np.ndarray, width: int) -> list[np.ndarray]:
-    """Φ, Z (if there is one) and τ, stacked on each other, apart again."""
-    return np.split(stack, range(width, stack.shape[0], width))

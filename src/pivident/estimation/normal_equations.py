@@ -20,6 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError, RankDeficientRegressor
+from pivident.estimation.row_products import gram, products
 from pivident.estimation.sandwich import Share
 
 #: Share of a parameter in the weakest direction from which on it is named.
@@ -86,37 +87,46 @@ class JointSums:
             votes: True where a sample votes, shape (samples,); None: all do.
             shares: the windows that the samples belong to.
         """
-        rows = tau.size
+        parts = [phi, tau[None]] if z is None else [phi, z, tau[None]]
+        self.add_stack(np.concatenate(parts), votes, shares)
+
+    def add_stack(
+        self, stack: np.ndarray, votes: np.ndarray | None, shares: Sequence[Share] = ()
+    ) -> None:
+        """Add samples whose columns, instruments and torque stand in one array.
+
+        Args:
+            stack: the joint's columns, its instruments (none: Z = Φ) and the torque, one below
+                the other, shape (k + 1, samples) or (2 k + 1, samples); overwritten.
+            votes: True where a sample votes, shape (samples,); None: all do.
+            shares: the windows that the samples belong to.
+        """
+        k, rows = self.columns.size, stack.shape[1]
         if votes is not None and not votes.all():
             # zeros add nothing to any sum, and cost less than picking the samples that vote
-            weights = votes.astype(float)
-            phi, tau, rows = phi * weights, tau * weights, int(np.count_nonzero(votes))
-            z = None if z is None else z * weights
-        instruments = phi if z is None else z
-        for share in shares:
-            self._share(phi, instruments, tau, share)
-        if not shares:
-            self.zf += instruments @ phi.T
-            self.zt += instruments @ tau
-        if z is None:
+            stack *= votes.astype(float)
+            rows = int(np.count_nonzero(votes))
+        least_squares = len(stack) == k + 1
+        phi, z = slice(0, k), slice(0, k) if least_squares else slice(k, 2 * k)
+        parts = [share.part for share in shares] or [slice(None)]
+        stretches = [gram(stack, part) for part in parts]
+        for share, sums in zip(shares, stretches, strict=False):
+            rising = products(stack[z, share.part] * share.rising, stack, share.part)
+            falling = sums[z] - rising
+            for window, part in ((share.window, falling), (share.window + 1, rising)):
+                self.window_zf[window] += part[:, phi]
+                self.window_zt[window] += part[:, -1]
+        total = sum(stretches[1:], start=stretches[0])
+        self.zf += total[z, phi]
+        self.zt += total[z, -1]
+        if least_squares:
             self.ff, self.zz, self.ft = self.zf, self.zf, self.zt
         else:
-            self.ff += phi @ phi.T
-            self.zz += z @ z.T
-            self.ft += phi @ tau
-        self.tt += float(tau @ tau)
+            self.ff += total[phi, phi]
+            self.zz += total[z, z]
+            self.ft += total[phi, -1]
+        self.tt += float(total[-1, -1])
         self.rows += rows
-
-    def _share(self, phi: np.ndarray, z: np.ndarray, tau: np.ndarray, share: Share) -> None:
-        """Add a stretch, split between the window that falls and the one that rises."""
-        z, phi, tau = z[:, share.part], phi[:, share.part], tau[share.part]
-        rising = z * share.rising
-        for window, weighted in ((share.window, z - rising), (share.window + 1, rising)):
-            zf, zt = weighted @ phi.T, weighted @ tau
-            self.window_zf[window] += zf
-            self.window_zt[window] += zt
-            self.zf += zf
-            self.zt += zt
 
     def residual_sum(self, theta: np.ndarray) -> float:
         """‖τ - Φθ‖² for all parameters ``theta``, from the sums."""

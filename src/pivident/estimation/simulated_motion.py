@@ -11,10 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.signals.instants import derivatives_at_instants
-
-#: Samples on either side that a derivative at an instant looks at.
-REACH = 2
+from pivident.signals.instants import differences_at_instants
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,12 +52,8 @@ class SimulatedMotion:
             dq, ddq = self.derivatives[:, :, span]
             return self.q[:, span], dq, ddq
         first, last, _ = span.indices(self.q.shape[1])
-        wide = slice(max(first - REACH, 0), last + REACH)
-        own = slice(first - wide.start, last - wide.start)
         dq, ddq = np.empty((2, len(self.q), last - first))
-        for j, q in enumerate(self.q[:, wide]):
-            parts = derivatives_at_instants(*central_differences(q, self.rate))
-            dq[j], ddq[j] = parts[0][own], parts[1][own]
+        differences_at_instants(self.q, self.rate, first, dq, ddq)
         return self.q[:, first:last], dq, ddq
 
 

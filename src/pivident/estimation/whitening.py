@@ -134,13 +134,12 @@ class Whitening:
         order: int | None,
     ) -> NoiseModel:
         """Model of one joint's residual behind the inverse controller, all recordings."""
-        from scipy.signal import lfilter
-
         pieces, left_out = [], []
-        skip = Prefilter(self.numerator[j], self.denominator[j]).transient()
+        inverse = Prefilter(self.numerator[j], self.denominator[j])
+        skip = inverse.transient()
         for record, residual in zip(records, residuals, strict=True):
             usable = slice(record.kinematics.start, record.kinematics.stop)
-            pieces.append(lfilter(self.numerator[j], self.denominator[j], residual[j, usable]))
+            pieces.append(inverse.stream(1).process(residual[j : j + 1, usable])[0])
             voters_only = self.method.noise.on_unmasked
             out = ~record.votes[j, usable] & voters_only
             out[:skip] = True

@@ -18,6 +18,7 @@ solved for x.
 from __future__ import annotations
 
 import numpy as np
+from numba import njit
 
 
 def derivatives_at_instants(dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -43,6 +44,64 @@ def torque_at_instants(tau: np.ndarray) -> np.ndarray:
     bands[1] = 10.0 / 12.0
     bands[1, [0, -1]] = 11.0 / 12.0
     return solve_banded((1, 1), bands, tau)
+
+
+def differences_at_instants(
+    q: np.ndarray, rate: float, first: int, dq: np.ndarray, ddq: np.ndarray
+) -> None:
+    """Central differences of positions, brought to the instants, on a stretch of a record.
+
+    Args:
+        q: positions, shape (joints, samples) [rad or m], contiguous along time.
+        rate: sampling rate [Hz].
+        first: sample at which the stretch begins.
+        dq: receives the speeds of the stretch, shape (joints, stretch), contiguous.
+        ddq: receives the accelerations, likewise.
+    """
+    for j in range(len(q)):
+        _differences_at_instants(q[j], rate, first, dq[j], ddq[j])
+
+
+@njit(cache=True, nogil=True)
+def _differences_at_instants(q, rate, first, dq, ddq):
+    """The same for one joint; at the ends of the record the outermost differences repeat."""
+    last, end = first + dq.size, q.size
+    half, square = 0.5 * rate, rate**2
+    # differences of the stretch and of a sample on either side, as far as the record goes
+    begin, stop = max(first - 1, 0), min(last + 1, end)
+    speed, acceleration = np.empty(stop - begin), np.empty(stop - begin)
+    inner, outer = max(begin, 1), min(stop, end - 1)
+    # views that begin at zero: only such loops become vectors
+    before, here, after = q[inner - 1 : outer - 1], q[inner:outer], q[inner + 1 : outer + 1]
+    v, a = speed[inner - begin : outer - begin], acceleration[inner - begin : outer - begin]
+    for k in range(here.size):
+        v[k] = half * (after[k] - before[k])
+        a[k] = square * ((after[k] - here[k]) - (here[k] - before[k]))
+    for x, out, share in ((speed, dq, 6.0), (acceleration, ddq, 12.0)):
+        if begin == 0:
+            x[0] = x[1]
+        if stop == end:
+            x[-1] = x[-2]
+        _take_off_second_difference(x, first - begin, out, share)
+        if first == 0:
+            out[0] = x[0]
+        if last == end:
+            out[-1] = x[-1]
+
+
+@njit(cache=True, nogil=True)
+def _take_off_second_difference(x, first, out, share):
+    """Out = x - Δ²x / share from sample ``first`` of x on, as far as x has both neighbours."""
+    skip = 1 if first == 0 else 0
+    stop = min(first + out.size, x.size - 1)
+    before, here, after = (
+        x[first + skip - 1 : stop - 1],
+        x[first + skip : stop],
+        x[first + skip + 1 :],
+    )
+    y = out[skip:]
+    for k in range(here.size):
+        y[k] = here[k] - ((after[k] - here[k]) - (here[k] - before[k])) / share
 
 
 def _second_difference(x: np.ndarray) -> np.ndarray:

@@ -230,9 +230,10 @@ def _information(variances: np.ndarray, samples: int, criterion: Criterion) -> n
 
 def _step_up(reflections: np.ndarray) -> np.ndarray:
     """A from its reflection coefficients: a ← (a, 0) + k (0, reversed a)  (Levinson)."""
-    a = np.ones(1)
-    for k in reflections:
-        a = np.r_[a, 0.0] + k * np.r_[0.0, a[::-1]]
+    a = np.zeros(reflections.size + 1)
+    a[0] = 1.0
+    for p, k in enumerate(reflections, start=2):
+        a[:p] = a[:p] + k * a[:p][::-1]  # a[p - 1] is still zero
     return a
 
 

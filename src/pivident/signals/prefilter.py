@@ -26,11 +26,19 @@ from pivident.errors import IdentificationError
 #: Taps that the compiled filter adds up in one pass over a tile; filters are padded to it.
 _TAPS = 8
 
-#: Samples of a tile: input and output together stay in the first-level cache.
+#: Rows that are filtered side by side: one vector of the processor. Samples of eight rows lie next
+#: to each other, so that a vector that is one sample further begins one vector further: loads that
+#: cross cache lines would take twice as long, and they are what bounds a filter of many taps.
+_SIDE_BY_SIDE = (0,) * 8
+
+#: Fewer rows than this are filtered one by one.
+_FEWEST_SIDE_BY_SIDE = 4
+
+#: Numbers of a tile, whose sums stay in the first-level cache.
 _TILE = 1024
 
-#: Rows that the recursive part advances in step.
-_ROWS = 4
+#: Samples that are filtered at a time, which stay in the second-level cache.
+_STRETCH = 1024
 
 #: Below this many multiplications a pool of threads costs more than it saves.
 _WORTH_A_THREAD = 2_000_000
@@ -107,7 +115,7 @@ class StreamingFilter:
 
         Args:
             x: next samples, shape (rows, block), C order.
-            out: array of the same shape to write to (not x itself); None: a new one.
+            out: array of the same shape to write to, which may be x itself; None: a new one.
 
         Returns:
             The filtered block, shape (rows, block).
@@ -169,65 +177,107 @@ def transient_length(
 
 @njit(cache=True, nogil=True)
 def _filter_rows(x, numerator, denominator, taps, state, history, out):
-    """Recursive part, then taps, on every row, tile by tile; state and history move along."""
-    past = taps.size - 1
-    tile = np.empty((_ROWS, past + _TILE))
-    for first in range(0, x.shape[0], _ROWS):
-        rows = min(_ROWS, x.shape[0] - first)
-        group = slice(first, first + rows)
-        tile[:rows, :past] = history[group]
-        for start in range(0, x.shape[1], _TILE):
-            stop = min(start + _TILE, x.shape[1])
-            length = stop - start
-            fresh = tile[:rows, past : past + length]
-            _recursive(x[group, start:stop], numerator, denominator, state[group], fresh)
-            for r in range(rows):
-                _convolve(tile[r, : past + length], taps, out[first + r, start:stop])
-                for t in range(past):
-                    tile[r, t] = tile[r, length + t]
-        history[group] = tile[:rows, :past]
+    """Recursive part, then taps, on every row; state and history move along."""
+    for first in range(0, x.shape[0], len(_SIDE_BY_SIDE)):
+        last = min(first + len(_SIDE_BY_SIDE), x.shape[0])
+        if last - first < _FEWEST_SIDE_BY_SIDE:
+            for r in range(first, last):
+                _filter_group(x, numerator, denominator, taps, state, history, out, r, r + 1, (0,))
+        else:
+            _filter_group(
+                x, numerator, denominator, taps, state, history, out, first, last, _SIDE_BY_SIDE
+            )
 
 
 @njit(cache=True, nogil=True)
-def _recursive(x, numerator, denominator, state, y):
-    """Direct form II transposed of N/D, D monic, on several rows in step.
+def _filter_group(x, numerator, denominator, taps, state, history, out, first, last, side):
+    """Some rows side by side; the tuple ``side`` makes their number a constant of the code."""
+    past, order, lanes = taps.size - 1, state.shape[1], len(side)
+    length = min(_STRETCH, x.shape[1])
+    inner, sums = _aligned((past + length) * lanes), _aligned(_TILE)
+    rest = np.zeros((order, lanes))
+    for r in range(last - first):
+        for i in range(order):
+            rest[i, r] = state[first + r, i]
+        for t in range(past):
+            inner[t * lanes + r] = history[first + r, t]
+    samples = _TILE // lanes
+    for start in range(0, x.shape[1], _STRETCH):
+        length = min(_STRETCH, x.shape[1] - start)
+        for t in range(0, length, samples):
+            count = min(samples, length - t)
+            fresh = inner[(past + t) * lanes : (past + t + count) * lanes]
+            table = fresh.reshape(count, lanes)
+            for r in range(last - first):
+                row = x[first + r, start + t : start + t + count]
+                for k in range(count):
+                    table[k, r] = row[k]
+            _recursive(fresh, numerator, denominator, rest, side)
+            y = sums[: count * lanes]
+            filtered = y.reshape(count, lanes)
+            _convolve(inner[t * lanes : (t + past + count) * lanes], taps, y, side)
+            for r in range(last - first):
+                row = out[first + r, start + t : start + t + count]
+                for k in range(count):
+                    row[k] = filtered[k, r]
+        for t in range(past * lanes):
+            inner[t] = inner[length * lanes + t]
+    for r in range(last - first):
+        for i in range(order):
+            state[first + r, i] = rest[i, r]
+        for t in range(past):
+            history[first + r, t] = inner[t * lanes + r]
 
-    Within a row each sample waits for the one before; rows side by side fill the wait.
+
+@njit(cache=True, nogil=True)
+def _aligned(size):
+    """Zeros that begin on a cache line of 64 bytes."""
+    memory = np.zeros(size + 8)
+    begin = (-(memory.ctypes.data // 8)) % 8
+    return memory[begin : begin + size]
+
+
+@njit(cache=True, nogil=True)
+def _recursive(y, numerator, denominator, state, side):
+    """Direct form II transposed of N/D, D monic, in place on rows side by side.
+
+    Within a row each sample waits for the one before; the others fill the wait.
     """
-    order = state.shape[1]
+    order, lanes = state.shape[0], len(side)
     if order == 0:
-        y[:] = numerator[0] * x
+        for i in range(y.size):
+            y[i] *= numerator[0]
         return
-    for t in range(x.shape[1]):
-        for r in range(x.shape[0]):
-            now = numerator[0] * x[r, t] + state[r, 0]
-            for i in range(order - 1):
-                state[r, i] = (
-                    state[r, i + 1] + numerator[i + 1] * x[r, t] - denominator[i + 1] * now
-                )
-            state[r, order - 1] = numerator[order] * x[r, t] - denominator[order] * now
-            y[r, t] = now
+    table = y.reshape(y.size // lanes, lanes)
+    for t in range(len(table)):
+        for r in range(lanes):
+            x = table[t, r]
+            now = numerator[0] * x + state[0, r]
+            for i in range(1, order):
+                state[i - 1, r] = state[i, r] + numerator[i] * x - denominator[i] * now
+            state[order - 1, r] = numerator[order] * x - denominator[order] * now
+            table[t, r] = now
 
 
 @njit(cache=True, nogil=True, fastmath={"contract"})
-def _convolve(x, taps, y):
+def _convolve(x, taps, y, side):
     """y_t = Σ_k taps_k x_{t + past - k}: taps outside, samples inside, so that it vectorises.
 
     Contraction alone is allowed of fast arithmetic: products and sums in one instruction, NaN kept.
     """
-    past = taps.size - 1
+    past, lanes = taps.size - 1, len(side)
     y[:] = 0.0
     for k in range(0, taps.size, _TAPS):
         c0, c1, c2, c3, c4, c5, c6, c7 = taps[k : k + _TAPS]
-        z = x[past - k - _TAPS + 1 :]
+        z = x[(past - k - _TAPS + 1) * lanes :]
         for t in range(y.size):
             y[t] += (
-                c0 * z[t + 7]
-                + c1 * z[t + 6]
-                + c2 * z[t + 5]
-                + c3 * z[t + 4]
-                + c4 * z[t + 3]
-                + c5 * z[t + 2]
-                + c6 * z[t + 1]
+                c0 * z[t + 7 * lanes]
+                + c1 * z[t + 6 * lanes]
+                + c2 * z[t + 5 * lanes]
+                + c3 * z[t + 4 * lanes]
+                + c4 * z[t + 3 * lanes]
+                + c5 * z[t + 2 * lanes]
+                + c6 * z[t + lanes]
                 + c7 * z[t]
             )

@@ -14,7 +14,6 @@ bandwidth that is right for positions and far too wide for accelerations.
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -35,6 +34,7 @@ from pivident.signals.random_walk_model import (
     log_nvr_std,
     required_f50,
 )
+from pivident.threads import thread_count
 
 #: A record must have at least this many samples.
 SHORTEST_RECORD = 20
@@ -197,7 +197,7 @@ def smooth_channels(
         nvr: noise-to-variance ratio, one for all or one per channel, or None.
         passes: 1 or 2.
         f50_max: cap of the searched bandwidth [Hz].
-        threads: size of the pool; None: one per processor.
+        threads: size of the pool; None: :func:`pivident.threads.thread_count`.
 
     Returns:
         The smoothed record, trajectories of shape (samples, channels).
@@ -219,7 +219,7 @@ def smooth_channels(
         trajectories[0, channel] = q
         differentiate(forward, rate, trajectories[1, channel], trajectories[2, channel])
 
-    with ThreadPoolExecutor(max(1, min(channels, threads or os.cpu_count() or 1))) as pool:
+    with ThreadPoolExecutor(max(1, min(channels, threads or thread_count()))) as pool:
         list(pool.map(work, range(channels)))
     return SmoothedSignal(
         q=trajectories[0].T,

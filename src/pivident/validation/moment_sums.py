@@ -277,6 +277,10 @@ class Signals:
     ddq: np.ndarray
     inner: np.ndarray | None = None
 
+    def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, dq and ddq on some samples."""
+        return self.q[:, span], self.dq[:, span], self.ddq[:, span]
+
 
 def _delayed(motion: Motion) -> Signals:
     inner = None if motion.inner is None else _one_later(motion.inner)

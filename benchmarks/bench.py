@@ -1,0 +1,137 @@
+"""Speed and size of everything, with the peers run beside us: tables, JSON and plots.
+
+    PIVIDENT_DATA=FOLDER python benchmarks/bench.py [--quick] [--repeats 7] [--parts rows,starts]
+
+Parts: ``rows`` (the table beside Pinocchio, MuJoCo, FIGAROH, statsmodels and simdkalman),
+``samples`` (30,000 to 3 million), ``joints`` (arms of 2 to 12, a tree of 12), ``parameters``,
+``threads``, ``starts`` (of processes, cold and warm). Works that are compared take turns in one
+process, medians count, and the load of the machine stands with each table: above the number of
+cores, times on the clock say little, and processor times beside them are what can be compared.
+Results go to ``benchmarks/results/bench.json`` and PNG files beside it.
+
+Peers that are not at hand are named with the reason. FIGAROH: ``pip install figaroh``. Pinocchio
+in C++ needs a compiler and Eigen's headers (``CPPFLAGS=-I/usr/include/eigen3``).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+
+from speed import plots, rows, scaling, startup
+from speed.report import RESULTS, machine, write_json
+from speed.timing import load
+
+PARTS = ("rows", "joints", "starts", "threads", "parameters", "samples")
+
+
+def main() -> None:
+    """Run the parts asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--repeats", type=int, default=7)
+    parser.add_argument("--parts", default=",".join(PARTS))
+    parser.add_argument(
+        "--quick", action="store_true", help="300,000 samples at most, no compiling"
+    )
+    options = parser.parse_args()
+    chosen = options.parts.split(",")
+    if unknown := set(chosen) - set(PARTS):
+        parser.error(f"no such part: {', '.join(sorted(unknown))}; parts are {', '.join(PARTS)}")
+    here = machine()
+    print(
+        f"{here['processor']}, {here['cores']} cores, {here['memory_gib']:.1f} GiB, {here['date']}"
+    )
+    found: dict[str, object] = {}
+    for part in PARTS:
+        if part in chosen:
+            print(f"\n{part}, load {load():.1f}", flush=True)
+            found[part] = _RUN[part](options)
+    path = write_json("bench", found)
+    print(f"\nResults: {path}")
+
+
+def _rows(options: argparse.Namespace) -> list[dict[str, object]]:
+    print(f"{'work':74s} {'ours ms':>8s} {'cpu ms':>7s} {'asked':>9s}  peer")
+    made = []
+    for row in rows.all_rows(options.repeats):
+        made.append(row)
+        beside = row.peer
+        if row.theirs:
+            beside += f": {row.theirs.ms:.1f} ms, ratio {row.ratio:.2f}"
+            beside += f", of processor times {row.work_ratio:.2f}"
+        beside += f" ({row.note})" if row.note else ""
+        print(
+            f"{row.work:74.74s} {row.ours.ms:8.1f} {row.ours.cpu_ms:7.1f} {row.goal:>9s}  {beside}",
+            flush=True,
+        )
+    plots.ratios(made, RESULTS)
+    return [vars(r) | {"ratio": r.ratio, "work_ratio": r.work_ratio} for r in made]
+
+
+def _lengths(points: list[scaling.LengthPoint]) -> list[dict[str, object]]:
+    print(f"{'samples':>9s} {'par.':>4s} {'threads':>7s} {'s':>7s} {'cpu s':>7s} {'iter.':>5s} "
+          f"{'µs/sample/iter':>14s} {'peak MiB':>9s} {'before':>7s} {'record':>7s}")  # fmt: skip
+    for p in points:
+        print(
+            f"{p.samples:9,d} {p.parameters:4d} {p.threads:7d} {p.seconds:7.2f} "
+            f"{p.cpu_seconds:7.2f} {p.iterations:5d} {p.microseconds:14.2f} {p.peak_mib:9.0f} "
+            f"{p.before_mib:7.0f} {p.raw_mib:7.1f}"
+        )
+    return [vars(p) | {"microseconds": p.microseconds} for p in points]
+
+
+def _samples(options: argparse.Namespace) -> list[dict[str, object]]:
+    points = scaling.over_samples(300_000 if options.quick else 3_000_000, threads=2)
+    made = _lengths(points)
+    each = [p.microseconds for p in points]
+    print(
+        f"processor time per sample and iteration: {100 * (max(each) / min(each) - 1):.0f} % apart"
+    )
+    plots.samples(points, RESULTS)
+    return made
+
+
+def _parameters(options: argparse.Namespace) -> list[dict[str, object]]:
+    return _lengths(scaling.over_parameters())
+
+
+def _threads(options: argparse.Namespace) -> list[dict[str, object]]:
+    return _lengths(scaling.over_threads())
+
+
+def _joints(options: argparse.Namespace) -> dict[str, object]:
+    points = scaling.over_joints(options.repeats)
+    print(f"{'joints':>6s} {'branches':>8s} {'columns':>7s} {'entries':>7s} "
+          f"{'matrix µs':>9s} {'loop µs':>8s} {'base ms':>8s}")  # fmt: skip
+    for p in points:
+        print(f"{p.joints:6d} {p.branches:8d} {p.columns:7d} {p.entries:7d} "
+              f"{p.matrix_us:9.3f} {p.simulation_us:8.2f} {p.base_ms:8.1f}")  # fmt: skip
+    slopes = {
+        what: scaling.exponent(points, what) for what in ("matrix_us", "simulation_us", "base_ms")
+    }
+    print("power of the joints (4 to 12): " + ", ".join(f"{k} {v:.2f}" for k, v in slopes.items()))
+    plots.joints(points, RESULTS)
+    return {"points": points, "powers": slopes}
+
+
+def _starts(options: argparse.Namespace) -> list[startup.Start]:
+    made = startup.all_starts(min(options.repeats, 5), not options.quick)
+    for s in made:
+        asked = f"<= {s.goal} s" if s.goal == s.goal else ""
+        print(f"{s.what:52s} {s.seconds:7.2f} s, processor {s.cpu_seconds:7.2f} s {asked}")
+    return made
+
+
+_RUN = {
+    "rows": _rows,
+    "samples": _samples,
+    "parameters": _parameters,
+    "threads": _threads,
+    "joints": _joints,
+    "starts": _starts,
+}
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    main()

@@ -1,0 +1,1 @@
+"""Speeds and sizes of pivident, with the peers run beside it."""

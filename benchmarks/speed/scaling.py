@@ -1,0 +1,153 @@
+"""How cost grows: with samples, joints, parameters and threads."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.simulation.closed_loop import simulate
+
+from .timing import side_by_side
+from .workloads import arm, base_regressor, loop_of, motion_of, values_of
+
+#: Folder from which the child processes find this package.
+HOME = Path(__file__).resolve().parents[1]
+
+#: Joints of the arms, and of the tree with three branches.
+JOINTS = (2, 3, 4, 6, 7, 9, 12)
+
+#: Samples of the runs over joints.
+STRETCH = 5_000
+
+
+@dataclass(frozen=True)
+class LengthPoint:
+    """PIV of a simulated TX40 record of some length, in a process of its own.
+
+    Attributes:
+        samples: length.
+        parameters: how many are estimated.
+        threads: given to the process.
+        seconds: on the clock; compilation and simulation of the record not included.
+        cpu_seconds: of all threads.
+        iterations: of the estimator.
+        peak_mib: most memory of the process.
+        before_mib: most memory before the identification, the record included.
+        raw_mib: of the record's positions and torques.
+    """
+
+    samples: int
+    parameters: int
+    threads: int
+    seconds: float
+    cpu_seconds: float
+    iterations: int
+    peak_mib: float
+    before_mib: float
+    raw_mib: float
+
+    @property
+    def microseconds(self) -> float:
+        """Processor time per sample and iteration, smoother shared out [µs]."""
+        return 1e6 * self.cpu_seconds / self.samples / self.iterations
+
+
+@dataclass(frozen=True)
+class JointPoint:
+    """A robot of so many joints.
+
+    Attributes:
+        joints: how many.
+        branches: 1 of an arm; chains of a tree.
+        matrix_us: observation matrix of the base parameters, per sample [µs], one thread.
+        simulation_us: closed loop, per sample [µs].
+        base_ms: base parameters from the description [ms].
+        columns: base parameters.
+        entries: of the observation matrix that are not zero by structure.
+    """
+
+    joints: int
+    branches: int
+    matrix_us: float
+    simulation_us: float
+    base_ms: float
+    columns: int
+    entries: int
+
+
+def in_child(samples: int, parameters: int = 28, threads: int = 2, repeats: int = 1) -> LengthPoint:
+    """PIV in a process of its own, so that its peak memory is its own."""
+    wanted = {"samples": samples, "parameters": parameters, "method": "piv", "repeats": repeats}
+    environment = os.environ | {"PIVIDENT_THREADS": str(threads)}
+    ran = subprocess.run(
+        [sys.executable, "-m", "speed.child", json.dumps(wanted)],
+        cwd=HOME, env=environment, capture_output=True, text=True,
+    )  # fmt: skip
+    if ran.returncode:
+        raise RuntimeError(f"PIV of {samples} samples failed: {ran.stderr.strip()[-500:]}")
+    return LengthPoint(samples, parameters, threads, **json.loads(ran.stdout.splitlines()[-1]))
+
+
+def over_samples(longest: int, threads: int) -> list[LengthPoint]:
+    """From 30,000 samples to ``longest``, about a half decade a step."""
+    lengths = [n for n in (30_000, 100_000, 300_000, 1_000_000, 3_000_000) if n <= longest]
+    return [in_child(n, threads=threads, repeats=3 if n <= 300_000 else 1) for n in lengths]
+
+
+def over_parameters() -> list[LengthPoint]:
+    """From the 28 essential parameters to all base parameters."""
+    return [in_child(30_000, parameters=n, repeats=3) for n in (28, 36, 44, 52)]
+
+
+def over_threads() -> list[LengthPoint]:
+    """One thread, two, up to those of the machine."""
+    most = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    wanted = sorted({1, 2, most}) if most > 1 else [1]
+    return [in_child(100_000, threads=n, repeats=3) for n in wanted]
+
+
+def over_joints(repeats: int) -> list[JointPoint]:
+    """Arms of 2 to 12 joints, and a tree of 12 with three branches."""
+    kinds = [(n, 1) for n in JOINTS] + [(12, 3)]
+    return [_joint_point(n, branches, repeats) for n, branches in kinds]
+
+
+def _joint_point(joints: int, branches: int, repeats: int) -> JointPoint:
+    robot = arm(joints, branches)
+    regressor = base_regressor(robot)
+    q, dq, ddq = (np.ascontiguousarray(x.T) for x in motion_of(robot, STRETCH))
+    out = regressor.packed(q, dq, ddq)
+    law, signals = loop_of(robot, STRETCH)
+    model = values_of(robot)
+    matrix, loop, base = side_by_side(
+        [
+            lambda: regressor.packed(q, dq, ddq, out),
+            lambda: simulate(model, law, signals, robot.joint_names),
+            lambda: base_parameters(robot),
+        ],
+        repeats,
+    )
+    per_sample = 1e3 / STRETCH
+    return JointPoint(
+        joints,
+        branches,
+        matrix.cpu_ms * per_sample,
+        loop.cpu_ms * per_sample,
+        base.cpu_ms,
+        len(regressor.parameters),
+        regressor.entries,
+    )
+
+
+def exponent(points: list[JointPoint], what: str, least: int = 4) -> float:
+    """Slope of the logarithms over the joints of serial arms with ``least`` joints or more."""
+    arms = [p for p in points if p.branches == 1 and p.joints >= least]
+    x, y = np.log([p.joints for p in arms]), np.log([getattr(p, what) for p in arms])
+    return float(np.polyfit(x, y, 1)[0])
