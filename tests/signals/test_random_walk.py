@@ -67,7 +67,6 @@ def test_channels_are_independent_of_each_other_and_of_the_threads(motion):
         for name, value in vars(alone).items():
             np.testing.assert_array_equal(value, vars(whole.channel(index))[name])
             np.testing.assert_array_equal(value, vars(single.channel(index))[name])
-    assert whole.q.flags.c_contiguous
     assert whole.nvr.shape == whole.ddq_noise.shape == (3,)
 
 

@@ -296,11 +296,11 @@ class Regressor:
 
     def _check_motion(self, *signals: np.ndarray) -> None:
         """The compiled loops do not look at shapes; signals are (samples, joints) here."""
-        wanted = (len(signals[0]), self.robot.size)
-        if any(x.shape != wanted for x in signals):
+        shapes = [np.shape(x) for x in signals]
+        if any(len(s) != 2 or s[1] != self.robot.size or s != shapes[0] for s in shapes):
             raise ValueError(
-                f"q, dq, ddq have shapes {', '.join(str(x.shape) for x in signals)} "
-                f"(samples, joints); all must be {wanted}"
+                f"q, dq, ddq have shapes {', '.join(map(str, shapes))}; all must be (samples, "
+                f"{self.robot.size}), with one row for a single state: q[None]"
             )
 
 
