@@ -45,28 +45,11 @@ class Payload:
     link: int = -1
 
     def __post_init__(self) -> None:
-        if not (np.isfinite(self.mass) and self.mass > 0):
-            raise ExperimentError(f"mass of the payload is {self.mass} kg; give a positive number")
+        check_body("payload", self.mass, self.center_of_mass, self.inertia)
         if not 0 <= self.mass_std < self.mass:
             raise ExperimentError(
                 f"mass_std of the payload is {self.mass_std} kg; it lies between 0 and the mass"
             )
-        for key, size in (("center_of_mass", 3), ("inertia", 6)):
-            value = getattr(self, key)
-            if value is not None and np.shape(value) != (size,):
-                raise ExperimentError(f"{key} of the payload needs {size} numbers, not {value!r}")
-        if self.inertia is not None and self.center_of_mass is None:
-            raise ExperimentError(
-                "the payload's inertia is given without its center_of_mass; give that too, or "
-                "leave both out to have them estimated"
-            )
-        if self.inertia is not None:
-            smallest = np.linalg.eigvalsh(tensor(np.asarray(self.inertia, float)))[0]
-            if smallest < -1e-12:
-                raise ExperimentError(
-                    f"the payload's inertia has a negative principal moment, {smallest:.3g} kg m²; "
-                    "give the tensor about the centre of mass, products with the sign of -∫ x y dm"
-                )
 
     def known(self) -> np.ndarray:
         """Ten inertial parameters as far as they are known, zeros elsewhere, shape (10,)."""
@@ -97,3 +80,42 @@ class Payload:
                 unit[k] = 1.0
                 columns[:, INERTIAL.index(p.stem)] = base.values(unit)
         return columns
+
+
+def check_body(
+    what: str,
+    mass: float | None,
+    center_of_mass: Sequence[float] | None,
+    inertia: Sequence[float] | None,
+) -> None:
+    """Refuse numbers that no body has.
+
+    Args:
+        what: the body in a word, for the message.
+        mass: m [kg]; None: unknown.
+        center_of_mass: c [m], shape (3,); None: unknown.
+        inertia: xx xy xz yy yz zz about c [kg m²], shape (6,); None: unknown.
+
+    Raises:
+        ExperimentError: names the number and says what is wrong with it.
+    """
+    if mass is not None and not (np.isfinite(mass) and mass > 0):
+        raise ExperimentError(f"mass of the {what} is {mass} kg; give a positive number")
+    for key, value, size in (("center_of_mass", center_of_mass, 3), ("inertia", inertia, 6)):
+        if value is not None and not (
+            np.shape(value) == (size,) and np.isfinite(np.asarray(value, float)).all()
+        ):
+            raise ExperimentError(f"{key} of the {what} needs {size} numbers, not {value!r}")
+    if inertia is None:
+        return
+    if center_of_mass is None:
+        raise ExperimentError(
+            f"the {what}'s inertia is given without its center_of_mass, about which it is; give "
+            "that too, or leave both out to have them estimated"
+        )
+    smallest = np.linalg.eigvalsh(tensor(np.asarray(inertia, float)))[0]
+    if smallest < -1e-12:
+        raise ExperimentError(
+            f"the {what}'s inertia has a negative principal moment, {smallest:.3g} kg m²; "
+            "give the tensor about the centre of mass, products with the sign of -∫ x y dm"
+        )

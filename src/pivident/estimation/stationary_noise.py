@@ -75,7 +75,32 @@ def stationary_covariance(
         gradient[np.ix_(joint.columns, joint.columns)] += joint.zf / lam
     scale = np.sqrt(np.maximum(np.abs(np.diag(gradient)), 1e-300))
     inverse = np.linalg.inv(gradient / np.outer(scale, scale)) / np.outer(scale, scale)
-    spectra = _spectra(regressor, records, sums, inverse)
+    scores = score_variance(regressor, records, filters, sums, variance, residuals, inverse)
+    return inverse @ scores @ inverse.T
+
+
+def score_variance(
+    regressor: Regressor,
+    records: Sequence[FullRateRecord],
+    filters: Sequence[Prefilter],
+    sums: Sequence[JointSums],
+    variance: np.ndarray,
+    residuals: Sequence[np.ndarray],
+    metric: np.ndarray,
+) -> np.ndarray:
+    """V, the variance of the scores Σ_j Zᵀε_j/λ_j, shape (parameters, parameters).
+
+    Args:
+        regressor: the observation matrix.
+        records: recordings with instruments and votes.
+        filters: prefilter of each joint.
+        sums: normal equations, one per joint.
+        variance: λ of each joint, shape (joints,).
+        residuals: filtered residuals of each recording over √λ, shape (joints, samples).
+        metric: covariance of the estimate by its weights, shape (parameters, parameters): gives
+            the share h(ω) of the noise that the estimate took.
+    """
+    spectra = _spectra(records, sums, metric)
     for record, residual in zip(records, residuals, strict=True):
         source = record.kinematics if record.motion is None else record.motion
         streams = [f.stream(s.columns.size, threads=1) for f, s in zip(filters, sums, strict=True)]
@@ -92,25 +117,22 @@ def stationary_covariance(
                 spectra[j].add(z, residual[j, span] * votes, votes)
 
             run_in_threads(add, range(len(sums)))
-    scores = np.zeros((size, size))
+    scores = np.zeros_like(metric)
     for joint, own in zip(sums, spectra, strict=True):
         scores[np.ix_(joint.columns, joint.columns)] += own.variance_of_scores()
-    return inverse @ scores @ inverse.T
+    return scores
 
 
 def _spectra(
-    regressor: Regressor,
-    records: Sequence[FullRateRecord],
-    sums: Sequence[JointSums],
-    inverse: np.ndarray,
+    records: Sequence[FullRateRecord], sums: Sequence[JointSums], metric: np.ndarray
 ) -> list[JointSpectra]:
     """Empty sums of every joint."""
     rate = records[0].kinematics.recording.rate
     longest = min(max(r.votes.shape[1] for r in records), LONGEST_STRETCH)
     lags = min(LONGEST_LAG * rate, LARGEST_SHARE * longest)
     lags = int(min(max(lags, FEWEST_LAGS), longest - 1))
-    metrics = [inverse[np.ix_(s.columns, s.columns)] for s in sums]
-    return [JointSpectra(0.5 * (metric + metric.T), longest, lags) for metric in metrics]
+    metrics = [metric[np.ix_(s.columns, s.columns)] for s in sums]
+    return [JointSpectra(0.5 * (own + own.T), longest, lags) for own in metrics]
 
 
 class JointSpectra:

@@ -16,15 +16,17 @@ identified long before serves as well, and the loaded record need not be able to
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.dynamics.base_parameters import BaseParameters
+from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.known_payload import Payload
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.payload.known_parts import KnownParts
+from pivident.payload.known_parts import BEFORE_AN_ESTIMATE, KnownParts
 from pivident.payload.load_estimate import NATURAL, seen_from
 from pivident.robot.frames import Pose
 
@@ -34,6 +36,9 @@ WEAK_LOAD, WEAK_FRICTION = 1e3, 10.0
 
 #: Relative length below which the torques of an arm do not depend on a direction of π.
 NO_TORQUE = 1e-9
+
+#: Smallest eigenvalue of a correlation matrix, over its largest, that is no rounding error.
+SINGULAR = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,6 +58,9 @@ class ArmAndLoad:
         arm_theta: θ̂₁, shape (arm,).
         arm_information: P₁⁻¹ as the normal equations have it, shape (arm, arm).
         arm_covariance: covariance of θ̂₁ as reported, shape (arm, arm).
+        known: what is known of the load.
+        known_rows: H V of its equations, shape (equations, r).
+        weak_load: information of the weak knowledge of ξ, shape (r, r).
     """
 
     problem: Problem
@@ -66,6 +74,9 @@ class ArmAndLoad:
     arm_theta: np.ndarray
     arm_information: np.ndarray
     arm_covariance: np.ndarray
+    known: KnownParts
+    known_rows: np.ndarray
+    weak_load: np.ndarray
 
     @property
     def arm_part(self) -> slice:
@@ -89,6 +100,30 @@ class ArmAndLoad:
         theta[self.selected] = self.arm_theta
         return theta
 
+    def mass_size(self, x: np.ndarray, covariance: np.ndarray) -> float:
+        """Root mean square of the load's mass by an estimate [kg].
+
+        Args:
+            x: the estimate, shape (unknowns,).
+            covariance: its covariance, shape (unknowns, unknowns).
+        """
+        own, row = self.load_part, self.basis[9]
+        return float(np.sqrt((row @ x[own]) ** 2 + row @ covariance[own, own] @ row))
+
+    def at_mass(self, mass: float) -> ArmAndLoad:
+        """The same with the deviations of the known parts for a mass of this size.
+
+        Args:
+            mass: as `mass_size` has it [kg].
+        """
+        own = self.load_part
+        _, values, deviations = self.known.equations(mass)
+        information, right = self.information.copy(), self.right.copy()
+        weighted = self.known_rows / deviations[:, None]
+        information[own, own] = weighted.T @ weighted + self.weak_load
+        right[own] = weighted.T @ (values / deviations)
+        return replace(self, information=information, right=right)
+
 
 def arm_and_load(
     arm: Identification,
@@ -107,13 +142,15 @@ def arm_and_load(
         known: what is known of the load.
         frame: frame of the known parts in that of the link.
         friction_under_load: whether friction may be another one with the load.
+
+    Raises:
+        IdentificationError: the covariance of the arm is singular.
     """
     base = problem.base
     names = [p.name for p in problem.regressor.parameters]
     selected = np.array([names.index(p.name) for p in arm.parameters])
     columns = load_columns(base, link)[list(problem.selection)]
-    rows, known_values, deviations = known.equations()
-    rows = rows @ seen_from(frame)
+    rows = known.equations()[0] @ seen_from(frame)
     basis, structural = _told_directions(columns, rows)
     movable = [
         k for k, p in enumerate(arm.parameters) if friction_under_load and not p.carries_load
@@ -123,7 +160,7 @@ def arm_and_load(
     loaded_map = np.hstack(
         [np.eye(size)[:, selected], np.eye(size)[:, selected[friction]], columns @ basis]
     )
-    arm_information = _inverse(arm.formula_covariance)
+    arm_information = _information(arm)
     n, f = selected.size, friction.size
     information = np.zeros((loaded_map.shape[1],) * 2)
     right = np.zeros(loaded_map.shape[1])
@@ -131,18 +168,15 @@ def arm_and_load(
     right[:n] = arm_information @ arm.theta
     weak = WEAK_FRICTION * _friction_sizes(arm)[friction]
     information[n : n + f, n : n + f] = np.diag(weak**-2)
-    weighted = rows @ basis / deviations[:, None] if len(rows) else np.zeros((0, basis.shape[1]))
     in_natural_sizes = basis / NATURAL[:, None] / WEAK_LOAD
-    information[n + f :, n + f :] = weighted.T @ weighted + in_natural_sizes.T @ in_natural_sizes
-    if len(rows):
-        right[n + f :] = weighted.T @ (known_values / deviations)
     return ArmAndLoad(
         problem, selected, friction, basis, structural, loaded_map, information, right,
         arm.theta, arm_information, _reported(arm),
-    )  # fmt: skip
+        known, rows @ basis, in_natural_sizes.T @ in_natural_sizes,
+    ).at_mass(BEFORE_AN_ESTIMATE)  # fmt: skip
 
 
-def load_columns(base, link: int) -> np.ndarray:
+def load_columns(base: BaseParameters, link: int) -> np.ndarray:
     """B: change of all base parameters per parameter of the load, shape (base, 10).
 
     Args:
@@ -152,7 +186,7 @@ def load_columns(base, link: int) -> np.ndarray:
     return Payload(mass=1.0, link=link).base_columns(base)
 
 
-def widened(arm: Identification, base, link: int) -> tuple[str, ...]:
+def widened(arm: Identification, base: BaseParameters, link: int) -> tuple[str, ...]:
     """Names of the parameters that a loaded record needs: the arm's, and those a load changes.
 
     Args:
@@ -217,8 +251,28 @@ def _friction_sizes(arm: Identification) -> np.ndarray:
     return np.array([max(v, 0.1 * largest[s], 1e-9) for v, s in zip(size, stems, strict=True)])
 
 
-def _inverse(covariance: np.ndarray) -> np.ndarray:
-    """Inverse of a covariance of parameters that differ by orders of magnitude."""
-    scale = np.sqrt(np.diag(covariance))
-    inverse = np.linalg.inv(covariance / np.outer(scale, scale)) / np.outer(scale, scale)
+def _information(arm: Identification) -> np.ndarray:
+    """Inverse of the covariance of parameters that differ by orders of magnitude.
+
+    Raises:
+        IdentificationError: there is none; names the parameters that go together.
+    """
+    scale = np.sqrt(np.maximum(np.diag(arm.formula_covariance), 0.0))
+    exact = [name for name, one in zip(arm.names, scale, strict=True) if not 0.0 < one < np.inf]
+    if exact:
+        raise IdentificationError(
+            f"the arm without load has no standard deviation of {', '.join(exact[:4])}; "
+            "identify it again, or give its record beside the one with the load"
+        )
+    correlation = arm.formula_covariance / np.outer(scale, scale)
+    variances, directions = np.linalg.eigh(0.5 * (correlation + correlation.T))
+    if not variances[0] > SINGULAR * variances[-1]:
+        share = np.abs(directions[:, 0])
+        together = [arm.names[k] for k in np.argsort(-share)[:4] if share[k] > 0.1]
+        raise IdentificationError(
+            "the covariance of the arm without load is singular: it gives a combination of "
+            f"{', '.join(together)} without any deviation, which no record does. Identify the arm "
+            "again, or give its record beside the one with the load"
+        )
+    inverse = np.linalg.inv(correlation) / np.outer(scale, scale)
     return 0.5 * (inverse + inverse.T)

@@ -15,7 +15,6 @@ from pivident.files import atomic_folder
 from pivident.payload.identify_payload import PayloadIdentification
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
-from pivident.payload.possible_load import possible_load
 from pivident.payload.text import payload_text
 from pivident.robot.description import INERTIAL
 
@@ -54,7 +53,7 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
         found: the result.
     """
     load = found.load
-    nearest = possible_load(load) if load.mass > 0 else None
+    nearest = found.possible
     possible = None
     if nearest is not None:
         possible = {
@@ -63,6 +62,7 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
             "p_value": nearest.p_value,
             "values": nearest.values,
             "intervals": nearest.intervals,
+            "not_found": nearest.not_found,
         }
     known = {
         key: getattr(found.known, key)

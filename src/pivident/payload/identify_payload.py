@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -39,6 +40,7 @@ from pivident.payload.findings import refuse_negative, warnings_about, worse_exp
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.payload.loaded_record import LoadedRecords
+from pivident.payload.possible_load import PossibleLoad, possible_load
 from pivident.payload.restricted_solution import (
     RestrictedSolution,
     noise_by_scores,
@@ -56,6 +58,10 @@ UNDETERMINED = 100.0
 
 #: Fewest estimates of an iterative method; see `pivident.estimation.prefiltered_iv`.
 FEWEST_ESTIMATES = 3
+
+#: Share by which the mass that gives known parts their deviations may still change, and how often
+#: it is taken anew. Twice is usual; where only a known centre of mass tells it, more.
+SAME_MASS, MASS_ROUNDS = 0.01, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,6 +110,11 @@ class PayloadIdentification:
     warnings: tuple[str, ...]
     sources: dict[str, str]
     version: str
+
+    @cached_property
+    def possible(self) -> PossibleLoad | None:
+        """The nearest load that a real body can be; None without a positive mass."""
+        return possible_load(self.load) if self.load.mass > 0 else None
 
     def __str__(self) -> str:
         from pivident.payload.text import payload_text
@@ -167,7 +178,7 @@ def identify_payload(
     )
     say("with load: smoothing the records")
     records = LoadedRecords(problem, chosen)
-    sums, solution, iterations, converged = _estimate(records, unknowns, chosen, say)
+    sums, unknowns, solution, iterations, converged = _estimate(records, unknowns, chosen, say)
     noise = _noise(records, sums, solution, unknowns, chosen)
     covariance, moved = with_known(noise, unknowns, solution)
     load = _load(problem.robot, carrier, unknowns, solution, covariance)
@@ -236,26 +247,44 @@ def _estimate(
     unknowns: ArmAndLoad,
     method: LeastSquares | InstrumentalVariables | PrefilteredIV,
     say: Callable[[str], None],
-) -> tuple[list[JointSums], RestrictedSolution, int, bool]:
+) -> tuple[list[JointSums], ArmAndLoad, RestrictedSolution, int, bool]:
     """Least squares, and with instruments repeated until the estimate stands still."""
     simulated = unknowns.empty_theta
     sums = records.least_squares(simulated)
-    solution = solve_restricted(sums, unknowns, simulated)
+    unknowns, solution = _solved(sums, unknowns, simulated)
     if isinstance(method, LeastSquares):
         if unknowns.problem.regressor.depends_on_load:
             sums = records.least_squares(solution.theta)
-            solution = solve_restricted(sums, unknowns, solution.theta)
-        return sums, solution, 1, True
+            unknowns, solution = _solved(sums, unknowns, solution.theta)
+        return sums, unknowns, solution, 1, True
     for k in range(1, method.max_iterations + 1):
         before = solution
         sums, simulated = records.with_instruments(k, simulated, solution.theta)
-        solution = solve_restricted(sums, unknowns, solution.theta)
+        unknowns, solution = _solved(sums, unknowns, solution.theta)
         std = np.sqrt(np.abs(np.diag(solution.inverse)))
         change = float((np.abs(solution.x - before.x) / std).max())
         say(f"with load: estimate {k + 1}, changes by {change:.2g} standard deviations")
         if k + 1 >= FEWEST_ESTIMATES and change < max(0.05, method.tolerance):
-            return sums, solution, k + 1, True
-    return sums, solution, method.max_iterations + 1, False
+            return sums, unknowns, solution, k + 1, True
+    return sums, unknowns, solution, method.max_iterations + 1, False
+
+
+def _solved(
+    sums: Sequence[JointSums], unknowns: ArmAndLoad, start: np.ndarray
+) -> tuple[ArmAndLoad, RestrictedSolution]:
+    """The solution, its known parts with the deviations that they have at its mass."""
+    solution = solve_restricted(sums, unknowns, start)
+    if not unknowns.known.needs_mass:
+        return unknowns, solution
+    before = np.inf
+    for _ in range(MASS_ROUNDS):
+        mass = unknowns.mass_size(solution.x, solution.inverse)
+        unknowns = unknowns.at_mass(mass)
+        solution = solve_restricted(sums, unknowns, solution.theta)
+        if abs(mass - before) < SAME_MASS * mass:
+            break
+        before = mass
+    return unknowns, solution
 
 
 def _noise(

@@ -1,10 +1,13 @@
 """What is known of a load before it is moved: its mass from a scale, its shape from a drawing.
 
-Each known number is one linear equation in the ten inertial parameters,
+Each known number is one linear equation in the ten inertial parameters. With m₀, c₀ and I₀ known,
 
-    m = m₀ ± σ,      h_x - c_x m = 0 ± σ_c m₀,      J_xx - (c_y² + c_z²) m = I_xx ± σ_I,
+    m = m₀ ± σ,      h - c₀ m = 0 ± σ_c m,      J - 2 S(c₀, h) + m S(c₀, c₀) = I₀ ± σ_I.
 
-the last two because with a known centre of mass c the parameters are h = c m and J = I + m S(c, c).
+The last one is J = I + S(h, h)/m to first order in δ = h/m - c₀. The true centre of mass is not c₀,
+but c₀ + δ with δ = 0 ± σ_c, and the inertia is known about the true one; what is left is m S(δ, δ),
+in the root mean square √8 m σ_c² for moments and m σ_c² for products, and is added to σ_I. The mass
+that multiplies σ_c is that of an estimate where it is not known.
 """
 
 from __future__ import annotations
@@ -15,10 +18,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.robot.inertia import elements, steiner, tensor
+from pivident.estimation.known_payload import check_body
+from pivident.robot.inertia import elements, steiner
 
 #: Share of a number's natural size that stands for the deviation of one that is exact.
 EXACT = 1e-6
+
+#: Mass [kg] that an unknown one is taken for before there is an estimate: a known centre of mass
+#: is weak then, and the torques tell the mass.
+BEFORE_AN_ESTIMATE = 1e3
+
+#: Root mean square of the elements xx xy xz yy yz zz of S(δ, δ) for δ of unit deviation.
+SECOND_ORDER = np.sqrt([8.0, 1.0, 1.0, 8.0, 1.0, 8.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,59 +53,51 @@ class KnownParts:
     inertia_std: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.mass is not None and not (np.isfinite(self.mass) and self.mass > 0):
-            raise ExperimentError(f"mass of the load is {self.mass} kg; give a positive number")
-        for key, size in (("center_of_mass", 3), ("inertia", 6)):
-            value = getattr(self, key)
-            if value is not None and not (
-                np.shape(value) == (size,) and np.isfinite(np.asarray(value, float)).all()
-            ):
-                raise ExperimentError(f"{key} of the load needs {size} numbers, not {value!r}")
+        check_body("load", self.mass, self.center_of_mass, self.inertia)
         for key in ("mass", "center_of_mass", "inertia"):
             std = getattr(self, f"{key}_std")
             if not (np.isfinite(std) and std >= 0):
                 raise ExperimentError(f"{key}_std of the load is {std}; it cannot be negative")
             if std > 0 and getattr(self, key) is None:
                 raise ExperimentError(f"{key}_std of the load is given without {key}; add it")
-        if self.inertia is not None and self.center_of_mass is None:
-            raise ExperimentError(
-                "the load's inertia is known, but not its center_of_mass, about which it is; give "
-                "that too, or leave both out to have them estimated"
-            )
-        if self.inertia is not None:
-            smallest = np.linalg.eigvalsh(tensor(np.asarray(self.inertia, float)))[0]
-            if smallest < -1e-12:
-                raise ExperimentError(
-                    f"the load's inertia has a negative principal moment, {smallest:.3g} kg m²; "
-                    "give the tensor about the centre of mass, products with the sign of -∫ x y dm"
-                )
 
-    def equations(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    @property
+    def needs_mass(self) -> bool:
+        """Whether the deviations of the equations depend on a mass that is not known."""
+        return self.mass is None and self.center_of_mass is not None
+
+    def equations(
+        self, estimated_mass: float = BEFORE_AN_ESTIMATE
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """H π = y ± σ.
+
+        Args:
+            estimated_mass: root mean square of the mass [kg] where it is not known.
 
         Returns:
             H, shape (equations, 10); y and σ, shape (equations,).
         """
-        rows, right, std = [], [], []
-        size = 1.0 if self.mass is None else self.mass
+        rows, right, std = [np.zeros((0, 10))], [np.zeros(0)], [np.zeros(0)]
+        size = estimated_mass
         if self.mass is not None:
-            rows.append(np.eye(10)[9])
-            right.append(self.mass)
-            std.append(max(self.mass_std, EXACT * self.mass))
+            size = float(np.hypot(self.mass, self.mass_std))
+            rows.append(np.eye(10)[9:])
+            right.append(np.array([self.mass]))
+            std.append(np.array([max(self.mass_std, EXACT * self.mass)]))
         if self.center_of_mass is not None:
             centre = np.asarray(self.center_of_mass, dtype=float)
-            for k in range(3):
-                row = np.eye(10)[6 + k]
-                row[9] = -centre[k]
-                rows.append(row)
-                right.append(0.0)
-                std.append(size * max(self.center_of_mass_std, EXACT * 0.1))
+            first_moments = np.eye(10)[6:9]
+            first_moments[:, 9] = -centre
+            rows.append(first_moments)
+            right.append(np.zeros(3))
+            std.append(np.full(3, size * max(self.center_of_mass_std, EXACT * 0.1)))
             if self.inertia is not None:
-                per_mass = elements(steiner(centre, centre))
-                for k in range(6):
-                    row = np.eye(10)[k]
-                    row[9] = -per_mass[k]
-                    rows.append(row)
-                    right.append(float(self.inertia[k]))
-                    std.append(max(self.inertia_std, EXACT * 0.01))
-        return np.array(rows).reshape(-1, 10), np.array(right), np.array(std)
+                about_centre = np.eye(10)[:6]
+                for k in range(3):
+                    about_centre[:, 6 + k] = -2.0 * elements(steiner(centre, np.eye(3)[k]))
+                about_centre[:, 9] = elements(steiner(centre, centre))
+                rows.append(about_centre)
+                right.append(np.asarray(self.inertia, dtype=float))
+                left_out = SECOND_ORDER * size * self.center_of_mass_std**2
+                std.append(np.hypot(max(self.inertia_std, EXACT * 0.01), left_out))
+        return np.vstack(rows), np.concatenate(right), np.concatenate(std)

@@ -19,7 +19,7 @@ from pivident.estimation.full_rate import (
     records_without_instruments,
     torque_of,
 )
-from pivident.estimation.inner_signals import packed_stretch, with_inner
+from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import (
     InstrumentalVariables,
@@ -30,13 +30,7 @@ from pivident.estimation.methods import (
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill, slow_samples
-from pivident.estimation.stationary_noise import (
-    FEWEST_LAGS,
-    LARGEST_SHARE,
-    LONGEST_LAG,
-    LONGEST_STRETCH,
-    JointSpectra,
-)
+from pivident.estimation.stationary_noise import score_variance
 from pivident.estimation.whitening import Whitening
 from pivident.signals.prefilter import Prefilter
 
@@ -160,31 +154,8 @@ class LoadedRecords:
         Returns:
             V, shape (parameters, parameters).
         """
-        regressor, filters = self.problem.regressor, self.filters
-        rate = self.records[0].kinematics.recording.rate
-        longest = min(max(r.votes.shape[1] for r in self.records), LONGEST_STRETCH)
-        lags = int(max(min(LONGEST_LAG * rate, LARGEST_SHARE * longest), FEWEST_LAGS))
-        spectra = []
-        for own in sums:
-            grid = np.ix_(own.columns, own.columns)
-            symmetric = 0.5 * (metric[grid] + metric[grid].T)
-            spectra.append(JointSpectra(symmetric, longest, min(lags, longest - 1)))
-        root = np.sqrt(variance)
-        for record, residual in zip(self.records, self.residuals(theta), strict=True):
-            source = record.kinematics if record.motion is None else record.motion
-            streams = [
-                f.stream(s.columns.size, threads=1) for f, s in zip(filters, sums, strict=True)
-            ]
-            white = filtered(residual, filters) / root[:, None]
-            for first in range(0, white.shape[1], LONGEST_STRETCH):
-                span = slice(first, min(first + LONGEST_STRETCH, white.shape[1]))
-                packed = packed_stretch(regressor, source, span)
-                for j, stream in enumerate(streams):
-                    place = slice(regressor.offsets[j], regressor.offsets[j + 1])
-                    votes = record.votes[j, span].astype(float)
-                    z = stream.process(packed[place]) * (votes / root[j])
-                    spectra[j].add(z, white[j, span] * votes, votes)
-        made = np.zeros((theta.size, theta.size))
-        for own, of_joint in zip(sums, spectra, strict=True):
-            made[np.ix_(own.columns, own.columns)] += of_joint.variance_of_scores()
-        return made
+        filters, root = self.filters, np.sqrt(variance)[:, None]
+        white = [filtered(residual, filters) / root for residual in self.residuals(theta)]
+        return score_variance(
+            self.problem.regressor, self.records, filters, sums, variance, white, metric
+        )

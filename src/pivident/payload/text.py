@@ -9,7 +9,7 @@ import numpy as np
 from pivident.payload.identify_payload import PayloadIdentification
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import LoadRow, load_rows
-from pivident.payload.possible_load import PossibleLoad, possible_load
+from pivident.payload.possible_load import PossibleLoad
 
 #: Change of a friction parameter, in deviations, from which on it is named.
 FRICTION_NAMED = 3.0
@@ -31,7 +31,7 @@ def payload_text(found: PayloadIdentification) -> str:
         f"Load on link {found.link!r} by {found.method}, {found.iterations} estimates.\n"
         f"Frame: {load.frame}.",
         load_table(load_rows(load)),
-        *_sentences(load),
+        *_sentences(load, found.possible),
         f"Torque error with the load (and without): {errors}.",
         "The arm in both records: largest difference "
         f"{abs(found.arm_change[worst]):.1f} deviations ({found.arm.names[worst]}).",
@@ -76,7 +76,7 @@ def _interval(row: LoadRow) -> str:
     return f"{row.interval[0]:.3g} to {row.interval[1]:.3g}"
 
 
-def _sentences(load: LoadEstimate) -> list[str]:
+def _sentences(load: LoadEstimate, nearest: PossibleLoad | None) -> list[str]:
     """What is not determined, and whether a body can be like this."""
     said = []
     lost = [r.label for r in load_rows(load) if not math.isfinite(r.std)]
@@ -87,13 +87,21 @@ def _sentences(load: LoadEstimate) -> list[str]:
         )
     if not load.mass > 0:
         return said
-    nearest = possible_load(load)
     if nearest is None:
-        said.append("No real body lies near this estimate; look at the records.")
-    elif not nearest.was_possible:
+        return [
+            *said,
+            "The solver did not find the nearest real body, so that nothing is said of whether a "
+            "body can be like this estimate, nor of ranges over bodies.",
+        ]
+    if not nearest.was_possible:
         said.append(_impossible(nearest))
-    if nearest is not None and (ranges := _bounded(load, nearest)):
+    if ranges := _bounded(load, nearest):
         said.append(ranges)
+    if nearest.not_found:
+        said.append(
+            f"The solver did not find the range over bodies of {', '.join(nearest.not_found)}; "
+            "that says nothing of whether one bounds them."
+        )
     return said
 
 
