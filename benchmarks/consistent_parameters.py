@@ -56,7 +56,7 @@ def judged(title: str, problem: Problem, methods: dict) -> None:
         print(
             f"  {free.method}: {1e3 * min(m.seconds for m in models):.0f} ms at best, "
             f"{1e3 * statistics.median(processor):.0f} ms of processor time, "
-            f"{'consistent' if model.was_consistent else f'{model.distance:.2f} σ away'}, "
+            f"least distance {model.least_distance:.2f} σ, "
             f"p = {model.p_value:.2g}; fitted motion {100 * model.torque_error_free:.3f} % free, "
             f"{100 * model.torque_error:.3f} % consistent"
         )
@@ -81,14 +81,14 @@ def coverage(runs: int) -> None:
             lengths.append((own.high - own.low) / (2 * 1.96 * free.std))
             scale = np.maximum(np.abs(truth), 1e-3)
             errors.append((np.abs(free.theta - truth) / scale, np.abs(model.theta - truth) / scale))
-            costs.append((model.distance, model.torque_cost))
+            costs.append((model.least_distance, model.torque_cost))
         median = 100 * np.median(np.array(errors), axis=(0, 2))
         distance, cost = np.median(np.array(costs), axis=0)
         print(
             f"  {free.method}: covered {100 * np.mean(inside):.1f} % (free "
             f"{100 * np.mean(inside_free):.1f} %), interval length {np.median(lengths):.2f} of the "
             f"free one, median error {median[1]:.3g} % (free {median[0]:.3g} %), "
-            f"distance {distance:.2f} σ, torque cost {100 * cost:+.3f} %"
+            f"least distance {distance:.2f} σ, torque cost {100 * cost:+.3f} %"
         )
 
 

@@ -20,6 +20,7 @@ import time
 from pathlib import Path
 
 import numpy as np
+from mujoco_loop import simulate_in_mujoco
 
 from pivident.consistency.consistent_model import make_consistent
 from pivident.dynamics.forward import make_model
@@ -28,7 +29,6 @@ from pivident.estimation.identify import identify
 from pivident.experiment import load_experiment
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import to_mjcf
-from pivident.export.mujoco_loop import simulate_in_mujoco
 from pivident.export.runnable_model import RunnableModel, runnable_model
 from pivident.robot import load_robot
 from pivident.simulation import scenarios

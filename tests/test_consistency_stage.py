@@ -3,6 +3,7 @@
 import csv
 import json
 
+import numpy as np
 import pytest
 
 from pivident.cli import main
@@ -10,6 +11,7 @@ from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.errors import ExperimentError
 from pivident.experiment import load_experiment
 from tests.planar_log import EXPERIMENT, write_experiment
+from tests.synthetic_identification import synthetic_identification
 
 
 @pytest.fixture
@@ -44,6 +46,13 @@ def test_the_free_method_runs_once_where_both_are_asked():
     assert made_consistent(["ls", "pc-ls", "pc-piv"]) == ("ls", "piv")
 
 
+def test_every_method_has_a_consistent_form():
+    from pivident.estimation.methods import METHODS
+
+    assert made_consistent([f"pc-{name}" for name in METHODS]) == tuple(METHODS)
+    assert free_methods(["pc-wls", "pc-piv-as-printed"]) == ["wls", "piv-as-printed"]
+
+
 def test_methods_of_the_file_and_a_table_alone(folder):
     text = EXPERIMENT.replace('methods = ["ls"]', 'methods = ["ls", "iv", "pc-iv"]')
     experiment = load_experiment(write_experiment(folder, text))
@@ -66,6 +75,7 @@ reference = "planar_2r"
 mass = [3, 5]
 [consistency.bounds.elbow]
 center_of_mass = [[0.0, 0.3], [-0.1, 0.1], [-0.1, 0.1]]
+ellipsoid = [[0.15, 0, 0], [0.2, 0.05, 0.05]]
 """
     options = load(folder, table).consistency()
     assert options.prior == "euclidean" and options.margin == 0.02
@@ -73,6 +83,10 @@ center_of_mass = [[0.0, 0.3], [-0.1, 0.1], [-0.1, 0.1]]
     bounds = options.bounds
     assert bounds.mass == {"upper_arm": (3.0, 5.0)} and bounds.total_mass == (5.0, 8.0)
     assert bounds.center_of_mass == {"forearm": ((0.0, 0.3), (-0.1, 0.1), (-0.1, 0.1))}
+    assert bounds.ellipsoid == {"forearm": ((0.15, 0.0, 0.0), (0.2, 0.05, 0.05))}
+    found = options.make_consistent(synthetic_identification(relative_std=0.1, seed=2))
+    inside = (found.link("forearm").center_of_mass - [0.15, 0.0, 0.0]) / [0.2, 0.05, 0.05]
+    assert np.linalg.norm(inside) <= 1.0 + 1e-4
 
 
 @pytest.mark.parametrize(
@@ -85,6 +99,14 @@ center_of_mass = [[0.0, 0.3], [-0.1, 0.1], [-0.1, 0.1]]
         ("[consistency.bounds.forearm]\nmass = [2, 1]", ["mass", "empty", "lower end"]),
         ("[consistency.bounds.forearm]\nmass = 2", ["mass", "two numbers"]),
         ("[consistency.bounds.forearm]", ["forearm", "bounds nothing"]),
+        (
+            "[consistency.bounds.forearm]\nellipsoid = [[0, 0, 0], [1, 1]]",
+            ["ellipsoid", "half axes"],
+        ),
+        (
+            "[consistency.bounds.forearm]\nellipsoid = [[0, 0, 0], [1, 0, 1]]",
+            ["ellipsoid", "not positive"],
+        ),
         (
             "[consistency.bounds.forearm]\nmass = [1, 2]\n[consistency.bounds.elbow]\nmass=[1, 3]",
             ["'forearm'", "'elbow'", "same link"],
@@ -161,6 +183,12 @@ def test_command_gives_the_same_as_the_stage(folder, tmp_path, capsys):
         assert one["value"] == pytest.approx(other["value"], rel=1e-4, abs=1e-5)
     assert (out / "identification.json").read_bytes() == kept
     assert "PC-IDIM-WLS" in capsys.readouterr().out
+    (out / "consistent.json").unlink()
+    assert run("consistent", out) == 0  # the folder will do
+    assert json.loads((out / "consistent.json").read_text("utf-8"))["base"] == after["base"]
+    assert f"Results: {out}" in capsys.readouterr().out
+    assert run("consistent", tmp_path) == 1
+    assert "identification.json" in capsys.readouterr().err
 
 
 def test_command_with_bounds_of_a_file(folder, tmp_path):

@@ -13,7 +13,7 @@ import pytest
 from pivident.cli import main
 from pivident.export.c_source import c_compiler
 from pivident.export.exported import random_states
-from pivident.export.formats import NOT_LOADED, TITLES, Format
+from pivident.export.formats import FORMATS, Format
 from pivident.export.model_json import read_model
 from pivident.export.runnable_model import runnable_model
 from pivident.export.stored_model import stored_model
@@ -52,7 +52,7 @@ def stored(result):
 
 
 def test_every_format_is_written_and_loaded_back(result, tmp_path, capsys):
-    assert set(TITLES) == set(get_args(Format))
+    assert set(FORMATS) == set(get_args(Format))
     inputs = [*result.iterdir(), *(p for p in result.parent.iterdir() if p.is_file())]
     before = {path: digest(path) for path in inputs}
     for to in get_args(Format):
@@ -61,8 +61,8 @@ def test_every_format_is_written_and_loaded_back(result, tmp_path, capsys):
         assert run("export", result, "--to", to, "--out", out) == 0
         text = capsys.readouterr().out
         assert text.startswith(f"Written: {out}") and "PC-IDIM-WLS, physically consistent" in text
-        if to in NOT_LOADED:
-            assert f"Not loaded back: {NOT_LOADED[to]}" in text
+        if reason := FORMATS[to].not_loaded:
+            assert f"Not loaded back: {reason}" in text
         for size in re.findall(r"largest difference (\S+) N m", text):
             assert float(size) < 1e-9
         count = {"urdf": 2, "latex": 0, "sdf": 0}.get(to, 1)
@@ -130,7 +130,7 @@ def test_free_estimate_and_no_check(result, tmp_path, capsys):
     assert not read_model(out).consistent
 
 
-@pytest.mark.parametrize("name", ["identification.json", "../arm.urdf"])
+@pytest.mark.parametrize("name", ["identification.json", "../arm.urdf", "../log.csv"])
 def test_inputs_are_not_overwritten(result, capsys, name):
     target = result / name
     before = digest(target)
@@ -149,6 +149,13 @@ def test_header_that_would_replace_an_input_is_refused(result, tmp_path, capsys)
     (tmp_path / "arm.h").symlink_to(result / "identification.json")
     assert run("export", result, "--to", "c", "--out", tmp_path / "arm.c") == 1
     assert "stays as it is" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("name", ["arm.h", "ARM.H"])
+def test_source_and_header_need_two_names(result, tmp_path, capsys, name):
+    assert run("export", result, "--to", "c", "--out", tmp_path / name) == 1
+    assert "written beside it; give --out another ending" in refused(capsys)
+    assert list(tmp_path.iterdir()) == []
 
 
 def refused(capsys) -> str:

@@ -422,8 +422,11 @@ class ContradictoryBounds(IdentificationError):
     def __init__(self, bounds: Sequence[str]) -> None:
         self.bounds = tuple(bounds)
         super().__init__(
-            f"no consistent parameters satisfy the bounds: {'; '.join(self.bounds) or 'none'}; "
+            f"no consistent parameters satisfy the bounds: {'; '.join(self.bounds)}; "
             "they contradict each other or what a real body can be, widen them"
+            if self.bounds
+            else "no consistent parameters can be found from this estimate, which is too far from "
+            "any machine; check signs, units and gear ratios (pivident audit), or identify again"
         )
 
 
@@ -453,9 +456,9 @@ class NoConsistentModelNear(IdentificationError):
         self.at_fault = tuple(at_fault)
         super().__init__(
             f"no consistent parameters lie near the estimate: the nearest are {distance:.3g} σ "
-            f"away (p = {p_value:.2g}) and raise the torque error of the fitted record from "
-            f"{100 * error_free:.3g} to {100 * error_consistent:.3g} %, by demands on "
+            f"away (p = {p_value:.2g}), with a torque error of {100 * error_consistent:.3g} % on "
+            f"the fitted record ({100 * error_free:.3g} % free), by demands on "
             f"{', '.join(self.at_fault[:4]) or 'the links'}; check geometry, gear ratios, units "
             "and signs (pivident audit), the friction law and the parameters that were left out; "
-            "accept_far = True gives the model all the same"
+            "--accept-far (accept_far = True) gives the model all the same"
         )

@@ -8,16 +8,23 @@ import numpy as np
 import pytest
 
 from pivident.consistency import Bounds, make_consistent
-from pivident.consistency.metric import full_covariance
+from pivident.consistency.constraints import make_constraints
+from pivident.consistency.metric import full_covariance, make_metric
+from pivident.consistency.pseudo_inertia import from_triangle
+from pivident.consistency.reference import make_reference
+from pivident.consistency.significance import is_far
 from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import nominal_values
 from pivident.errors import (
     ContradictoryBounds,
     ExperimentError,
     IdentificationError,
     NoConsistentModelNear,
+    RobotDescriptionError,
 )
 from pivident.estimation.identify import identify
 from pivident.robot import load_robot
+from pivident.robot.inertia import from_center_of_mass
 from pivident.simulation.load_scenario import tx40_with_load
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from tests.synthetic_identification import synthetic_identification
@@ -42,6 +49,7 @@ def test_a_consistent_estimate_is_lifted_and_keeps_its_torques():
     before = free.theta.copy()
     model = make_consistent(free)
     assert model.was_consistent
+    assert model.least_distance == 0.0
     assert model.distance == 0.0
     assert model.p_value == 1.0
     assert not model.active
@@ -128,7 +136,7 @@ def test_an_estimate_that_is_nowhere_near_a_machine():
         ({"prior": "entropy"}, ExperimentError, "entropic"),
         ({"margin": -1.0}, ExperimentError, "margin"),
         ({"room": 0.0}, ExperimentError, "room"),
-        ({"bounds": Bounds(mass={"forarm": (1.0, 2.0)})}, ExperimentError, "forearm"),
+        ({"bounds": Bounds(mass={"forarm": (1.0, 2.0)})}, RobotDescriptionError, "forearm"),
         ({"bounds": Bounds(mass={"forearm": (2.0, 1.0)})}, ExperimentError, "interval"),
         ({"bounds": Bounds(mass={"forearm": (None, "x")})}, ExperimentError, "interval"),
         ({"bounds": Bounds(mass={"forearm": (None, -1.0)})}, ContradictoryBounds, "forearm: mass"),
@@ -168,20 +176,20 @@ def test_a_robot_without_nominal_values_gets_plain_bodies():
     model = make_consistent(replace(free, robot=bare))
     assert any("No inertia is known of" in note for note in model.notes)
     assert all(body.mass > 0.0 for body in model.links)
-    assert model.distance < 1.0
+    assert model.least_distance < 1.0
 
 
 def test_everything_is_said_in_words_and_values():
     free = synthetic_identification(robot_name="staubli_tx40", relative_std=0.02, seed=0)
     model = make_consistent(free, accept_far=True)
     text = str(model)
-    for part in ("σ away", "mass [kg]", "link_5", "moved [σ]", "Held back by"):
+    for part in ("least distance", "mass [kg]", "link_5", "moved [σ]", "Held back by"):
         assert part in text
     values = json.loads(json.dumps(model.to_values(), allow_nan=False))
     assert values["method"] == "PC-IDIM-PIV"
     assert len(values["standard"]) == len(model.parameters)
     assert model.link("joint_3").mass == model.link("link_3").mass
-    with pytest.raises(KeyError, match="link_3"):
+    with pytest.raises(RobotDescriptionError, match="link_3"):
         model.link("link_33")
 
 
@@ -189,3 +197,110 @@ def test_prismatic_joints():
     free = synthetic_identification(robot_name="emps", relative_std=0.01)
     model = make_consistent(free)
     assert model.links[0].mass + model.value("ia1") == pytest.approx(free.value("m1"))
+
+
+@pytest.mark.parametrize("apart", [0.0, 0.04, 0.3])
+def test_a_thin_flange_is_real_wherever_the_reference_has_its_centre_of_mass(apart):
+    """A plate of 80 x 80 x 10 mm; CAD has its centre elsewhere."""
+    mass, width, thick = 0.5, 0.08, 0.01
+    across, along = mass * (width**2 + thick**2) / 12.0, mass * width**2 / 6.0
+    inertia = np.diag([across, across, along])
+    free = synthetic_identification(relative_std=1e-4)
+    flange, cad = (
+        replace(free.robot.links[1], inertia=from_center_of_mass(mass, center, inertia))
+        for center in (np.zeros(3), np.array([0.0, 0.0, apart]))
+    )
+    upper = free.robot.links[0]
+    truth, reference = (replace(free.robot, links=(upper, own)) for own in (flange, cad))
+    base = base_parameters(truth)
+    values = nominal_values(truth, base.standard)
+    exact = replace(free, robot=truth, theta=base.values(values), recordings=())
+    # what is open is said: then a plate in its true place is the only body there is
+    bounds = Bounds(
+        mass={"forearm": (0.499, 0.501)},
+        center_of_mass={"forearm": ((-1e-3, 1e-3), (-1e-3, 1e-3), (-1e-3, 1e-3))},
+    )
+    model = make_consistent(exact, reference=reference, bounds=bounds)
+    assert model.was_consistent
+    conditions = make_constraints(
+        truth, base.standard, make_reference(truth, base.standard, 0.01, reference)
+    )
+    for c in conditions:
+        value = c.matrix @ values + c.offset
+        if c.cone == "semidefinite":
+            value = np.linalg.eigvalsh(from_triangle(value, c.order))
+        assert value.min() >= 0.0, (c.subject, c.kind)
+
+
+def test_both_distances_are_what_they_say():
+    """The least one over points that a machine can have; the other that of the values."""
+    free = simulated(essential=True)
+    bounds = Bounds(center_of_mass={"link_4": ((0.2, 0.3), (-1.0, 1.0), (-1.0, 1.0))})
+    model = make_consistent(free, bounds=bounds, accept_far=True)
+    base = base_parameters(free.robot)
+    metric = make_metric(free, base, model.sums, reference_scales(free, base))
+    x = np.linalg.solve(metric.root, base.values(model.values) - metric.center)
+    assert model.distance == pytest.approx(np.linalg.norm(x), rel=1e-6)
+    assert 0.0 < model.least_distance <= model.distance
+    assert model.distance**2 <= model.least_distance**2 * (1.0 + 1e-4) + 1.0 + 1e-3
+    values = model.to_values()
+    assert values["least_distance"] == model.least_distance
+    assert values["distance"] == model.distance
+    assert values["base"][0]["moved"] == pytest.approx((model.theta - free.theta)[0] / free.std[0])
+
+
+def reference_scales(free, base):
+    return make_reference(free.robot, base.standard, 0.01).scales[base.kept]
+
+
+@pytest.mark.parametrize("case", ["not finite", "same", "zero"])
+def test_a_formula_covariance_that_tells_nothing_is_named(case):
+    free = synthetic_identification()
+    formula = free.formula_covariance.copy()
+    names = free.names
+    if case == "not finite":
+        formula[2, :] = formula[:, 2] = np.nan
+        expected = {names[2]}
+    elif case == "zero":
+        formula[3, 3] = 0.0
+        expected = {names[3]}
+    else:  # two parameters that only come together
+        formula[1, 1] = formula[4, 4] = formula[1, 4] = formula[4, 1] = 1e-4
+        expected = {names[1], names[4]}
+    with pytest.raises(IdentificationError, match="identify without") as caught:
+        make_consistent(replace(free, formula_covariance=formula))
+    assert any(f"weakest is {name};" in str(caught.value) for name in expected)
+
+
+def test_a_singular_covariance_of_the_method_takes_the_correlations_of_the_formula():
+    free = synthetic_identification()
+    poor = replace(free, covariance=np.outer(free.std, free.std))
+    assert full_covariance(poor)[1]
+    make_consistent(poor)
+
+
+def test_rotors_that_nobody_described_are_not_taken_for_links():
+    """A URDF has no rotors: what joint 1 carries beyond the links is its rotor, not a heavy arm."""
+    free = synthetic_identification(robot_name="staubli_tx40", relative_std=1e-3)
+    robot = free.robot
+    bare = replace(robot, rotor_inertia=np.zeros(robot.size))
+    heavy = np.array([1.0 if name == "zz1r" else 0.0 for name in free.names])
+    model = make_consistent(replace(free, robot=bare, theta=free.theta + 3.0 * heavy))
+    nominal = np.array([link.inertia[9] for link in robot.links])
+    masses = np.array([body.mass for body in model.links])
+    assert np.abs(masses / nominal - 1.0).max() < 0.3
+    assert 2.0 < model.value("ia1") < 4.5
+    assert any("No rotor inertia is known of" in note for note in model.notes)
+
+
+def test_being_better_than_nonsense_is_no_good():
+    assert is_far(p_value=1e-9, free=0.8, consistent=0.3)
+    assert not is_far(p_value=0.5, free=0.8, consistent=0.3)
+    assert not is_far(p_value=1e-9, free=0.06, consistent=0.05)
+
+
+def test_signs_that_no_machine_has_are_told_without_bounds():
+    free = synthetic_identification(relative_std=1e-3)
+    wrong = np.where(np.char.startswith(free.names, "zz"), -50.0, free.theta)
+    with pytest.raises(IdentificationError, match="too far from any machine|--accept-far"):
+        make_consistent(replace(free, theta=wrong, torque_sums=None))

@@ -1,13 +1,20 @@
 """Intervals of masses, centres of mass and moments over the consistent sets."""
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from pivident.consistency import Bounds, make_consistent
+from pivident.consistency import Bounds, cone_program, make_consistent
+from pivident.consistency import profile_intervals as intervals_module
 from pivident.consistency.ellipsoid import moment_about_axis
 from pivident.consistency.link_intervals import link_rows
+from pivident.consistency.options import ConsistencyOptions
 from pivident.consistency.profile_intervals import profile_intervals
 from pivident.dynamics.parameters import nominal_values
+from pivident.validation.consistent_estimate import consistent_estimate
+from pivident.validation.consistent_files import consistent_json
 from tests.synthetic_identification import synthetic_identification
 
 BOUNDS = Bounds(mass={"upper_arm": (3.0, 5.0), "forearm": (2.0, 3.0)})
@@ -52,7 +59,7 @@ def test_centre_of_mass_ends_solve_the_linear_program_of_their_ratio(model, rows
                     continue
                 direction = np.zeros((1, model.values.size))
                 direction[0, place[6 + axis]], direction[0, place[9]] = 1.0, -end
-                ends = profile_intervals(space, constraints, model.distance, direction, 0.95)
+                ends = profile_intervals(space, constraints, model.least_distance, direction, 0.95)
                 assert ends[k][0] == pytest.approx(0.0, abs=2e-4)
                 checked += 1
     assert checked >= 4
@@ -62,7 +69,9 @@ def test_moments_are_about_the_axes_of_the_body_held_fixed(model, rows):
     place = model._space.links[1]
     direction = np.zeros((1, model.values.size))
     direction[0, place] = moment_about_axis(model.links[1].center_of_mass, rows[1].axes[:, 2])
-    low, high = profile_intervals(model._space, model._constraints, model.distance, direction, 0.95)
+    low, high = profile_intervals(
+        model._space, model._constraints, model.least_distance, direction, 0.95
+    )
     assert rows[1].moments[2].low == pytest.approx(low[0], rel=1e-5, abs=1e-7)
     assert rows[1].moments[2].high == pytest.approx(high[0], rel=1e-5, abs=1e-7)
 
@@ -81,3 +90,56 @@ def test_truth_lies_inside(model):
 def test_masses_that_no_torque_tells_are_open():
     rows = link_rows(make_consistent(synthetic_identification(relative_std=0.02, seed=4)))
     assert rows[0].mass.high == np.inf
+
+
+def failing(status, gaps):
+    """A solver that ends with a status whenever it is asked for one of the accuracies."""
+    true = cone_program.solve_cone_program
+
+    def solve(quadratic, linear, requirements, gap=1e-8):
+        found = true(quadratic, linear, requirements, gap)
+        if gap in gaps:
+            wrong = np.full(found.u.size, 1e9)
+            return replace(found, u=wrong, status=status)
+        return found
+
+    return solve
+
+
+def test_where_the_solver_fails_an_end_is_not_found_and_not_open(monkeypatch, tmp_path):
+    free = synthetic_identification(relative_std=0.02, seed=4)
+    solve = failing("NumericalError", (1e-6, 1e-3))
+    monkeypatch.setattr(intervals_module, "solve_cone_program", solve)
+    found = consistent_estimate(free, ConsistencyOptions(bounds=BOUNDS))
+    for row in found.links:
+        for one in (row.mass, *row.center_of_mass, *row.moments):
+            assert np.isnan(one.low) and np.isnan(one.high)
+    assert not found.standard.unbounded
+    assert set(found.standard.not_found) == {p.name for p in found.model.parameters}
+    text = str(found)
+    assert "not found" in text and "open" not in found.link_table()
+    assert "The solver found no end of the interval of" in text
+    assert "the centre of mass of forearm" in text
+    assert "no end of the interval of" in str(found.standard)
+    free.save(tmp_path)
+    content = json.loads(consistent_json(found, tmp_path / "identification.json"))
+    assert "the mass of forearm" in content["not_found"]
+    assert content["links"][0]["mass_interval"] == [None, None]
+
+
+def test_a_poorer_accuracy_is_tried_before_an_end_is_given_up(monkeypatch, model, rows):
+    solve = failing("InsufficientProgress", (1e-6,))
+    monkeypatch.setattr(intervals_module, "solve_cone_program", solve)
+    for row, again in zip(rows, link_rows(model), strict=True):
+        before, after = ((r.mass, *r.center_of_mass) for r in (row, again))
+        for one, other in zip(before, after, strict=True):
+            assert other.low == pytest.approx(one.low, rel=2e-2, abs=2e-2)
+            assert other.high == pytest.approx(one.high, rel=2e-2, abs=2e-2)
+
+
+def test_what_the_solver_proves_unbounded_is_open(monkeypatch, model):
+    solve = failing("DualInfeasible", (1e-6, 1e-3))
+    monkeypatch.setattr(intervals_module, "solve_cone_program", solve)
+    for row in link_rows(model):
+        for one in (row.mass, *row.center_of_mass, *row.moments):
+            assert (one.low, one.high) == (-np.inf, np.inf)

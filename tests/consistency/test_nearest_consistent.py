@@ -19,6 +19,10 @@ cvxpy = pytest.importorskip("cvxpy")
 HEAVIEST = 30.0
 LIGHT = Bounds(total_mass=(None, HEAVIEST))
 
+#: A steel ball of 10 mm: mass [kg] and second moment ∫ x² dm about its centre [kg m²].
+BALL_MASS = 7850.0 * 4.0 / 3.0 * np.pi * 0.005**3
+BALL_MOMENT = BALL_MASS * 0.005**2 / 5.0
+
 
 @cache
 def inconsistent(robot="planar_2r"):
@@ -47,9 +51,11 @@ def oracle(free, reference, prior=None, distance=None):
         place = [k for k, p in enumerate(base.standard) if p.is_inertial and p.joint == i]
         matrix = sum(phi[k] * BASIS[n] for n, k in enumerate(place))
         scaled = reference.roots[i] @ matrix @ reference.roots[i]
-        small = reference.roots[i] @ reference.smallest[i] @ reference.roots[i]
         bodies.append(scaled)
-        conditions.append(scaled >> small)
+        # Σ about the centre of mass ≥ e 1 and m ≥ m_b, of a steel ball of 10 mm
+        least = np.diag([BALL_MOMENT] * 3 + [0.0])
+        conditions.append(scaled >> reference.roots[i] @ least @ reference.roots[i])
+        conditions.append(phi[place[9]] >= BALL_MASS)
     signs = [k for k, p in enumerate(base.standard) if p.is_dissipative]
     conditions.append(phi[signs] >= 0)
     name = {p.name: k for k, p in enumerate(base.standard)}
@@ -98,8 +104,13 @@ def test_the_least_distance(robot):
     model = make_consistent(free, bounds=LIGHT)
     reference = make_reference(free.robot, model.parameters, 0.01)
     squared = oracle(free, reference)
-    assert model.distance > 0.1
-    assert model.distance == pytest.approx(np.sqrt(squared), rel=1e-4)
+    assert model.least_distance > 0.1
+    assert model.least_distance == pytest.approx(np.sqrt(squared), rel=1e-4)
+    half = np.linalg.inv(np.linalg.cholesky(free.covariance))
+    own = np.linalg.norm(half @ (model.theta - free.theta))
+    assert model.distance == pytest.approx(own, rel=1e-6)
+    assert squared - 1e-3 <= own**2 <= squared * (1 + 1e-4) + 1.0 + 1e-3
+    np.testing.assert_allclose(model.moved, (model.theta - free.theta) / free.std)
 
 
 @pytest.mark.parametrize("prior", ["entropic", "euclidean"])
@@ -107,7 +118,7 @@ def test_the_prior_chooses_among_the_near_ones(prior):
     free = inconsistent()
     model = make_consistent(free, prior=prior, bounds=LIGHT)
     reference = make_reference(free.robot, model.parameters, 0.01)
-    radius = np.sqrt(model.distance**2 * (1 + 1e-4) + 1.0)
+    radius = np.sqrt(model.least_distance**2 * (1 + 1e-4) + 1.0)
     best = oracle(free, reference, prior, radius)
     assert prior_value(prior, model, reference) == pytest.approx(best, rel=1e-3, abs=1e-3)
     half = np.linalg.inv(np.linalg.cholesky(free.covariance))
@@ -139,12 +150,12 @@ def test_active_constraints_share_the_distance():
 
 def test_what_is_consistent_stays():
     model = make_consistent(inconsistent("staubli_tx40"))
-    for i, place in enumerate(model._space.links):
+    for place in model._space.links:
         body = pseudo_inertia(model.values[place])
-        reference = make_reference(model.robot, model.parameters, 0.01)
         assert np.linalg.eigvalsh(body)[0] > 0.0
-        inside = reference.scaled(i, body - reference.smallest[i])
-        assert np.linalg.eigvalsh(inside)[0] > -1e-7
+        assert body[3, 3] >= BALL_MASS * (1 - 1e-3)
+        central = body[:3, :3] - np.outer(body[:3, 3], body[:3, 3]) / body[3, 3]
+        assert np.linalg.eigvalsh(central)[0] >= BALL_MOMENT * (1 - 1e-3)
     for p, value in zip(model.parameters, model.values, strict=True):
         if p.is_dissipative:
             assert value > -1e-9

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from pivident.consistency import Bounds, make_consistent
-from pivident.consistency.reference import make_reference
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.errors import ExperimentError, IdentificationError
@@ -46,18 +45,19 @@ def test_standard_parameters_against_cvxpy():
     model = make_consistent(free, bounds=Bounds(total_mass=(None, 20.0)))
     found = model.intervals(of="standard")
     base = base_parameters(free.robot)
-    reference = make_reference(free.robot, base.standard, 0.01)
     phi = cvxpy.Variable(len(base.standard))
     beta = phi[base.kept] + base.regrouping @ phi[base.dropped]
     conditions = [
-        cvxpy.norm((beta - free.theta) / free.std) <= np.sqrt(model.distance**2 + 3.841459)
+        cvxpy.norm((beta - free.theta) / free.std) <= np.sqrt(model.least_distance**2 + 3.841459)
     ]
     masses = []
     for i in range(2):
         place = [k for k, p in enumerate(base.standard) if p.is_inertial and p.joint == i]
         masses.append(place[9])
         matrix = sum(phi[k] * BASIS[n] for n, k in enumerate(place))
-        conditions.append(matrix >> reference.smallest[i])
+        ball = 7850.0 * np.pi / 6.0 * 0.01**3  # steel, 10 mm
+        conditions.append(matrix >> np.diag([ball * 0.01**2 / 20.0] * 3 + [0.0]))
+        conditions.append(phi[place[9]] >= ball)
     conditions.append(cvxpy.sum(phi[masses]) <= 20.0)
     conditions.append(phi[[k for k, p in enumerate(base.standard) if p.is_dissipative]] >= 0)
     for name in ("m2", "zz2", "ia2", "mx1"):

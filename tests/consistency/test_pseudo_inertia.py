@@ -10,6 +10,7 @@ from pivident.consistency.pseudo_inertia import (
     ball,
     from_triangle,
     inertial_parameters,
+    least_body,
     link_body,
     pseudo_inertia,
     triangle,
@@ -73,3 +74,33 @@ def test_a_ball_and_a_body():
     assert body.center_of_mass == pytest.approx([0.1, 0.0, -0.2])
     assert body.principal_moments == pytest.approx([0.01, 0.02, 0.025])
     assert np.isnan(link_body("none", np.zeros(10)).center_of_mass).all()
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.floats(-3.0, 3.0), st.booleans())
+def test_least_body_tells_second_moments_about_the_centre_of_mass_in_any_frame(seed, away, larger):
+    """Σ about the centre, from the definition, decides; where the body lies does not."""
+    rng = np.random.default_rng(seed)
+    diameter = 0.02
+    mass = 7850.0 * 4.0 / 3.0 * np.pi * 0.01**3
+    own = mass * 0.01**2 / 5.0  # ∫ x² dm of the ball
+    central = own * np.array([1.01 if larger else 0.99, 3.0, 9.0])
+    turned = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    second = turned @ np.diag(central) @ turned.T
+    inertia = np.trace(second) * np.eye(3) - second
+    center = away * rng.normal(size=3)
+    matrix, lightest = least_body(diameter)
+    assert lightest == pytest.approx(mass)
+    difference = pseudo_inertia(from_center_of_mass(mass, center, inertia)) - matrix
+    # a congruence that takes the centre back to the origin keeps the signs and the digits
+    shift = np.eye(4)
+    shift[:3, 3] = -center
+    values = np.linalg.eigvalsh(shift @ difference @ shift.T)
+    assert (values[0] > 0.0) == larger
+
+
+def test_a_ball_is_exactly_the_least_body():
+    matrix, mass = least_body(0.03)
+    difference = ball(0.03) - matrix
+    assert difference[3, 3] == pytest.approx(mass)
+    np.testing.assert_allclose(difference[:3, :3], 0.0, atol=1e-18)

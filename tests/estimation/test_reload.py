@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 import pivident as pv
 from pivident.errors import IdentificationError, IdentificationFileError
+from pivident.estimation import reload
 from pivident.estimation.export import save_identification, to_dict, to_json
 from pivident.estimation.reload import load_identification
 from pivident.robot import FrictionLaw, load_robot
@@ -139,7 +140,7 @@ def test_file_of_the_first_layout_needs_its_robot(tmp_path):
     loaded = load_identification(path, robot=identification.robot)
     np.testing.assert_array_equal(loaded.theta, identification.theta)
     assert loaded.torque_sums is None
-    with pytest.raises(IdentificationFileError, match="'zz1r' is no base parameter of the robot"):
+    with pytest.raises(IdentificationFileError, match="joints are shoulder, elbow, but those"):
         load_identification(path, robot=load_robot("emps"))
 
 
@@ -197,6 +198,44 @@ def test_damaged_files_are_named_with_their_key(tmp_path, path, value, message):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("path", "value"),
+    [
+        (["covariance"], []),
+        (["joints"], []),
+        (["parameters", 0, "name"], "zz9"),
+        (["history", 0, "theta"], [1.0]),
+    ],
+)
+def test_what_does_not_fit_is_refused_before_base_parameters_are_searched(
+    tmp_path, monkeypatch, path, value
+):
+    def searched(robot):
+        raise AssertionError("the search takes seconds on a robot of many joints")
+
+    file = written(tmp_path, path, value)
+    monkeypatch.setattr(reload, "base_parameters", searched)
+    with pytest.raises(IdentificationFileError):
+        load_identification(file)
+
+
+def test_groups_that_the_closed_form_lacks_are_searched_for(tmp_path, monkeypatch):
+    """As geometry at the edge of a tolerance would have it."""
+    identification = synthetic_identification()
+
+    class OtherGroups:
+        def __init__(self, robot, geometry):
+            self.robot = robot
+
+        def numeric(self):
+            base = pv.base_parameters(self.robot)
+            return replace(base, kept=base.kept[1:], regrouping=base.regrouping[1:])
+
+    monkeypatch.setattr(reload, "closed_form_base_parameters", OtherGroups)
+    loaded = saved(tmp_path, identification)
+    assert to_json(loaded) == to_json(identification)
+
+
 def test_indefinite_covariance_is_refused(tmp_path):
     identification = synthetic_identification()
     wrong = identification.covariance.copy()
@@ -236,8 +275,6 @@ def test_missing_file_names_the_methods_there_are(tmp_path):
 
 
 def test_file_that_is_too_large_is_not_read(tmp_path, monkeypatch):
-    from pivident.estimation import reload
-
     monkeypatch.setattr(reload, "LARGEST_FILE", 10)
     save_identification(synthetic_identification(), tmp_path)
     with pytest.raises(IdentificationFileError, match="more than any identification"):

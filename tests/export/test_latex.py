@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pivident.consistency.consistent_model import make_consistent
-from pivident.export.exported import one_line
 from pivident.export.latex import latex_group, latex_number, latex_unit, to_latex
-from pivident.export.runnable_model import runnable_model
+from pivident.export.runnable_model import Origin, runnable_model
+from pivident.symbolic.identifiers import one_line
 from tests.robot.random_robots import random_robot
 from tests.synthetic_identification import synthetic_identification
 
@@ -85,7 +85,7 @@ def test_groups_are_written_with_their_coefficients():
     assert latex_group(model.base, 0) == r"$\mathit{zz}_{1} + \mathit{ia}_{1} + 0.16 \, m_{2}$"
 
 
-HOSTILE = "a_b%c$d{e}f\\input{x}&#~^\nnext"
+HOSTILE = "a_b%c$d{e}f\\input{x}&#~^"
 
 
 def hostile_model():
@@ -95,7 +95,8 @@ def hostile_model():
     links = list(model.robot.links)
     links[0] = replace(links[0], name=HOSTILE)
     robot = replace(model.robot, name=HOSTILE, joints=tuple(joints), links=tuple(links))
-    return replace(runnable_model(robot), notes=(HOSTILE,))
+    lines = f"{HOSTILE}\nnext"  # files may hold any method and note
+    return replace(runnable_model(robot), notes=(lines,), origin=Origin(lines))
 
 
 def test_names_are_escaped_and_stay_on_their_line():

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -28,8 +29,6 @@ from pivident.robot.friction import (
 )
 
 from .robots import random_tree, with_values
-
-mujoco = pytest.importorskip("mujoco")
 
 TX40 = load_robot("staubli_tx40")
 

@@ -71,13 +71,43 @@ def test_link_without_mass_has_no_centre():
     assert verify_json(to_json(model), model).agrees
 
 
+ORIGIN = {"method": "m", "version": "", "sources": {}, "identification": ""}
+
+
+def test_a_changed_number_is_seen(tmp_path):
+    content = json.loads(to_json(runnable_model(load_robot("planar_2r"))).content)
+    (entry,) = [p for p in content["parameters"] if p["name"] == "m2"]
+    entry["value"] = 1e9
+    path = tmp_path / "model.json"
+    path.write_text(json.dumps(content))
+    with pytest.raises(IdentificationFileError, match=r"parameter m2 is 1000000000\.0 in"):
+        read_model(path)
+
+
+def test_a_model_that_calls_itself_consistent_must_be(tmp_path):
+    model = runnable_model(make_consistent(synthetic_identification()))
+    values = np.where([p.name == "m2" for p in model.parameters], -3.0, model.values)
+    path = tmp_path / "model.json"
+    path.write_bytes(to_json(replace(model, values=values)).content)
+    with pytest.raises(IdentificationFileError, match=r"no body .* 'forearm' \(-3 kg\)"):
+        read_model(path)
+    path.write_bytes(to_json(replace(model, values=values, consistent=False)).content)
+    np.testing.assert_array_equal(read_model(path).values, values)
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         ({"format": "other"}, "is no model of layout 1"),
         ({"schema": 9}, "is no model of layout 1"),
         ({"robot": {}}, "field required"),
-        ({"origin": {"who": 1}}, "unexpected keyword"),
+        ({"origin": {"who": 1}}, r"origin\.method: field required"),
+        ({"origin": ORIGIN | {"sources": [1]}}, r"origin\.sources = \[1\]"),
+        ({"origin": ORIGIN | {"method": 5}}, r"origin\.method = 5: must be a valid string"),
+        ({"origin": [1]}, r"origin = \[1\]"),
+        ({"notes": 3}, "notes = 3"),
+        ({"consistent": "no"}, "consistent = 'no'"),
+        ({"parameters": []}, "the parameter xx1 is None in 'parameters'"),
     ],
 )
 def test_damaged_model_is_refused(tmp_path, change, message):

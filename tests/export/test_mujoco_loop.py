@@ -8,7 +8,6 @@ import pytest
 from pivident.dynamics.forward import make_model
 from pivident.errors import ExportError, SimulationDiverged
 from pivident.export.mjcf import to_mjcf
-from pivident.export.mujoco_loop import simulate_in_mujoco
 from pivident.export.runnable_model import runnable_model
 from pivident.export.urdf import to_urdf
 from pivident.robot import load_robot
@@ -16,7 +15,7 @@ from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PID, Cascade
 
-pytest.importorskip("mujoco")
+from mujoco_loop import simulate_in_mujoco  # isort: skip
 
 SAMPLES = 1500
 

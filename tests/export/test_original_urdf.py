@@ -41,8 +41,10 @@ def test_it_may_have_moved_beside_the_result(file, tmp_path):
 def test_missing_file_is_an_error_with_the_next_step(file, tmp_path):
     robot = read_urdf(file)
     file.unlink()
-    with pytest.raises(ExportError, match=r"arm.urdf .* not there any more; give it with --robot"):
-        original_urdf(robot, None, tmp_path)
+    with pytest.raises(ExportError, match=r"not there any more, .*with --robot") as error:
+        original_urdf(robot, None, tmp_path / "results")
+    for place in (file, tmp_path / "results" / "arm.urdf"):
+        assert str(place) in str(error.value)
 
 
 def test_changed_file_is_an_error_unless_it_is_given(file, tmp_path):

@@ -112,7 +112,7 @@ def test_ripple_of_order_one_is_not_gravity():
 
 def hostile_robot():
     robot = random_robot(3)
-    name = 'x*/ int main; /* ??/ """ \\ \n exit() é\u202e'
+    name = 'x*/ int main; /* ??/ """ \\ exit() é'
     joints = list(robot.joints)
     joints[0] = replace(joints[0], name=name)
     return replace(robot, name=name, joints=tuple(joints))
@@ -121,6 +121,8 @@ def hostile_robot():
 @needs_compiler
 def test_hostile_names_stay_in_comments():
     model = random_model(hostile_robot())
+    texts = {'x*/ int main; /* ??/ """ \\ \n exit()\u202e': "\n*/"}  # files may hold any name
+    model = replace(model, origin=replace(model.origin, method="\n??/", sources=texts))
     assert verify_numpy(to_numpy(model), model).agrees
     assert verify_c(to_c(model, "for; a/b"), model).agrees
 
@@ -139,6 +141,41 @@ def test_without_a_compiler_it_is_said(monkeypatch):
     model = random_model(load_robot("planar_2r"))
     monkeypatch.setattr(c_source, "c_compiler", lambda: None)
     assert "no C compiler" in verify_c(to_c(model), model).skipped
+
+
+@needs_compiler
+def test_compiler_warns_of_nothing(tmp_path, monkeypatch):
+    strict = (*c_source.FLAGS, "-Wall", "-Wextra", "-Werror")
+    monkeypatch.setattr(c_source, "FLAGS", strict)
+    for robot in (hostile_robot(), load_robot("staubli_tx40")):
+        model = random_model(robot)
+        assert verify_c(to_c(model), model).agrees
+
+
+@needs_compiler
+@pytest.mark.parametrize("mark", ["???/", "??/", "????/", "?"])
+def test_question_marks_make_no_trigraph(mark):
+    exported = to_c(random_model(replace(load_robot("planar_2r"), name=f"arm{mark}")))
+    for content in (exported.content, *exported.further.values()):
+        assert b"??" not in content
+
+
+@needs_compiler
+def test_a_warning_of_the_compiler_is_no_obstacle():
+    model = random_model(load_robot("planar_2r"))
+    exported = to_c(model)
+    untidy = replace(exported, content=exported.content + b"\nstatic int left_over;\n")
+    assert verify_c(untidy, model).agrees
+
+
+def test_python_file_runs_in_another_process():
+    model = random_model(load_robot("planar_2r"))
+    exported = to_numpy(model)
+    marked = replace(exported, content=exported.content + b"import sys; sys.marked = True\n")
+    assert verify_numpy(marked, model).agrees and not hasattr(sys, "marked")
+    broken = replace(exported, content=exported.content + b"raise RuntimeError('spoiled')\n")
+    with pytest.raises(ExportError, match=r"does not run: .*spoiled"):
+        verify_numpy(broken, model)
 
 
 @needs_compiler

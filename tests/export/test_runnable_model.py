@@ -52,7 +52,9 @@ def test_nominal_model_is_the_description():
     body = model.link(0)
     again = from_center_of_mass(body.mass, body.center_of_mass, body.inertia)
     np.testing.assert_allclose(again, robot.links[0].inertia, atol=1e-15)
-    np.testing.assert_allclose(body.inertia_at_origin[2, 2], robot.links[0].inertia[5])
+    moments, axes = body.principal
+    assert np.linalg.det(axes) > 0.0 and (np.diff(moments) >= 0.0).all()
+    np.testing.assert_allclose(axes @ np.diag(moments) @ axes.T, body.inertia, atol=1e-15)
 
 
 def test_values_that_cannot_be_are_refused():

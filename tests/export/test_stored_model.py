@@ -9,8 +9,12 @@ from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import IdentificationError, IdentificationFileError, NoConsistentModelNear
 from pivident.estimation.export import save_identification
 from pivident.export.exported import random_states
+from pivident.export.possible_values import impossible_value
 from pivident.export.runnable_model import runnable_model
 from pivident.export.stored_model import stored_model
+from pivident.robot import load_robot
+from pivident.robot.description import INERTIAL
+from pivident.robot.inertia import from_center_of_mass
 from pivident.validation.consistent_estimate import consistent_estimate
 from pivident.validation.consistent_files import write_consistent
 from tests.synthetic_identification import synthetic_identification
@@ -56,7 +60,7 @@ def test_consistent_file_of_another_estimate_is_not_taken(tmp_path, free):
     other = replace(free, theta=free.theta * 1.01)
     save_identification(other, tmp_path)
     model, files = stored_model(tmp_path)
-    assert len(files) == 1
+    assert len(files) == 1 and "made from another identification" in model.notes[-1]
     states = random_states(free.robot)
     expected = runnable_model(make_consistent(other)).torque(*states)
     np.testing.assert_allclose(model.torque(*states), expected, atol=1e-9)
@@ -108,3 +112,52 @@ def test_damaged_consistent_file_is_named(tmp_path, free, change, message):
     with pytest.raises(IdentificationFileError, match=message) as caught:
         stored_model(path)
     assert caught.value.file == str(path)
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "no JSON", "[]", '{"schema": 0, "standard": []}', '{"identification": {"sha256": 3}}'],
+)
+def test_what_is_no_file_of_this_estimate_is_left_alone_and_said(tmp_path, free, text):
+    save_identification(free, tmp_path)
+    (tmp_path / "consistent.json").write_text(text)
+    model, files = stored_model(tmp_path)
+    assert [file.name for file in files] == ["identification.json"] and model.consistent
+    assert "consistent.json" in model.notes[-1] and "was not used" in model.notes[-1]
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("m2", -3.0, r"forearm.*\(-3 kg\)"),
+        ("zz2", 0.0, "forearm"),
+        ("fv1", -0.5, "fv1 = -0.5 N m s/rad is negative"),
+        ("ia2", -0.1, "ia2 = -0.1 kg m² is negative"),
+    ],
+)
+def test_values_of_no_machine_are_not_called_consistent(tmp_path, free, name, value, message):
+    with_stage(tmp_path, free)
+    path = tmp_path / "consistent.json"
+    content = json.loads(path.read_text("utf-8"))
+    (entry,) = [entry for entry in content["standard"] if entry["name"] == name]
+    entry["value"] = value
+    path.write_text(json.dumps(content))
+    for place in (path, tmp_path):
+        with pytest.raises(IdentificationFileError, match=message):
+            stored_model(place)
+
+
+def test_coupled_motors_that_would_feed_energy_in_are_seen():
+    model = runnable_model(load_robot("staubli_tx40"))
+    bodies = {p.name: v for p, v in zip(model.parameters, model.values, strict=True)}
+    for i in range(1, 7):
+        ten = from_center_of_mass(1.0, np.array([0.1, 0.0, 0.2]), np.eye(3))
+        bodies |= {f"{stem}{i}": v for stem, v in zip(INERTIAL, ten.tolist(), strict=True)}
+
+    def with_coupling(share):
+        product = share * np.sqrt(bodies["fv5"] * bodies["fv6"])
+        values = [bodies[p.name] if p.stem != "fvm" else product for p in model.parameters]
+        return impossible_value(replace(model, values=np.array(values)))
+
+    assert with_coupling(0.99) == ""
+    assert "viscous friction of the coupled joints" in with_coupling(1.01)

@@ -1,21 +1,29 @@
 """The report's section on physical consistency: what it says, and that a browser draws it."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
 
+from pivident.consistency.consistent_tables import millimetres
+from pivident.consistency.link_intervals import LinkRow, Quantity
 from pivident.consistency.options import ConsistencyOptions
+from pivident.estimation.identify import identify
 from pivident.report.builder import render_report
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
+from pivident.report.sections.consistency import _figures
 from pivident.robot import load_robot
+from pivident.simulation.load_scenario import tx40_with_load
+from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.validation.consistent_estimate import (
+    ConsistentEstimate,
     NoConsistentEstimate,
     consistent_estimates,
     ends_text,
-    millimetres,
 )
 from pivident.validation.examination import examine_alone
+from pivident.validation.verdict import verdict
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.synthetic_identification import synthetic_identification
 
@@ -83,5 +91,75 @@ def test_moved_parameters_stand_where_they_moved_to():
 def test_ends_in_words():
     assert ends_text(-np.inf, np.inf) == "open"
     assert ends_text(0.00411, np.inf) == "0.00411 to open"
+    assert ends_text(np.nan, np.nan) == "not found"
+    assert ends_text(np.nan, 2.0) == "not found to 2.00"
     assert ends_text(1.0, 2.0) == "1.00 to 2.00"
     assert millimetres(-1e-9) == "0.0"
+
+
+def test_table_and_figure_show_the_same_step():
+    """With parameters left out as well: (θ - θ_free)/σ, in the table and in the figure."""
+    free = essential_estimate()
+    model = ConsistencyOptions(accept_far=True).make_consistent(free)
+    some = Quantity(0.0, 0.0, 0.0)
+    links = tuple(
+        LinkRow(link.name, some, (some,) * 3, (some,) * 3, np.eye(3), model.values[place])
+        for link, place in zip(model.robot.links, model._space.links, strict=True)
+    )
+    own = model.intervals()
+    found = ConsistentEstimate("PC", model, own, own, links, ConsistencyOptions())
+    assert len(found.model.base_values) > len(free.names)
+    step = dict(zip(free.names, (found.model.theta - free.theta) / free.std, strict=True))
+    assert max(map(abs, step.values())) > 0.1
+    for row in found.moved_rows():
+        assert row.moved == pytest.approx(step[row.name])
+        assert row.moved * row.spread / 1.96 == pytest.approx(row.consistent - row.free)
+    (figure,) = [f for f in _figures(found, 0) if f.title == "Free and consistent intervals"]
+    points = figure.plot.data[-1]
+    np.testing.assert_allclose(points.x, [step[name] for name in points.y], atol=1e-5)
+
+
+@cache
+def essential_estimate():
+    problem = tx40_with_load(seed=1, samples=6000).problem
+    return identify(replace(problem, parameters=tuple(TX40_ESSENTIAL)), "iv-full-rate")
+
+
+def verdict_of(examination, found, **changes):
+    """The verdict's sentence on physics after some change of the model."""
+    changed = replace(found, model=replace(found.model, **changes), prediction=None)
+    (statement,) = [
+        s
+        for s in verdict(replace(examination, consistent={"piv": changed})).statements
+        if s.topic == "physics" and "machine" in s.text
+    ]
+    return statement
+
+
+def test_verdict_on_near_and_far_cheap_dear_and_unknown(examination):
+    found = examination.consistent["piv"]
+    told = {}
+    for near, p in ((True, 0.5), (False, 1e-6)):
+        for cost, error in (("cheap", 0.1005), ("dear", 0.12), ("unknown", np.nan)):
+            told[near, cost] = verdict_of(
+                examination,
+                found,
+                was_consistent=False,
+                p_value=p,
+                least_distance=2.5,
+                distance=2.75,
+                torque_error_free=0.1,
+                torque_error=error,
+            )
+    assert {key: s.grade for key, s in told.items()} == {
+        (True, "cheap"): "good",
+        (True, "dear"): "caution",
+        (True, "unknown"): "note",
+        (False, "cheap"): "note",
+        (False, "dear"): "caution",
+        (False, "unknown"): "caution",
+    }
+    for (_, cost), s in told.items():
+        assert ("not known" in s.text) == (cost == "unknown")
+        assert ("predict as well" in s.text) <= (cost == "cheap")
+        assert "least distance 2.5 σ" in s.evidence and "2.8 σ" in s.evidence

@@ -97,3 +97,13 @@ def test_the_friction_of_a_robot_is_told_joint_by_joint_where_it_differs():
     assert mixed.friction_text() == (
         "shoulder: fv dq + fc (2/π) atan(γ dq) + off, γ = 238.7 s/rad; elbow: fc sign(dq)"
     )
+
+
+def test_links_are_found_by_name_joint_and_number():
+    made = robot(joint("a", -1), joint("b", 0), links=(Link("arm"), Link("a")))
+    assert [made.link_index(name) for name in ("arm", "a", "b", "1", "2")] == [0, 1, 1, 0, 1]
+    for wrong in ("amr", "0", "3"):
+        with pytest.raises(RobotDescriptionError, match=f"no link {wrong!r}"):
+            made.link_index(wrong)
+    with pytest.raises(RobotDescriptionError, match="'arm'"):
+        made.link_index("amr")

@@ -283,7 +283,8 @@ def test_siblings_on_a_tree_do_not_share_and_are_named_after_their_joint():
 
 
 def test_sympy_gives_the_same_numbers():
-    sympy = pytest.importorskip("sympy")
+    import sympy
+
     closed = closed_form_base_parameters(load_robot("mitsubishi_rv2sq"))
     values = {sympy.Symbol(k, real=True): x for k, x in closed.constants.items()}
     for group in closed.groups:

@@ -8,10 +8,12 @@ from hypothesis import strategies as st
 
 from pivident.symbolic.identifiers import (
     RESERVED,
+    c_comment,
     identifier,
     identifiers,
     latex_name,
     latex_text,
+    one_line,
 )
 
 
@@ -33,8 +35,8 @@ def test_identifiers_read_like_their_names(name, expected):
     assert identifier(name) == expected
 
 
-@settings(max_examples=200, deadline=None)
-@given(st.lists(st.text(max_size=12), unique=True, max_size=8))
+@settings(max_examples=100, deadline=None)
+@given(st.lists(st.text(max_size=8), unique=True, max_size=5))
 def test_identifiers_are_valid_and_different(names):
     texts = identifiers(names, ["x", "a"])
     assert len(set(texts)) == len(names)
@@ -49,3 +51,13 @@ def test_latex_names():
     assert latex_name("zzr[left_elbow]") == r"\mathit{zzr}_{\text{left\_elbow}}"
     assert latex_name("minus_uxx2") == r"\left(-\mathit{uxx}_{2}\right)"
     assert latex_text("50 % & {x}") == r"50 \% \& \{x\}"
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.text(alphabet="?*/\\ \n\u2028a", max_size=12))
+def test_a_comment_holds_its_text(text):
+    first, line, last = c_comment([text])
+    assert (first, last) == ("/*", " */") and line.startswith(" *")
+    inside = line.removeprefix(" *")
+    assert not any(mark in inside for mark in ("*/", "/*", "??", "\n", "\u2028"))
+    assert one_line(inside).replace(" ", "") == one_line(text).replace(" ", "")

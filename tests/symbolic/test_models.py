@@ -9,12 +9,14 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import mass_matrix as numeric_mass_matrix
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.errors import RobotDescriptionError
 from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import coulomb, dahl, load_dependent, viscous
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix
 from tests.dynamics.friction_laws import LAWS, law
+from tests.symbolic.evaluation import evaluated
 from tests.symbolic.robots import random_robot, scara, seven_axes, states
 
 ROBOTS = {
@@ -39,19 +41,19 @@ def assert_all_models_agree(robot, parameters, seed, count=8):
     theta = np.random.default_rng(seed).uniform(-1.0, 1.0, len(parameters))
     regressor = Regressor.build(robot, parameters)
     still = np.zeros_like(q)
-    (tau,) = inverse_model(robot, parameters).evaluate(q, dq, ddq, theta)
+    (tau,) = evaluated(inverse_model(robot, parameters), q, dq, ddq, theta)
     assert_close(tau, regressor.torque(q, dq, ddq, theta))
-    (folded,) = inverse_model(robot, parameters, theta).evaluate(q, dq, ddq)
+    (folded,) = evaluated(inverse_model(robot, parameters, theta), q, dq, ddq)
     assert_close(folded, tau)
-    (phi,) = observation_matrix(robot, parameters).evaluate(q, dq, ddq)
+    (phi,) = evaluated(observation_matrix(robot, parameters), q, dq, ddq)
     assert_close(phi, regressor.matrix(q, dq, ddq))
-    (mass,) = mass_matrix(robot, parameters).evaluate(q, theta)
+    (mass,) = evaluated(mass_matrix(robot, parameters), q, theta)
     assert_close(mass, numeric_mass_matrix(robot, parameters, theta, q))
     links = np.where([p.is_inertial for p in parameters], theta, 0.0)
     weight = regressor.torque(q, still, still, links)
-    (g,) = gravity_vector(robot, parameters).evaluate(q, theta)
+    (g,) = evaluated(gravity_vector(robot, parameters), q, theta)
     assert_close(g, weight)
-    (c,) = coriolis_vector(robot, parameters).evaluate(q, dq, theta)
+    (c,) = evaluated(coriolis_vector(robot, parameters), q, dq, theta)
     assert_close(c, regressor.torque(q, dq, still, links) - weight)
 
 
@@ -77,8 +79,8 @@ def test_base_parameters_are_enough(seed):
     base = base_parameters(robot)
     q, dq, ddq = states(robot, 4, seed)
     standard = np.random.default_rng(seed).uniform(-1.0, 1.0, len(base.standard))
-    (tau,) = inverse_model(robot, "standard").evaluate(q, dq, ddq, standard)
-    (again,) = inverse_model(robot, base).evaluate(q, dq, ddq, base.values(standard))
+    (tau,) = evaluated(inverse_model(robot, "standard"), q, dq, ddq, standard)
+    (again,) = evaluated(inverse_model(robot, base), q, dq, ddq, base.values(standard))
     np.testing.assert_allclose(again, tau, rtol=0, atol=1e-8 * max(1.0, np.abs(tau).max()))
 
 
@@ -94,7 +96,7 @@ def test_friction_laws_agree(name):
     program = observation_matrix(robot, parameters)
     given = (q, dq, ddq, inner.T) if len(inner) else (q, dq, ddq)
     # what the regressor hands over for load is |load| s(dq), as a column
-    (phi,) = program.evaluate(*given)
+    (phi,) = evaluated(program, *given)
     assert_close(phi, regressor.matrix(q, dq, ddq, inner=inner))
     torque = inverse_model(robot, parameters)
     memory = [
@@ -103,7 +105,7 @@ def test_friction_laws_agree(name):
         if parameters[regressor.column[e]].friction.has_memory
     ]
     given = (q, dq, ddq, inner[memory].T) if memory else (q, dq, ddq)
-    (tau,) = torque.evaluate(*given, theta)
+    (tau,) = evaluated(torque, *given, theta)
     assert_close(tau, regressor.torque(q, dq, ddq, theta))
     np.testing.assert_allclose(torque.function()(*given, theta), tau, rtol=1e-12, atol=1e-12)
 
@@ -126,9 +128,9 @@ def test_parts_can_be_left_out():
     full = Regressor.build(robot, base.parameters)
     links = np.where([p.is_inertial for p in base.parameters], theta, 0.0)
     rotors = np.where([p.is_inertial or p.stem in ("ia", "iam") for p in base.parameters], theta, 0)
-    (bare,) = inverse_model(robot, base, rotors=False, friction=False).evaluate(q, dq, ddq, theta)
+    (bare,) = evaluated(inverse_model(robot, base, rotors=False, friction=False), q, dq, ddq, theta)
     assert_close(bare, full.torque(q, dq, ddq, links))
-    (smooth,) = inverse_model(robot, base, friction=False).evaluate(q, dq, ddq, theta)
+    (smooth,) = evaluated(inverse_model(robot, base, friction=False), q, dq, ddq, theta)
     assert_close(smooth, full.torque(q, dq, ddq, rotors))
 
 
@@ -168,7 +170,7 @@ def test_same_text_each_time():
 
 
 def test_wrong_number_of_values_is_refused():
-    with pytest.raises(ValueError, match=r"values have shape \(3,\); \(13,\) is needed"):
+    with pytest.raises(RobotDescriptionError, match=r"have shape \(3,\); give 13 numbers"):
         inverse_model(load_robot("planar_2r"), "base", np.zeros(3))
 
 
@@ -177,5 +179,5 @@ def test_coulomb_friction_of_a_hard_sign():
     q, dq, ddq = states(robot, 20)
     parameters = standard_parameters(robot)
     theta = np.arange(1.0, 1.0 + len(parameters))
-    (tau,) = inverse_model(robot, parameters).evaluate(q, dq, ddq, theta)
+    (tau,) = evaluated(inverse_model(robot, parameters), q, dq, ddq, theta)
     assert_close(tau, Regressor.build(robot, parameters).torque(q, dq, ddq, theta))

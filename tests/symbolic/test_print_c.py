@@ -18,6 +18,7 @@ from pivident.symbolic.print_c import TILE, c_header, c_source
 from pivident.symbolic.program import Input, Output, Program, output_array
 from pivident.symbolic.robot_models import symbolic_models
 from tests.dynamics.friction_laws import law
+from tests.symbolic.evaluation import evaluated
 from tests.symbolic.robots import states
 from tests.symbolic.test_program import example, inputs
 
@@ -103,7 +104,7 @@ def test_odd_names_and_constant_results(tmp_path):
     program = example()
     library = compiled(tmp_path, [program])
     q, theta = inputs(TILE + 2)
-    expected, matrix = program.evaluate(q, theta)
+    expected, matrix = evaluated(program, q, theta)
     tau, out = np.zeros((len(q), 2)), np.full((len(q), 2, 3), np.nan)
     arrays = [np.ascontiguousarray(q), theta, tau, out]
     library.lambda__samples(ctypes.c_size_t(len(q)), *(pointer(a) for a in arrays))
@@ -123,7 +124,7 @@ def test_friction_laws(tmp_path, name):
     given = [q, dq, ddq]
     if len(program.inputs) > 3:
         given.append(rng.uniform(-1.0, 1.0, (10, len(program.inputs[3]))))
-    (expected,) = program.evaluate(*given, theta)
+    (expected,) = evaluated(program, *given, theta)
     tau = all_at_once(library.inverse_model_samples, given, [theta], (2,))
     np.testing.assert_allclose(tau, expected, rtol=1e-12, atol=1e-12)
 
@@ -154,7 +155,7 @@ def test_arguments_without_effect_do_not_warn(tmp_path):
     theta = np.arange(1.0, 5.0)
     q, dq, ddq = states(robot, TILE + 1)
     tau = all_at_once(library.inverse_model_samples, (q, dq, ddq), [theta], (1,))
-    (expected,) = inverse_model(robot).evaluate(q, dq, ddq, theta)
+    (expected,) = evaluated(inverse_model(robot), q, dq, ddq, theta)
     np.testing.assert_allclose(tau, expected, rtol=1e-13)
     gravity = all_at_once(library.gravity_vector_samples, (q,), [theta], (1,))
     assert (gravity == 0.0).all()

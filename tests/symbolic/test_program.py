@@ -6,6 +6,7 @@ import sympy
 
 from pivident.symbolic.expressions import OperationCount, call, cosine, sine, symbol
 from pivident.symbolic.program import LONGEST, Input, Output, Program, output_array
+from tests.symbolic.evaluation import evaluated
 
 Q = Input("q", (symbol("q1"), symbol("q2")), "positions [rad]")
 NAMES = ("zz1", "zz[left elbow]", "zz_left_elbow", "class", "sin", "größe", "q1*/", "λ")
@@ -40,12 +41,12 @@ def inputs(count=11):
 
 def test_variables_are_what_is_shared_or_named():
     program = example()
-    names = [name for name, _ in program.assignments]
+    names = list(program.variables.values())
     assert "shared" in names and "S1" in names
     assert "unused" not in names and "number" not in names
     assert len(set(names)) == len(names)
     before = set(Q.symbols) | set(THETA.symbols)
-    for _, expression in program.assignments:  # each variable is made of what stands before it
+    for expression in program.variables:  # each variable is made of what stands before it
         for operand in expression.operands:
             assert operand in before or operand not in program.variables
         before.add(expression)
@@ -76,7 +77,7 @@ def test_generated_python_gives_the_same_results():
     program = example()
     q, theta = inputs()
     tau, matrix = program.function()(q, theta)
-    tau_again, matrix_again = program.evaluate(q, theta)
+    tau_again, matrix_again = evaluated(program, q, theta)
     assert tau.shape == (11, 2) and matrix.shape == (11, 2, 3)
     np.testing.assert_allclose(tau, tau_again, rtol=1e-14)
     np.testing.assert_allclose(matrix, matrix_again, rtol=1e-14)
@@ -102,7 +103,7 @@ def test_sympy_gives_the_same_results():
     values = {sympy.Symbol(name, real=True): value for name, value in given.items()}
     for variable, expression in pairs:
         values[variable] = expression.subs(values)
-    tau, matrix = program.evaluate(q[0], theta)
+    tau, matrix = evaluated(program, q[0], theta)
     ours = [float(sympy.sympify(x).subs(values)) for x in outputs["tau"]]
     np.testing.assert_allclose(ours, tau, rtol=1e-12)
     flat = [float(sympy.sympify(x).subs(values)) for x in sympy.flatten(outputs["if"])]

@@ -1,5 +1,8 @@
 """The command ``pivident symbolic``: tables, texts, files and refusals."""
 
+import subprocess
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +10,9 @@ from pivident.cli.app import DONE, WRONG_INPUT, main
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.export.c_source import c_compiler
 from pivident.robot import load_robot
+from pivident.symbolic.robot_models import model_files, symbolic_models
 from tests.symbolic.robots import states
 
 
@@ -46,6 +51,28 @@ def test_files_are_written_and_run(tmp_path, capsys):
     phi = namespace["observation_matrix"](q, dq, ddq)
     links = [p.is_inertial or p.stem == "ia" for p in base.parameters]
     np.testing.assert_allclose(parts + inertial, phi[:, :, links] @ theta[links], atol=1e-11)
+
+
+@pytest.mark.skipif(c_compiler() is None, reason="there is no C compiler here")
+def test_functions_of_two_robots_go_into_one_program(tmp_path):
+    for robot in ("planar_2r", "emps"):
+        assert main(["symbolic", robot, "--to", "c", "--out", str(tmp_path)]) == DONE
+    (tmp_path / "both.c").write_text(
+        '#include "emps.h"\n#include "planar_2r.h"\n'
+        "void *both[] = {(void *)planar_2r_inverse_model, (void *)emps_inverse_model};\n"
+    )
+    command = [c_compiler(), "-shared", "-fPIC", "-o", "both.so"]
+    command += ["both.c", "emps.c", "planar_2r.c", "-lm"]
+    subprocess.run(command, cwd=tmp_path, check=True, timeout=120)
+
+
+def test_title_of_a_generated_function_is_one_line(tmp_path):
+    robot = replace(load_robot("planar_2r"), name='a???/ """ */')
+    files = model_files(robot, symbolic_models(robot, ["gravity"]), ["python", "c"])
+    namespace: dict = {}
+    exec(next(text for name, text in files.items() if name.endswith(".py")), namespace)
+    assert namespace["gravity_vector"](np.zeros(2), np.zeros(len(base_parameters(robot)))).size == 2
+    assert not any("??" in text for name, text in files.items() if not name.endswith(".py"))
 
 
 def test_numbers_in_the_place_of_parameters(capsys):

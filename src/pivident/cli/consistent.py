@@ -34,7 +34,7 @@ def consistent(
     Parameters
     ----------
     identification
-        The file identification.json of a result.
+        The file identification.json of a result, or its folder.
     prior
         Which of the equally near sets of bodies is taken: entropic or euclidean distance from the
         nominal bodies, or none: the one farthest from all limits. Default: entropic.
@@ -56,6 +56,8 @@ def consistent(
     from pivident.validation.consistent_estimate import consistent_estimate
     from pivident.validation.consistent_files import write_consistent
 
+    if identification.is_dir():
+        identification = identification / "identification.json"
     folder = identification.parent if out is None else out
     with Progress() as progress:
         progress.say(f"reading {identification}")

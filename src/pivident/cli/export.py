@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -44,7 +45,7 @@ def export(
     """
     from pivident.cli.workflow import check_output
     from pivident.errors import ExportError
-    from pivident.export.formats import TITLES, export_model, verify_export
+    from pivident.export.formats import FORMATS, export_model, verify_export
     from pivident.export.original_urdf import original_urdf
     from pivident.export.stored_model import stored_model
 
@@ -60,10 +61,10 @@ def export(
             original = original_urdf(model.robot, robot, folder)
             frozen = model.robot.urdf.frozen if model.robot.urdf else None
         inputs = (*files, *((original.path,) if original else ()))
-        progress.say(f"writing {TITLES[to]}")
+        progress.say(f"writing {FORMATS[to].title}")
         content = None if original is None else original.content
         exported = export_model(model, to, name=out.stem, original=content, frozen=frozen)
-        check_targets(exported, out, inputs)
+        check_targets(exported, out, inputs, model.origin.sources.values())
         found: tuple[Verification, ...] = ()
         if check:
             progress.say("loading it back")
@@ -75,7 +76,7 @@ def export(
                 "same"
             )
         written = write_export(exported, out)
-    print(export_text(exported, model, written, TITLES[to]))
+    print(export_text(exported, model, written, FORMATS[to].title))
     if original is not None:
         print("".join(f"  · {note}\n" for note in original.notes), end="")
     for verification in found:
@@ -84,24 +85,35 @@ def export(
     return 0
 
 
-def check_targets(exported: ExportedText, out: Path, inputs: tuple[Path, ...]) -> None:
-    """Refuse to write over a file that the export is made from.
+def check_targets(
+    exported: ExportedText, out: Path, inputs: tuple[Path, ...], sources: Collection[str] = ()
+) -> None:
+    """Refuse to write over a file that the export, or the identification, is made from.
 
     Args:
         exported: what is to be written.
         out: where.
         inputs: files that were read.
+        sources: SHA-256 of the files that were identified.
 
     Raises:
-        ExportError: a file to be written is one of them, or a folder.
+        ExportError: a file to be written is one of them, a folder, or to be written twice.
     """
     from pivident.errors import ExportError
+    from pivident.recording.files import sha256
 
+    for name in exported.further:
+        if name.casefold() == out.name.casefold():
+            raise ExportError(
+                f"{out} is the name of the file that is written beside it; give --out another "
+                f"ending, such as {out.with_suffix('.c').name}"
+            )
     for target in (out, *(out.with_name(name) for name in exported.further)):
         if target.is_dir():
             raise ExportError(f"{target} is a folder; name a file in it")
+        is_log = bool(sources) and target.is_file() and sha256(target) in sources
         for source in inputs:
-            if target.exists() and target.samefile(source):
+            if target.exists() and (is_log or target.samefile(source)):
                 raise ExportError(
                     f"{target} is a file that the export is made from, which stays as it is; "
                     "choose another name with --out"

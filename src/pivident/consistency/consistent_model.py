@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.consistency import consistent_tables as tables
 from pivident.consistency.constraints import Bounds, Constraint, make_constraints
-from pivident.consistency.metric import Metric, make_metric
+from pivident.consistency.metric import make_metric
 from pivident.consistency.nearest_consistent import (
     ROOM,
     Active,
@@ -28,7 +28,7 @@ from pivident.consistency.priors import PRIORS
 from pivident.consistency.profile_intervals import ProfileIntervals, profile_intervals
 from pivident.consistency.pseudo_inertia import LinkBody, link_body
 from pivident.consistency.reference import make_reference
-from pivident.consistency.significance import NOTABLE_GROWTH, cost_notes, is_far, probability
+from pivident.consistency.significance import NOTABLE_COST, cost_notes, is_far, probability
 from pivident.consistency.torque_sums import TorqueSums, torque_sums
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
@@ -37,8 +37,8 @@ from pivident.estimation.identification import Identification
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 
-#: Diameter of the steel ball that every link must contain at least [m]: about the smallest thing
-#: that is built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
+#: Diameter of the steel ball that every link must be at least as large as [m]: about the smallest
+#: thing that is built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
 SMALLEST_BALL = 0.01
 
 
@@ -56,12 +56,13 @@ class ConsistentModel:
         theta: these at the consistent point, shape (parameters,).
         was_consistent: whether the estimate was consistent itself; then its torques are kept
             exactly.
-        distance: from the estimate to the nearest consistent parameters [σ].
-        p_value: probability of at least this distance if the estimate's errors are those of its
-            covariance: χ² with as many degrees of freedom as constraints are active.
-        moved: what the estimator would find on the consistent machine less the estimate, over σ,
-            shape (parameters,): θ - θ_free where nothing was left out; otherwise the shares that
-            estimated parameters take over from those that were left out are counted.
+        least_distance: from the estimate to the nearest consistent parameters [σ], which may have
+            links that are points, lines or plates.
+        p_value: probability of at least the least distance if the estimate's errors are those of
+            its covariance: χ² with as many degrees of freedom as constraints are active.
+        distance: from the estimate to ``values`` [σ], √(least² + ``room``) at most.
+        moved: (θ - θ_free)/σ of each estimated parameter, shape (parameters,). One may exceed the
+            distance: a parameter that was left out may take over its torque.
         active: constraints that hold the estimate back, the most expensive first.
         torque_error_free: relative torque error of the estimate on the fitted record; NaN without
             torque sums.
@@ -80,8 +81,9 @@ class ConsistentModel:
     names: tuple[str, ...]
     theta: np.ndarray
     was_consistent: bool
-    distance: float
+    least_distance: float
     p_value: float
+    distance: float
     moved: np.ndarray
     active: tuple[Active, ...]
     torque_error_free: float
@@ -122,14 +124,9 @@ class ConsistentModel:
         """Mass, centre of mass and inertia of a link, by its name or that of its joint.
 
         Raises:
-            KeyError: names the nearest link.
+            RobotDescriptionError: names the nearest link.
         """
-        known = [link.name for link in self.robot.links]
-        if name not in known and name in self.robot.joint_names:
-            return self.links[self.robot.joint_names.index(name)]
-        if name not in known:
-            raise KeyError(f"no link {name!r}; {nearest(name, known)}")
-        return self.links[known.index(name)]
+        return self.links[self.robot.link_index(name)]
 
     def value(self, name: str) -> float:
         """A standard parameter by its name.
@@ -167,7 +164,7 @@ class ConsistentModel:
                 ``standard``: all standard parameters.
 
         Raises:
-            IdentificationError: another confidence, or the solver fails.
+            IdentificationError: another confidence.
             ExperimentError: another ``of``.
         """
         key = (confidence, of)
@@ -192,7 +189,7 @@ class ConsistentModel:
                 directions, chosen = directions[own], self.free.parameters
                 names = self.names
         low, high = profile_intervals(
-            self._space, self._constraints, self.distance, directions, confidence
+            self._space, self._constraints, self.least_distance, directions, confidence
         )
         return ProfileIntervals(
             names, tuple(p.unit for p in chosen), directions @ self.values, low, high, confidence
@@ -204,7 +201,7 @@ class ConsistentModel:
 
     def table(self) -> str:
         """Links as bodies: mass, centre of mass, principal moments."""
-        return tables.link_table(self)
+        return tables.link_table(self.links)
 
     def moved_table(self) -> str:
         """Estimated base parameters: free, consistent, moved."""
@@ -235,8 +232,9 @@ def make_consistent(
             ``torque_sums`` are needed to tell what the step costs in torque.
         prior: which of the equally near points is taken: ``entropic``, ``euclidean`` or ``none``.
         bounds: what is known of masses and centres of mass.
-        margin: diameter of the steel ball that every link must contain [m]; smaller in links that
-            weigh less than ten such balls.
+        margin: diameter of the steel ball that every link must be at least as large as [m]: in mass
+            and in second moments about its own centre of mass; smaller in links that weigh less
+            than ten such balls.
         reference: description with the same joints, or standard parameters, that the prior pulls
             to; None: the robot's nominal ones.
         room: growth of the squared distance [σ²] that the prior may spend, where the estimate is
@@ -247,8 +245,9 @@ def make_consistent(
     Raises:
         NoConsistentModelNear: the step is improbable and costs much torque; it carries the model.
         ContradictoryBounds: no parameters satisfy the bounds.
-        ExperimentError: unknown prior or link, a margin that is not positive, a reference that does
-            not fit.
+        RobotDescriptionError: bounds of a link that does not exist.
+        ExperimentError: unknown prior, a margin that is not positive, a reference that does not
+            fit.
         IdentificationError: a covariance that cannot serve as a metric.
     """
     if prior not in PRIORS:
@@ -272,13 +271,13 @@ def make_consistent(
     found = nearest_consistent(space, constraints, near, prior, room)
     errors = _torque_errors(sums, metric.center, base.values(found.values))
     for narrower in (0.1, 0.01):
-        if found.was_consistent or not errors[1] > (1.0 + NOTABLE_GROWTH) * errors[0]:
+        if found.was_consistent or not errors[1] > (1.0 + NOTABLE_COST) * errors[0]:
             break
         found = nearest_consistent(space, constraints, near, prior, narrower * room)
         errors = _torque_errors(sums, metric.center, base.values(found.values))
     seconds = time.perf_counter() - began
     values, beta = found.values, base.values(found.values)
-    p_value = probability(found.distance, found.directions, len(base))
+    p_value = probability(found.least_distance, found.directions, len(base))
     model = ConsistentModel(
         free=identification,
         robot=identification.robot,
@@ -287,9 +286,10 @@ def make_consistent(
         names=identification.names,
         theta=beta[metric.estimated],
         was_consistent=found.was_consistent,
-        distance=found.distance,
+        least_distance=found.least_distance,
         p_value=p_value,
-        moved=_moved(metric, beta),
+        distance=found.distance,
+        moved=(beta - metric.center)[metric.estimated] / identification.std,
         active=found.active,
         torque_error_free=errors[0],
         torque_error=errors[1],
@@ -303,7 +303,7 @@ def make_consistent(
     )
     if is_far(p_value, *errors) and not accept_far:
         raise NoConsistentModelNear(
-            model.distance,
+            model.least_distance,
             model.p_value,
             *errors,
             list(dict.fromkeys(a.subject for a in model.active)),
@@ -326,9 +326,3 @@ def _torque_errors(
     if sums is None:
         return np.nan, np.nan
     return sums.relative_error(free), sums.relative_error(consistent)
-
-
-def _moved(metric: Metric, base: np.ndarray) -> np.ndarray:
-    """Step of each estimated parameter as the estimator sees it [σ], shape (parameters,)."""
-    step = metric.seen(base) - metric.center[metric.estimated]
-    return step / np.sqrt(np.diag(metric.covariance))

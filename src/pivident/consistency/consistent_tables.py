@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from pivident.validation.plain_table import plain_table
 
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
+    from pivident.consistency.pseudo_inertia import LinkBody
 
 
 def headline(model: ConsistentModel) -> str:
@@ -19,9 +21,9 @@ def headline(model: ConsistentModel) -> str:
         text = f"The estimate of {model.free.method} is physically consistent as it is."
     else:
         text = (
-            f"The estimate of {model.free.method} is not physically consistent; the nearest "
-            f"consistent parameters are {significant(model.distance)} σ away "
-            f"(p = {model.p_value:.2g})."
+            f"The estimate of {model.free.method} is not physically consistent; the least distance "
+            f"to consistent parameters is {significant(model.least_distance)} σ "
+            f"(p = {model.p_value:.2g}), that to those taken {significant(model.distance)} σ."
         )
     if np.isfinite(model.torque_error):
         text += (
@@ -31,30 +33,28 @@ def headline(model: ConsistentModel) -> str:
     return text
 
 
-def link_table(model: ConsistentModel) -> str:
-    """Links as bodies: mass, centre of mass, principal moments."""
-    bodies = model.links
-    columns: list[Any] = [
+def link_table(bodies: Sequence[LinkBody], *further: tuple[str, str, Sequence[str]]) -> str:
+    """Links as bodies: mass, centre of mass, principal moments.
+
+    Args:
+        bodies: the links.
+        further: columns after the mass, see `plain_table`.
+    """
+    columns: list[tuple[str, str, Sequence[str]]] = [
         ("link", "<", [b.name for b in bodies]),
         ("mass [kg]", ".", [significant(b.mass) for b in bodies]),
+        *further,
     ]
-    for axis in range(3):
-        columns.append(
-            (
-                f"centre {'xyz'[axis]} [mm]",
-                ".",
-                [significant(_millimetres(b.center_of_mass[axis])) for b in bodies],
-            )
-        )
-    for k in range(3):
-        columns.append(
-            (
-                f"I{k + 1} [kg m²]",
-                ".",
-                [significant(b.principal_moments[k]) for b in bodies],
-            )
-        )
+    for k, title in enumerate(("centre x [mm]", "y", "z")):
+        columns.append((title, ".", [millimetres(b.center_of_mass[k]) for b in bodies]))
+    for k, title in enumerate(("I1 [kg m²]", "I2", "I3")):
+        columns.append((title, ".", [significant(b.principal_moments[k]) for b in bodies]))
     return plain_table(columns)
+
+
+def millimetres(metres: float) -> str:
+    """A length in millimetres, to a tenth."""
+    return f"{round(1e3 * metres, 1) + 0.0:.1f}"
 
 
 def moved_table(model: ConsistentModel) -> str:
@@ -72,7 +72,7 @@ def moved_table(model: ConsistentModel) -> str:
 
 def summary(model: ConsistentModel) -> str:
     """Everything that is printed."""
-    parts = [headline(model), link_table(model), moved_table(model)]
+    parts = [headline(model), link_table(model.links), moved_table(model)]
     if model.active:
         parts.append("Held back by:\n" + "\n".join(f"  {a}" for a in model.active))
     return "\n\n".join([*parts, *model.notes])
@@ -85,8 +85,9 @@ def plain_values(model: ConsistentModel) -> dict[str, Any]:
         "robot": model.robot.name,
         "prior": model.prior,
         "was_consistent": model.was_consistent,
-        "distance": model.distance,
+        "least_distance": model.least_distance,
         "p_value": model.p_value,
+        "distance": model.distance,
         "torque_error_free": _number(model.torque_error_free),
         "torque_error": _number(model.torque_error),
         "seconds": model.seconds,
@@ -121,11 +122,6 @@ def plain_values(model: ConsistentModel) -> dict[str, Any]:
         ],
         "notes": list(model.notes),
     }  # fmt: skip
-
-
-def _millimetres(length: float) -> float:
-    """A length in mm, zero below a nanometre."""
-    return 0.0 if abs(length) < 1e-9 else 1e3 * length
 
 
 def _number(value: float) -> float | None:

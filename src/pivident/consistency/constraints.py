@@ -1,6 +1,7 @@
 """What a real machine's parameters must satisfy, as linear images of cones.
 
-* every link: pseudo-inertia ≥ that of a small steel ball, see `reference`;
+* every link: mass and second moments about its own centre of mass are at least those of a small
+  steel ball, see `least_body`;
 * drives: the matrix of rotor inertias, with coupled motors, is positive semidefinite, since
   ½ dqᵀ I dq is the rotors' kinetic energy; the same for viscous friction, whose power is
   dqᵀ F dq;
@@ -14,17 +15,16 @@ on the TX40's wrist.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pivident.consistency.cone_program import Cone
-from pivident.consistency.pseudo_inertia import BASIS, triangle
+from pivident.consistency.pseudo_inertia import BASIS, least_body, triangle
 from pivident.consistency.reference import Reference
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.naming import nearest
 
 #: Lowest and highest value; None: no bound on that side.
 Interval = tuple[float | None, float | None]
@@ -59,6 +59,7 @@ class Constraint:
         order: order of the matrices of a semidefinite cone; otherwise the number of rows.
         matrix: F, shape (rows, standard).
         offset: g, shape (rows,).
+        is_declared: whether it is a bound of the user.
     """
 
     subject: str
@@ -67,10 +68,12 @@ class Constraint:
     order: int
     matrix: np.ndarray
     offset: np.ndarray
+    is_declared: bool = False
 
 
-#: Words for the demand on a link, see `describe` in `nearest_consistent`.
-REAL_BODY = "a real body"
+#: Words for the demand on a link's second moments, see `WORDS` in `nearest_consistent`, and on its
+#: mass.
+REAL_BODY, LEAST_MASS = "a real body", "mass at its limit: that of the smallest body"
 
 
 def link_places(robot: Robot, standard: Sequence[Parameter]) -> np.ndarray:
@@ -93,28 +96,33 @@ def make_constraints(
     Args:
         robot: the robot.
         standard: its standard parameters.
-        reference: gives the scale of each link and the smallest body in it.
+        reference: gives the scale of each link and the size of the smallest body.
         bounds: declared ones.
 
     Raises:
-        ExperimentError: bounds of unknown links, or empty ones.
+        RobotDescriptionError: bounds of unknown links.
+        ExperimentError: empty bounds.
     """
     made = _real_bodies(robot, standard, reference)
     made += _positive_forms(robot, standard, reference)
     made += _dissipative(robot, standard, reference)
-    return tuple(made + _declared(robot, standard, reference, bounds or Bounds()))
+    declared = _declared(robot, standard, reference, bounds or Bounds())
+    return (*made, *(replace(c, is_declared=True) for c in declared))
 
 
 def _real_bodies(
     robot: Robot, standard: Sequence[Parameter], reference: Reference
 ) -> list[Constraint]:
-    """P̃ - P̃_small ≥ 0 of each link, on the scale of its reference."""
+    """P̃ - Ẽ ≥ 0 of each link, on the scale of its reference, and m ≥ m_b; see `least_body`."""
     made = []
     for i, place in enumerate(link_places(robot, standard)):
         matrix = np.zeros((10, len(standard)))
         matrix[:, place] = triangle(reference.scaled(i, BASIS)).T
-        offset = -triangle(reference.scaled(i, reference.smallest[i]))
-        made.append(Constraint(robot.links[i].name, REAL_BODY, "semidefinite", 4, matrix, offset))
+        least, lightest = least_body(float(reference.diameters[i]))
+        offset = -triangle(reference.scaled(i, least))
+        name = robot.links[i].name
+        made.append(Constraint(name, REAL_BODY, "semidefinite", 4, matrix, offset))
+        made.append(_at_least(name, LEAST_MASS, place[9:], lightest, reference))
     return made
 
 
@@ -170,21 +178,20 @@ def _dissipative(
     """Friction levels and rotor inertias that are not negative."""
     made = []
     for k, p in enumerate(standard):
-        if not p.is_dissipative:
-            continue
-        matrix = np.zeros((1, len(standard)))
-        matrix[0, k] = 1.0 / reference.scales[k]
-        made.append(
-            Constraint(
-                robot.joints[p.joint].name,
-                f"{p.name} not negative",
-                "nonnegative",
-                1,
-                matrix,
-                np.zeros(1),
-            )
-        )
+        if p.is_dissipative:
+            name, kind = robot.joints[p.joint].name, f"{p.name} not negative"
+            made.append(_at_least(name, kind, np.array([k]), 0.0, reference))
     return made
+
+
+def _at_least(
+    subject: str, kind: str, places: np.ndarray, bound: float, reference: Reference, sign: int = 1
+) -> Constraint:
+    """Σ φ ≥ bound; ≤ with the sign -1."""
+    scale = float(reference.scales[places].sum())
+    matrix = np.zeros((1, reference.scales.size))
+    matrix[0, places] = sign / scale
+    return Constraint(subject, kind, "nonnegative", 1, matrix, np.array([-sign * bound / scale]))
 
 
 def _declared(
@@ -194,14 +201,12 @@ def _declared(
     places = link_places(robot, standard)
     made = []
     for name, interval in bounds.mass.items():
-        mass = places[_link(robot, name), 9:]
-        made += _interval(name, "mass", interval, mass, len(standard), reference)
+        mass = places[robot.link_index(name), 9:]
+        made += _interval(name, "mass", interval, mass, reference)
     if bounds.total_mass is not None:
-        made += _interval(
-            "all links", "total mass", bounds.total_mass, places[:, 9], len(standard), reference
-        )
+        made += _interval("all links", "total mass", bounds.total_mass, places[:, 9], reference)
     for name, box in bounds.center_of_mass.items():
-        place = places[_link(robot, name)]
+        place = places[robot.link_index(name)]
         if len(box) != 3:
             raise ExperimentError(
                 f"center_of_mass of link {name!r} needs three intervals, for x, y, z; it has "
@@ -210,7 +215,7 @@ def _declared(
         for axis, interval in enumerate(box):
             made += _box(name, axis, interval, place, len(standard), reference)
     for name, (center, axes) in bounds.ellipsoid.items():
-        place = places[_link(robot, name)]
+        place = places[robot.link_index(name)]
         c, a = np.asarray(center, float), np.asarray(axes, float)
         if c.shape != (3,) or a.shape != (3,) or not (np.isfinite(c).all() and (a > 0).all()):
             raise ExperimentError(
@@ -236,22 +241,15 @@ def _interval(
     what: str,
     interval: Interval,
     places: np.ndarray,
-    size: int,
     reference: Reference,
 ) -> list[Constraint]:
     """Lowest ≤ Σ φ ≤ highest."""
     _check(subject, what, interval)
-    scale = float(reference.scales[places].sum())
     made = []
-    for bound, sign, words in zip(interval, (1.0, -1.0), ("at least", "at most"), strict=True):
-        if bound is None:
-            continue
-        matrix = np.zeros((1, size))
-        matrix[0, places] = sign / scale
-        offset = np.array([-sign * bound / scale])
-        made.append(
-            Constraint(subject, f"{what} {words} {bound:g} kg", "nonnegative", 1, matrix, offset)
-        )
+    for bound, sign, words in zip(interval, (1, -1), ("at least", "at most"), strict=True):
+        if bound is not None:
+            kind = f"{what} {words} {bound:g} kg"
+            made.append(_at_least(subject, kind, places, bound, reference, sign))
     return made
 
 
@@ -292,13 +290,3 @@ def _check(subject: str, what: str, interval: Interval) -> None:
             f"{what} of {subject}: {interval!r} is no interval; give the lowest and the highest "
             "value, None for no bound"
         )
-
-
-def _link(robot: Robot, name: str) -> int:
-    """Index of a link by its name or that of its joint."""
-    links = [link.name for link in robot.links]
-    if name in links:
-        return links.index(name)
-    if name in robot.joint_names:
-        return robot.joint_names.index(name)
-    raise ExperimentError(f"bounds: there is no link {name!r}; {nearest(name, links)}")

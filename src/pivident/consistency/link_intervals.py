@@ -19,11 +19,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.consistency.cone_program import Requirement, solve_cone_program
+from pivident.consistency.cone_program import Requirement
 from pivident.consistency.constraints import Constraint
 from pivident.consistency.ellipsoid import moment_about_axis, principal_axes
-from pivident.consistency.nearest_consistent import StandardSpace, ball, imposed
-from pivident.consistency.profile_intervals import GAP, POOR_GAP, profile_intervals
+from pivident.consistency.nearest_consistent import StandardSpace, imposed
+from pivident.consistency.profile_intervals import allowed, lowest, profile_intervals
 
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
@@ -38,7 +38,7 @@ class Quantity:
 
     Attributes:
         value: at the consistent point.
-        low: lower end; -∞ where nothing bounds it.
+        low: lower end; -∞ where nothing bounds it, NaN where the solver found none.
         high: upper end.
     """
 
@@ -78,7 +78,7 @@ def link_rows(model: ConsistentModel, confidence: float = 0.95) -> tuple[LinkRow
         confidence: of the intervals, 0 to 1.
 
     Raises:
-        IdentificationError: a confidence outside (0, 1), or the solver fails.
+        IdentificationError: a confidence outside (0, 1).
     """
     space, constraints, values = model._space, model._constraints, model.values
     reach = REACH + sum(float(np.linalg.norm(j.translation)) for j in model.robot.joints)
@@ -90,7 +90,7 @@ def link_rows(model: ConsistentModel, confidence: float = 0.95) -> tuple[LinkRow
         for k in range(3):
             own[1 + k, place] = moment_about_axis(body.center_of_mass, turned[:, k])
     ends = profile_intervals(
-        space, constraints, model.distance, directions.reshape(-1, values.size), confidence
+        space, constraints, model.least_distance, directions.reshape(-1, values.size), confidence
     )
     low, high = (end.reshape(len(bodies), 4) for end in ends)
     rows = []
@@ -100,7 +100,7 @@ def link_rows(model: ConsistentModel, confidence: float = 0.95) -> tuple[LinkRow
             for v, a, b in zip((body.mass, *body.principal_moments), low[i], high[i], strict=True)
         )
         center = center_of_mass_range(
-            space, constraints, place, body.mass, model.distance, confidence, reach
+            space, constraints, place, body.mass, model.least_distance, confidence, reach
         )
         x, y, z = (
             Quantity(float(c), float(a), float(b))
@@ -116,7 +116,7 @@ def center_of_mass_range(
     constraints: Sequence[Constraint],
     place: np.ndarray,
     mass: float,
-    distance: float,
+    least_distance: float,
     confidence: float,
     reach: float,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -127,36 +127,30 @@ def center_of_mass_range(
         constraints: what they must satisfy.
         place: indices of the link's ten inertial parameters.
         mass: of the link at the consistent point [kg].
-        distance: of the consistent point [σ].
+        least_distance: d* [σ].
         confidence: of the intervals, 0 to 1.
         reach: farthest place that is looked at [m].
 
     Returns:
-        Lower and upper ends, each shape (3,); infinite beyond the reach, and where the solver finds
-        no end.
+        Lower and upper ends, each shape (3,); infinite beyond the reach, NaN where the solver
+        finds none.
     """
-    from scipy.stats import chi2
-
-    allowed = float(np.sqrt(distance**2 + chi2.ppf(confidence, 1)))
     size = space.slope.shape[1]
-    requirements = [
-        _homogeneous(r, size) for r in (*imposed(space, constraints), ball(space, allowed))
-    ]
+    conditions = (*imposed(space, constraints), allowed(space, least_distance, confidence))
+    requirements = [_homogeneous(r, size) for r in conditions]
     rows = np.c_[space.slope[place[6:]], space.start[place[6:]]] / mass  # mx my mz m over (y, s)
     requirements.append(Requirement("nonnegative", 1, np.eye(1, size + 1, size), np.zeros(1)))
     requirements.append(Requirement("zero", 1, rows[3:], -np.ones(1)))
     box = np.r_[rows[:3], -rows[:3]] / reach
     requirements.append(Requirement("nonnegative", 6, -box, np.ones(6)))
-    none = np.zeros(size + 1)
     low, high = np.empty((2, 3))
     for axis in range(3):
         scale = float(np.abs(rows[axis]).max()) or 1.0
         for ends, sign in ((low, 1.0), (high, -1.0)):
-            solved = solve_cone_program(none, sign * rows[axis] / scale, requirements, GAP)
-            if not solved.found:
-                solved = solve_cone_program(none, sign * rows[axis] / scale, requirements, POOR_GAP)
-            end = rows[axis] @ solved.u if solved.found else np.inf
-            ends[axis] = -sign * np.inf if abs(end) > 0.99 * reach else end
+            solved = lowest(sign * rows[axis] / scale, requirements)
+            end = rows[axis] @ solved.u if solved.found else np.nan
+            is_open = solved.unbounded or abs(end) > 0.99 * reach
+            ends[axis] = -sign * np.inf if is_open else end
     return low, high
 
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
+from pivident.estimation.methods import METHODS
+
 #: What stands before the name of the method whose estimate is made consistent.
 PREFIX = "pc-"
 
 #: Name of a consistent estimate, and the method of the free one that it is made from.
-CONSISTENT_METHODS = {
-    f"{PREFIX}{free}": free for free in ("ols", "ls", "iv", "iv-full-rate", "piv", "didim")
-}
+CONSISTENT_METHODS = {f"{PREFIX}{free}": free for free in METHODS}
 
 
 def free_methods(names: Iterable[str]) -> list[str]:

@@ -30,6 +30,9 @@ from pivident.estimation.identification import Identification
 #: a covariance is taken for one of too low a rank.
 LOWEST_RATIO = 1e-3
 
+#: Smallest eigenvalue of the correlations that a factorisation in double precision can bear.
+FULL_RANK = 1e-13
+
 #: Left out parameters that the record does not show at all may be as large as so many times the
 #: typical size of their kind.
 LARGEST_UNSEEN = 10.0
@@ -44,9 +47,6 @@ class Metric:
         estimated: indices of the estimated ones, shape (parameters,).
         center: the estimate, zero for those left out, shape (base,).
         root: shape (base, base).
-        absorbed: C, shape (parameters, left out).
-        left_out: indices of the others.
-        covariance: P, shape (parameters, parameters).
         notes: sentences.
     """
 
@@ -54,18 +54,7 @@ class Metric:
     estimated: np.ndarray
     center: np.ndarray
     root: np.ndarray
-    absorbed: np.ndarray
-    left_out: np.ndarray
-    covariance: np.ndarray
     notes: tuple[str, ...]
-
-    def seen(self, base: np.ndarray) -> np.ndarray:
-        """β_E + C β_D: what the estimator would find, shape (parameters,).
-
-        Args:
-            base: all base parameters, shape (base,).
-        """
-        return base[self.estimated] + self.absorbed @ base[self.left_out]
 
 
 def make_metric(
@@ -121,7 +110,7 @@ def make_metric(
         root[np.ix_(left_out, left_out)] = spread
         root[np.ix_(estimated, left_out)] = -absorbed @ spread
     center = estimated_in_base(identification, base)
-    return Metric(base, estimated, center, root, absorbed, left_out, covariance, tuple(notes))
+    return Metric(base, estimated, center, root, tuple(notes))
 
 
 def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
@@ -131,9 +120,10 @@ def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
         identification: the estimate.
 
     Raises:
-        IdentificationError: deviations that are not positive and finite.
+        IdentificationError: deviations that are not positive and finite, or a formula covariance
+            that does not tell the parameters apart; names the weakest one.
     """
-    reported, formula = identification.covariance, identification.formula_covariance
+    reported = identification.covariance
     deviations = np.sqrt(np.maximum(np.diag(reported), 0.0))
     if not (np.isfinite(reported).all() and (deviations > 0.0).all()):
         names = [
@@ -146,14 +136,35 @@ def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
             "distances cannot be measured, identify with another method"
         )
     own = reported / np.outer(deviations, deviations)
-    white = np.sqrt(np.diag(formula))
-    other = formula / np.outer(white, white)
-    factor = np.linalg.cholesky(other)
-    inverse = np.linalg.inv(factor)
+    other = _formula_correlations(identification)
+    inverse = np.linalg.inv(np.linalg.cholesky(other))
     ratios = np.linalg.eigvalsh(inverse @ own @ inverse.T)
-    if ratios[0] > LOWEST_RATIO * np.median(ratios):
+    if ratios[0] > max(LOWEST_RATIO * np.median(ratios), FULL_RANK * ratios[-1]):
         return reported, False
     return other * np.outer(deviations, deviations), True
+
+
+def _formula_correlations(identification: Identification) -> np.ndarray:
+    """Correlations of the formula for white errors, of full rank."""
+    formula, names = identification.formula_covariance, identification.names
+    variances = np.diag(formula)
+    wrong = (~np.isfinite(formula)).sum(axis=1) + ~(variances > 0.0)
+    if wrong.any():
+        weakest = names[int(np.argmax(wrong))]
+        reason = "is not finite and positive"
+    else:
+        white = np.sqrt(variances)
+        correlations = formula / np.outer(white, white)
+        values, vectors = np.linalg.eigh(correlations)
+        if values[0] > FULL_RANK:
+            return correlations
+        weakest = names[int(np.argmax(np.abs(vectors[:, 0])))]
+        reason = "does not tell all parameters apart"
+    raise IdentificationError(
+        f"the covariance of {identification.method} for white errors {reason}, weakest is "
+        f"{weakest}; distances cannot be measured, identify without {weakest} or with a motion "
+        "that moves it"
+    )
 
 
 def _conditional(

@@ -62,7 +62,6 @@ WORDS = {
     1: "smallest principal second moment at its limit: its mass in a plane",
     2: "two principal second moments at their limits: its mass on a line",
     3: "all second moments at their limits: its mass in a point",
-    4: "mass and second moments at their limits: nothing but the smallest body",
 }
 
 
@@ -113,7 +112,8 @@ class Nearest:
 
     Attributes:
         values: standard parameters, shape (standard,).
-        distance: d* [σ]; zero where the estimate was consistent.
+        least_distance: d* [σ]; zero where the estimate was consistent.
+        distance: that of the values, √(d*² + room) at most [σ].
         was_consistent: whether the estimate itself was.
         active: constraints that hold it back, the most expensive first.
         directions: how many directions of the base parameters they take.
@@ -121,6 +121,7 @@ class Nearest:
     """
 
     values: np.ndarray
+    least_distance: float
     distance: float
     was_consistent: bool
     active: tuple[Active, ...]
@@ -174,14 +175,14 @@ def nearest_consistent(
     requirements = imposed(space, constraints)
     closest = _closest(space, requirements, constraints)
     x = closest.u[: space.distances]
-    distance = float(np.linalg.norm(x))
-    if distance < CONSISTENT:
+    least = float(np.linalg.norm(x))
+    if least < CONSISTENT:
         lifted = _nearest_to_reference(space, constraints, reference, prior, None)
         if lifted.found:
             undetermined = lifted.u[: space.slope.shape[1] - space.distances]
             u = np.r_[np.zeros(space.distances), undetermined]
-            return Nearest(space.values(u), 0.0, True, (), 0)
-    radius = np.sqrt(distance**2 * (1.0 + RELATIVE_ROOM) + room)
+            return Nearest(space.values(u), 0.0, 0.0, True, (), 0)
+    radius = np.sqrt(least**2 * (1.0 + RELATIVE_ROOM) + room)
     found = _nearest_to_reference(space, constraints, reference, prior, float(radius))
     notes: tuple[str, ...] = ()
     u = found.u[: space.slope.shape[1]]
@@ -192,7 +193,8 @@ def nearest_consistent(
             "parameters the solver's own choice was taken",
         )
     active, directions = active_constraints(space, constraints, closest)
-    return Nearest(space.values(u), distance, False, active, directions, notes)
+    distance = float(np.linalg.norm(u[: space.distances]))
+    return Nearest(space.values(u), least, distance, False, active, directions, notes)
 
 
 def imposed(
@@ -212,7 +214,7 @@ def imposed(
     ]
 
 
-def ball(space: StandardSpace, radius: float) -> Requirement:
+def within_distance(space: StandardSpace, radius: float) -> Requirement:
     """The condition |x| ≤ radius [σ]."""
     size = space.distances
     return Requirement(
@@ -230,7 +232,7 @@ def _closest(
         quadratic[: space.distances] = 1.0
         solved = solve_cone_program(quadratic, np.zeros(quadratic.size), requirements)
         if solved.infeasible:
-            words = [f"{c.subject}: {c.kind}" for c in constraints if _declared(c)]
+            words = [f"{c.subject}: {c.kind}" for c in constraints if c.is_declared]
             raise ContradictoryBounds(words)
         if solved.found and violation(requirements, solved.u) < OUTSIDE:
             return solved
@@ -238,11 +240,6 @@ def _closest(
         f"the search for consistent parameters ended with {solved.status}; the covariance of "
         "the estimate may span too many orders of magnitude, identify fewer parameters"
     )
-
-
-def _declared(constraint: Constraint) -> bool:
-    """Whether a user asked for it."""
-    return constraint.kind.startswith(("mass", "total mass", "centre of mass"))
 
 
 def _nearest_to_reference(
@@ -256,7 +253,7 @@ def _nearest_to_reference(
     requirements = imposed(space, constraints, without_distance=radius is None)
     slope = space.slope[:, space.distances :] if radius is None else space.slope
     if radius is not None:
-        requirements.append(ball(space, radius))
+        requirements.append(within_distance(space, radius))
     terms = prior_terms(prior, reference, space.links, slope, space.start)
     requirements += terms.requirements
     for gap in CHOICE_GAPS:
@@ -309,7 +306,7 @@ def _at_the_limit(constraint: Constraint, multiplier: np.ndarray) -> tuple[np.nd
     held = singular.T @ from_triangle(constraint.matrix.T, constraint.order) @ singular
     row, column = np.triu_indices(rank)
     rows = held[:, row, column].T
-    return rows, WORDS[rank] if constraint.kind == REAL_BODY else constraint.kind
+    return rows, WORDS[min(rank, 3)] if constraint.kind == REAL_BODY else constraint.kind
 
 
 def _directions(normals: np.ndarray, distances: int) -> int:

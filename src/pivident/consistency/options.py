@@ -19,7 +19,8 @@ class ConsistencyOptions:
     Attributes:
         prior: which of the equally near sets of bodies is taken.
         bounds: what is known of the links, or None.
-        margin: diameter of the steel ball that every link contains [m]; None: the default.
+        margin: diameter of the steel ball that every link is at least as large as [m]; None: the
+            default.
         reference: robot with the nominal bodies; None: the identified one's own.
         accept_far: whether parameters far from the estimate are better than none.
     """

@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.consistency.cone_program import Requirement, solve_cone_program
+from pivident.consistency.cone_program import Requirement, Solved, solve_cone_program
 from pivident.consistency.constraints import Constraint
-from pivident.consistency.nearest_consistent import StandardSpace, ball, imposed
+from pivident.consistency.nearest_consistent import StandardSpace, imposed, within_distance
 from pivident.errors import IdentificationError
 
 #: Undetermined parameters are searched for up to so many times the size of the reference. Where
@@ -40,7 +40,8 @@ class ProfileIntervals:
         names: of the quantities.
         units: their units.
         values: at the consistent point, shape (quantities,).
-        low: lower ends, shape (quantities,); -∞ where nothing bounds them.
+        low: lower ends, shape (quantities,); -∞ where nothing bounds them, NaN where the solver
+            found no end.
         high: upper ends, likewise.
         confidence: of the intervals, 0 to 1.
     """
@@ -66,8 +67,14 @@ class ProfileIntervals:
     @property
     def unbounded(self) -> tuple[str, ...]:
         """Quantities that neither torques nor consistency bound on both sides."""
-        open_ended = ~(np.isfinite(self.low) & np.isfinite(self.high))
+        open_ended = np.isinf(self.low) | np.isinf(self.high)
         return tuple(n for n, o in zip(self.names, open_ended, strict=True) if o)
+
+    @property
+    def not_found(self) -> tuple[str, ...]:
+        """Quantities of which the solver has not found both ends."""
+        missing = np.isnan(self.low) | np.isnan(self.high)
+        return tuple(n for n, o in zip(self.names, missing, strict=True) if o)
 
     def __str__(self) -> str:
         from pivident.validation.plain_table import plain_table
@@ -83,13 +90,27 @@ class ProfileIntervals:
         )
         if self.unbounded:
             text += f"\nNothing bounds {', '.join(self.unbounded)} on both sides."
+        if self.not_found:
+            text += f"\n{not_found_sentence(self.not_found)}"
         return text
+
+
+def not_found_sentence(names: Sequence[str]) -> str:
+    """A warning of ends that the solver has not found.
+
+    Args:
+        names: of the quantities.
+    """
+    return (
+        f"The solver found no end of the interval of {', '.join(names)}, which says nothing of how "
+        "well these are known; bounds on masses or fewer parameters make the search easier."
+    )
 
 
 def profile_intervals(
     space: StandardSpace,
     constraints: Sequence[Constraint],
-    distance: float,
+    least_distance: float,
     directions: np.ndarray,
     confidence: float,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -98,47 +119,69 @@ def profile_intervals(
     Args:
         space: standard parameters around the estimate.
         constraints: what they must satisfy.
-        distance: d* [σ].
+        least_distance: d* [σ].
         directions: a, shape (quantities, standard).
         confidence: of the intervals, 0 to 1.
 
     Returns:
-        Lower and upper ends, each shape (quantities,).
+        Lower and upper ends, each shape (quantities,); infinite where nothing bounds them, NaN
+        where the solver finds none.
 
     Raises:
-        IdentificationError: a confidence outside (0, 1), or the solver fails.
+        IdentificationError: a confidence outside (0, 1).
     """
-    from scipy.stats import chi2
-
-    if not 0.0 < confidence < 1.0:
-        raise IdentificationError(f"confidence lies between 0 and 1, not {confidence}")
-    allowed = float(np.sqrt(distance**2 + chi2.ppf(confidence, 1)))
     undetermined = np.arange(space.distances, space.slope.shape[1])
-    requirements = [*imposed(space, constraints), ball(space, allowed)]
+    requirements = [*imposed(space, constraints), allowed(space, least_distance, confidence)]
     if undetermined.size:
         rows = np.eye(undetermined.size + 1, undetermined.size, -1)
         searched = np.r_[SEARCHED, np.zeros(undetermined.size)]
         requirements.append(
             Requirement("second_order", rows.shape[0], rows, searched, undetermined)
         )
-    none = np.zeros(space.slope.shape[1])
     low, high = np.empty((2, len(directions)))
     for k, direction in enumerate(directions):
         slope = direction @ space.slope
         scale = float(np.abs(slope).max()) or 1.0
         for ends, sign in ((low, 1.0), (high, -1.0)):
-            solved = solve_cone_program(none, sign * slope / scale, requirements, GAP)
+            solved = lowest(sign * slope / scale, requirements)
             if not solved.found:
-                solved = solve_cone_program(none, sign * slope / scale, requirements, POOR_GAP)
-            if solved.found:
-                end = direction @ space.start + slope @ solved.u
-                ends[k] = 0.0 if abs(end) < GAP * scale else end
-                limited = SEARCHED * solved.multipliers[-1][0] if undetermined.size else 0.0
-                if limited > GROWS * max(abs(solved.value), 1.0):
-                    ends[k] = -sign * np.inf
-            else:
-                raise IdentificationError(
-                    f"the search for an interval ended with {solved.status}; ask for a smaller "
-                    "confidence, or take the deviations of the free estimate"
-                )
+                ends[k] = -sign * np.inf if solved.unbounded else np.nan
+                continue
+            end = direction @ space.start + slope @ solved.u
+            ends[k] = 0.0 if abs(end) < GAP * scale else end
+            limited = SEARCHED * solved.multipliers[-1][0] if undetermined.size else 0.0
+            if limited > GROWS * max(abs(solved.value), 1.0):
+                ends[k] = -sign * np.inf
     return low, high
+
+
+def allowed(space: StandardSpace, least_distance: float, confidence: float) -> Requirement:
+    """The condition d² ≤ d*² + χ²₁(confidence).
+
+    Args:
+        space: standard parameters around the estimate.
+        least_distance: d* [σ].
+        confidence: of the intervals, 0 to 1.
+
+    Raises:
+        IdentificationError: a confidence outside (0, 1).
+    """
+    from scipy.stats import chi2
+
+    if not 0.0 < confidence < 1.0:
+        raise IdentificationError(f"confidence lies between 0 and 1, not {confidence}")
+    return within_distance(space, float(np.sqrt(least_distance**2 + chi2.ppf(confidence, 1))))
+
+
+def lowest(slope: np.ndarray, requirements: Sequence[Requirement]) -> Solved:
+    """Least slope · u, to ``GAP``; to ``POOR_GAP`` where the solver does not get so far.
+
+    Args:
+        slope: shape (unknowns,), of the order of 1.
+        requirements: the conditions on u.
+    """
+    for gap in (GAP, POOR_GAP):
+        solved = solve_cone_program(np.zeros(slope.size), slope, requirements, gap)
+        if solved.found or solved.unbounded:
+            break
+    return solved

@@ -57,6 +57,26 @@ def ball(diameter: float, density: float = STEEL) -> np.ndarray:
     return np.diag([mass * diameter**2 / 20.0] * 3 + [mass])
 
 
+def least_body(diameter: float, density: float = STEEL) -> tuple[np.ndarray, float]:
+    """What makes a body at least as large as a solid ball, wherever it lies: P ≥ E and m ≥ m_b.
+
+    With m_b the mass of the ball and e = m_b d²/20 its second moment, E = diag(e, e, e, 0). By the
+    Schur complement of m in P - E, P ≥ E where Σ - h hᵀ/m ≥ e 1: the second moments about the
+    body's own centre of mass, in whichever frame, are not below those of the ball.
+
+    Args:
+        diameter: d [m].
+        density: [kg/m³].
+
+    Returns:
+        E, shape (4, 4) [kg m²], and m_b [kg].
+    """
+    matrix = ball(diameter, density)
+    mass = float(matrix[3, 3])
+    matrix[3, 3] = 0.0
+    return matrix, mass
+
+
 def triangle(matrix: np.ndarray) -> np.ndarray:
     """Upper triangle of symmetric matrices by columns, off-diagonals times √2.
 

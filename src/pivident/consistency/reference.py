@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.consistency.pseudo_inertia import STEEL, ball, inertial_parameters, pseudo_inertia
+from pivident.consistency.pseudo_inertia import STEEL, inertial_parameters, pseudo_inertia
+from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
@@ -28,8 +29,8 @@ FLATTEST = 1e-4
 #: Mass [kg] and second moment [kg m²] below which a reference link is none.
 SMALLEST_MASS, SMALLEST_MOMENT = 1e-6, 1e-12
 
-#: Rotor inertia that passes for small where none is known, over the inertia of its link.
-ROTOR_SHARE = 0.1
+#: Random postures in which the inertia that a joint carries is looked at.
+POSTURES = 32
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,15 +41,15 @@ class Reference:
         values: standard parameters, shape (standard,).
         scales: what is a large change of each, shape (standard,).
         roots: P₀^-½ of each link, shape (joints, 4, 4): from a link to its scale.
-        smallest: pseudo-inertia that each link must contain, shape (joints, 4, 4): a steel ball
-            in the reference's centre of mass.
+        diameters: of the steel ball that each link must be at least as large as [m], shape
+            (joints,): smaller in a link that is light or thin.
         notes: where it comes from, sentences.
     """
 
     values: np.ndarray
     scales: np.ndarray
     roots: np.ndarray
-    smallest: np.ndarray
+    diameters: np.ndarray
     notes: tuple[str, ...]
 
     def scaled(self, link: int, matrix: np.ndarray) -> np.ndarray:
@@ -74,7 +75,7 @@ def make_reference(
     Args:
         robot: the robot.
         standard: its standard parameters.
-        diameter: of the steel ball that every link must contain [m].
+        diameter: of the steel ball that every link must be at least as large as [m].
         given: another description with the same joints, or standard parameters, shape (standard,),
             that take the place of the nominal ones.
 
@@ -84,7 +85,7 @@ def make_reference(
     values = _given_values(robot, standard, given)
     notes: list[str] = []
     guessed, repaired = [], []
-    roots, least = np.empty((2, robot.size, 4, 4))
+    roots, diameters = np.empty((robot.size, 4, 4)), np.empty(robot.size)
     scales = np.ones(len(standard))
     for i, link in enumerate(robot.links):
         # in the order of INERTIAL, which is that of the standard parameters
@@ -99,7 +100,7 @@ def make_reference(
         values[place] = inertial_parameters(real)
         scales[place] = _inertial_scales(real)
         roots[i] = _inverse_root(real)
-        least[i] = _smallest_body(real, diameter)
+        diameters[i] = _ball_within(real, diameter)
     if guessed:
         notes.append(
             f"No inertia is known of {', '.join(guessed)}: where the torques leave them open, "
@@ -111,16 +112,23 @@ def make_reference(
             f"The reference inertias of {named} belong to no real body (or to a flat one); the "
             "nearest of some thickness took their place"
         )
+    carried = _carried_inertia(robot, standard, values)
+    unknown = []
     for k, p in enumerate(standard):
         if p.is_inertial:
             continue
         values[k] = max(values[k], 0.0) if p.is_dissipative else values[k]
-        small = 1.0
-        if p.stem in ("ia", "iam"):
-            like = "zz" if robot.joints[p.joint].kind == "revolute" else "m"
-            small = ROTOR_SHARE * _scale_of(standard, scales, p.joint, like)
-        scales[k] = abs(values[k]) or small
-    return Reference(values, scales, roots, least, tuple(notes))
+        # a rotor that nobody described may weigh as much as all that its joint moves: it, and not
+        # a link that is known, takes what the torques find beyond the links
+        scales[k] = abs(values[k]) or (carried[p.joint] if p.stem in ("ia", "iam") else 1.0)
+        if p.stem == "ia" and values[k] == 0.0:
+            unknown.append(robot.joints[p.joint].name)
+    if unknown:
+        notes.append(
+            f"No rotor inertia is known of {', '.join(unknown)} (a URDF has none): torques hardly "
+            "tell the rotors of the first joints from the links; give rotor_inertia under [robot]"
+        )
+    return Reference(values, scales, roots, diameters, tuple(notes))
 
 
 def _given_values(
@@ -186,19 +194,15 @@ def _real_body(matrix: np.ndarray) -> np.ndarray:
     return real
 
 
-def _smallest_body(real: np.ndarray, diameter: float) -> np.ndarray:
-    """A steel ball in the centre of mass of a real body, a tenth of it at most."""
-    mass, center, values, _ = _central(real)
+def _ball_within(real: np.ndarray, diameter: float) -> float:
+    """Diameter of a steel ball with a tenth of a body's mass and second moments at most [m]."""
+    mass, _, values, _ = _central(real)
     density = STEEL * np.pi / 6.0
-    own = min(
+    return min(
         diameter,
-        (0.1 * mass / density) ** (1.0 / 3.0),
-        (0.1 * values[0] * 20.0 / density) ** (1.0 / 5.0),
+        float((0.1 * mass / density) ** (1.0 / 3.0)),
+        float((0.1 * values[0] * 20.0 / density) ** (1.0 / 5.0)),
     )
-    small = ball(own)
-    small[:3, :3] += small[3, 3] * np.outer(center, center)
-    small[:3, 3] = small[3, :3] = small[3, 3] * center
-    return small
 
 
 def _central(matrix: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
@@ -216,13 +220,16 @@ def _inverse_root(matrix: np.ndarray) -> np.ndarray:
     return (vectors / np.sqrt(values)) @ vectors.T
 
 
-def _scale_of(standard: Sequence[Parameter], scales: np.ndarray, joint: int, stem: str) -> float:
-    """Scale of a link's parameter."""
-    return next(
-        float(scale)
-        for p, scale in zip(standard, scales, strict=True)
-        if p.joint == joint and p.stem == stem
-    )
+def _carried_inertia(robot: Robot, standard: Sequence[Parameter], values: np.ndarray) -> np.ndarray:
+    """Largest inertia of the links that each joint moves, over some postures, shape (joints,)."""
+    links = tuple(p for p in standard if p.is_inertial)
+    inertia = np.array([v for p, v in zip(standard, values, strict=True) if p.is_inertial])
+    q = np.random.default_rng(0).uniform(-np.pi, np.pi, (POSTURES, robot.size))
+    prismatic = [joint.kind == "prismatic" for joint in robot.joints]
+    for j in np.flatnonzero(prismatic):
+        low, high = robot.joints[j].position_limits or (0.0, 0.0)
+        q[:, j] = low + (high - low) * (0.5 + q[:, j] / (2.0 * np.pi))
+    return np.einsum("kjj->kj", mass_matrix(robot, links, inertia, q)).max(axis=0)
 
 
 def _inertial_scales(matrix: np.ndarray) -> np.ndarray:

@@ -8,8 +8,15 @@ import numpy as np
 #: and the torque that is missed in addition is this share of all torque.
 FAR_PROBABILITY, FAR_GROWTH, FAR_TORQUE = 1e-3, 0.10, 0.01
 
+#: Torque error from which on an improbable estimate is too poor whatever the step costs: it is no
+#: good to be better than nonsense.
+POOR_ESTIMATE = 0.5
+
 #: A growth of the torque error that is worth a sentence.
-NOTABLE_GROWTH = 0.01
+NOTABLE_COST = 0.01
+
+#: Half of the 95 % interval of a normal estimate [σ].
+HALF_INTERVAL = 1.96
 
 
 def probability(distance: float, directions: int, most: int) -> float:
@@ -30,8 +37,9 @@ def probability(distance: float, directions: int, most: int) -> float:
 def is_far(p_value: float, free: float, consistent: float) -> bool:
     """Whether an estimate is too poor: the step is improbable, and costs much torque.
 
-    Each alone is no reason. Intervals of measured records do not know all model error, so long
-    steps may cost nothing; and a noisy record may allow for a step that costs much.
+    Or the estimate itself misses half of the torque. Improbability or cost alone is no reason.
+    Intervals of measured records do not know all model error, so long steps may cost nothing; and
+    a noisy record may allow for a step that costs much.
 
     Args:
         p_value: probability of the step.
@@ -40,11 +48,8 @@ def is_far(p_value: float, free: float, consistent: float) -> bool:
     """
     if not np.isfinite(consistent):
         return False
-    return (
-        p_value < FAR_PROBABILITY
-        and consistent > (1.0 + FAR_GROWTH) * free
-        and consistent**2 - free**2 > FAR_TORQUE**2
-    )
+    costly = consistent > (1.0 + FAR_GROWTH) * free and consistent**2 - free**2 > FAR_TORQUE**2
+    return p_value < FAR_PROBABILITY and (costly or free > POOR_ESTIMATE)
 
 
 def cost_notes(errors: tuple[float, float], p_value: float) -> tuple[str, ...]:
@@ -55,7 +60,7 @@ def cost_notes(errors: tuple[float, float], p_value: float) -> tuple[str, ...]:
         p_value: probability of the step.
     """
     free, consistent = errors
-    if not np.isfinite(consistent) or consistent <= (1.0 + NOTABLE_GROWTH) * free:
+    if not np.isfinite(consistent) or consistent <= (1.0 + NOTABLE_COST) * free:
         return ()
     return (
         f"Consistency raises the torque error of the fitted record from {100 * free:.3g} to "

@@ -8,19 +8,14 @@ from __future__ import annotations
 
 import csv
 import io
-import json
-import math
-from collections.abc import Mapping
-from dataclasses import asdict, is_dataclass
 from os import PathLike
 from typing import Any
-
-import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Loop
 from pivident.files import atomic_folder
+from pivident.plain_values import json_of_entries, plain
 from pivident.robot.robot_values import robot_values
 
 #: Version of the layout of ``identification.json``.
@@ -85,7 +80,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "robot_description": robot_values(identification.robot),
         "torque_sums": torque_sums_values(identification),
     }
-    return {key: _plain(value) for key, value in content.items()}
+    return {key: plain(value) for key, value in content.items()}
 
 
 def controller_values(loop: Loop | None) -> list[dict[str, Any]] | None:
@@ -168,13 +163,7 @@ def _differentiator(averaged: bool, time: float = 0.0, std: float = 0.0) -> dict
 
 def to_json(identification: Identification) -> str:
     """Strict JSON with one line for each parameter, joint, iteration and row of a matrix."""
-    entries = []
-    for key, value in to_dict(identification).items():
-        text = _strict(value)
-        if isinstance(value, list) and value:
-            text = "[\n    " + ",\n    ".join(map(_strict, value)) + "\n  ]"
-        entries.append(f"  {_strict(key)}: {text}")
-    return "{\n" + ",\n".join(entries) + "\n}\n"
+    return json_of_entries(to_dict(identification))
 
 
 def to_csv(identification: Identification) -> str:
@@ -183,26 +172,5 @@ def to_csv(identification: Identification) -> str:
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
     for row in parameter_rows(identification):
-        writer.writerow([_plain(getattr(row, column)) for column in CSV_COLUMNS])
+        writer.writerow([plain(getattr(row, column)) for column in CSV_COLUMNS])
     return stream.getvalue()
-
-
-def _strict(value: Any) -> str:
-    return json.dumps(value, allow_nan=False, ensure_ascii=False)
-
-
-def _plain(value: Any) -> Any:
-    """Lists, dictionaries, texts and finite numbers; anything else as its text."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if is_dataclass(value) and not isinstance(value, type):
-        value = asdict(value)
-    if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if value is None or isinstance(value, bool | int | str):
-        return value
-    return str(value)

@@ -9,11 +9,10 @@ import numpy as np
 
 from pivident.consistency.constraints import Bounds, Interval
 from pivident.consistency.options import ConsistencyOptions
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.schema import ConsistencyEntry, ConsistencyFile, ExperimentFile
 from pivident.robot import Robot, load_robot, read_urdf
-from pivident.robot.naming import nearest
 from pivident.toml_text import parse_toml
 
 #: Frames of a reference may differ by rounding of their files [m, and elements of rotations].
@@ -58,14 +57,10 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
     links = [link.name for link in robot.links]
     named: dict[str, str] = {}
     for name in entry.bounds:
-        if name in links:
-            link = name
-        elif name in robot.joint_names:
-            link = links[robot.joint_names.index(name)]
-        else:
-            raise ExperimentError(
-                f"bounds: robot {robot.name!r} has no link {name!r}; {nearest(name, links)}"
-            )
+        try:
+            link = links[robot.link_index(name)]
+        except RobotDescriptionError as error:
+            raise ExperimentError(f"bounds: {error}") from error
         if link in named:
             raise ExperimentError(
                 f"bounds: {named[link]!r} and {name!r} are the same link; keep one of them"
@@ -77,6 +72,11 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
         total_mass=None if entry.total_mass is None else _pair(entry.total_mass),
         center_of_mass={
             link: _box(b.center_of_mass) for link, b in own.items() if b.center_of_mass is not None
+        },
+        ellipsoid={
+            link: (tuple(b.ellipsoid[0]), tuple(b.ellipsoid[1]))
+            for link, b in own.items()
+            if b.ellipsoid is not None
         },
     )
     _check_total(bounds, links)

@@ -457,7 +457,21 @@ def _masses(value: Any) -> Any:
     raise ValueError("begins below zero, and no body has such a mass; begin at 0")
 
 
+def _ellipsoid(value: Any) -> Any:
+    if not (
+        isinstance(value, list)
+        and len(value) == 2
+        and all(isinstance(part, list) and len(part) == 3 for part in value)
+        and all(_is_number(x) for part in value for x in part)
+    ):
+        raise ValueError("must be [[x, y, z], [a, b, c]], centre and half axes")
+    if min(value[1]) <= 0:
+        raise ValueError("has a half axis that is not positive; use center_of_mass for a flat one")
+    return [[float(x) for x in part] for part in value]
+
+
 Range = Annotated[list[float], PlainValidator(_range)]
+Ellipsoid = Annotated[list[list[float]], PlainValidator(_ellipsoid)]
 Masses = Annotated[list[float], PlainValidator(_masses)]
 
 
@@ -466,11 +480,14 @@ class LinkBoundsEntry(Entry):
 
     mass: Masses | None = None
     center_of_mass: Annotated[list[Range], Field(min_length=3, max_length=3)] | None = None
+    ellipsoid: Ellipsoid | None = None
 
     @model_validator(mode="after")
     def _bounds_something(self) -> LinkBoundsEntry:
         if not self.model_fields_set:
-            raise ValueError("bounds nothing; give mass or center_of_mass, or remove the table")
+            raise ValueError(
+                "bounds nothing; give mass, center_of_mass or ellipsoid, or remove the table"
+            )
         return self
 
 

@@ -106,24 +106,36 @@ def compared(
     robot: Robot,
     ours: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
     theirs: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
-    *,
-    what: str = "torques",
-    count: int = STATES,
-    usual: float = 0.0,
 ) -> Verification:
-    """Compare two functions of the state at random states.
+    """Compare two functions that give torques at random states.
 
     Args:
         program: who computes the second one.
         robot: the robot.
-        ours: the model's, of q dq ddq, each (states, joints); values (states, joints, …).
+        ours: the model's, of q dq ddq, each (states, joints).
         theirs: the loaded file's.
+    """
+    states = random_states(robot)
+    return compared_values(program, ours(*states), theirs(*states))
+
+
+def compared_values(
+    program: str,
+    expected: np.ndarray,
+    found: np.ndarray,
+    *,
+    what: str = "torques",
+    usual: float = 0.0,
+) -> Verification:
+    """Compare values at random states.
+
+    Args:
+        program: who computed the second ones.
+        expected: the model's values, shape (states, joints, …).
+        found: the loaded file's.
         what: what the values are.
-        count: number of states.
         usual: what such values usually are; values much smaller than it count as zero.
     """
-    q, dq, ddq = random_states(robot, count)
-    expected, found = ours(q, dq, ddq), theirs(q, dq, ddq)
     difference = np.abs(found - expected)
     axes = (0, *range(2, expected.ndim))
     scale = np.abs(expected).max(axis=axes, initial=0.0)
@@ -131,13 +143,4 @@ def compared(
     # what is zero on a joint, gravity on a vertical axis for instance, is rounding on both sides
     least = max(ROUNDING * max(usual, float(scale.max(initial=0.0))), np.finfo(float).tiny)
     relative = worst / np.maximum(scale, least)
-    return Verification(program, what, float(worst.max()), float(relative.max()), count)
-
-
-def one_line(text: str) -> str:
-    """A text without line ends and other control characters, fit for a comment.
-
-    Args:
-        text: any text.
-    """
-    return "".join(c if c.isprintable() else " " for c in text).strip()
+    return Verification(program, what, float(worst.max()), float(relative.max()), len(expected))

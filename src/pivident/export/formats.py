@@ -2,31 +2,98 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Literal, get_args
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
 
 from pivident.errors import ExportError
+from pivident.export.c_source import to_c, verify_c
 from pivident.export.exported import ExportedText, Verification
+from pivident.export.latex import to_latex
+from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
+from pivident.export.mjcf import to_mjcf
+from pivident.export.model_json import to_json, verify_json
+from pivident.export.numpy_function import to_numpy, verify_numpy
 from pivident.export.runnable_model import RunnableModel
+from pivident.export.sdf import to_sdf
+from pivident.export.urdf import to_urdf
 from pivident.robot.naming import nearest
 
 Format = Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"]
 
-#: What each format is called in a sentence.
-TITLES: dict[Format, str] = {
-    "urdf": "URDF",
-    "mjcf": "MJCF",
-    "sdf": "SDF",
-    "c": "C99",
-    "numpy": "Python with NumPy",
-    "json": "JSON",
-    "latex": "LaTeX",
-}
 
-#: Why some formats are not loaded back.
-NOT_LOADED: dict[Format, str] = {
-    "sdf": "nothing here reads SDF; Gazebo does",
-    "latex": "a table computes no torques",
+@dataclass(frozen=True)
+class FileOptions:
+    """What some formats need beside the model.
+
+    Attributes:
+        name: what functions of a C file are called.
+        original: URDF in which the inertials are to be replaced; None: a new one.
+        frozen: positions of that file's other joints [rad or m], by name.
+    """
+
+    name: str = "robot_model"
+    original: bytes | None = None
+    frozen: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class FormatEntry:
+    """One format.
+
+    Attributes:
+        title: what it is called in a sentence.
+        write: makes the file.
+        checks: load it back, each with another program, and compare.
+        not_loaded: why there are none.
+    """
+
+    title: str
+    write: Callable[[RunnableModel, FileOptions], ExportedText]
+    checks: tuple[Callable[[Any, RunnableModel, FileOptions], Verification], ...] = ()
+    not_loaded: str = ""
+
+
+#: All formats.
+FORMATS: dict[Format, FormatEntry] = {
+    "urdf": FormatEntry(
+        "URDF",
+        lambda model, options: to_urdf(model, options.original, frozen=options.frozen),
+        (
+            lambda file, model, o: verify_with_pinocchio(file, model, frozen=o.frozen),
+            lambda file, model, o: verify_with_mujoco(file, model, frozen=o.frozen),
+        ),
+    ),
+    "mjcf": FormatEntry(
+        "MJCF",
+        lambda model, _: to_mjcf(model),
+        (lambda file, model, o: verify_with_mujoco(file, model, frozen=o.frozen),),
+    ),
+    "sdf": FormatEntry(
+        "SDF",
+        lambda model, _: to_sdf(model),
+        not_loaded="nothing here reads SDF; Gazebo does",
+    ),
+    "c": FormatEntry(
+        "C99",
+        lambda model, options: to_c(model, options.name),
+        (lambda file, model, _: verify_c(file, model),),
+    ),
+    "numpy": FormatEntry(
+        "Python with NumPy",
+        lambda model, _: to_numpy(model),
+        (lambda file, model, _: verify_numpy(file, model),),
+    ),
+    "json": FormatEntry(
+        "JSON",
+        lambda model, _: to_json(model),
+        (lambda file, model, _: verify_json(file, model),),
+    ),
+    "latex": FormatEntry(
+        "LaTeX",
+        lambda model, _: to_latex(model),
+        not_loaded="a table computes no torques",
+    ),
 }
 
 
@@ -50,35 +117,9 @@ def export_model(
     Raises:
         ExportError: the format cannot say the model, or there is no such format.
     """
-    if to == "urdf":
-        from pivident.export.urdf import to_urdf
-
-        return to_urdf(model, original, frozen=frozen)
-    if to == "mjcf":
-        from pivident.export.mjcf import to_mjcf
-
-        return to_mjcf(model)
-    if to == "sdf":
-        from pivident.export.sdf import to_sdf
-
-        return to_sdf(model)
-    if to == "c":
-        from pivident.export.c_source import to_c
-
-        return to_c(model, name)
-    if to == "numpy":
-        from pivident.export.numpy_function import to_numpy
-
-        return to_numpy(model)
-    if to == "json":
-        from pivident.export.model_json import to_json
-
-        return to_json(model)
-    if to == "latex":
-        from pivident.export.latex import to_latex
-
-        return to_latex(model)
-    raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
+    if to not in FORMATS:
+        raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
+    return FORMATS[to].write(model, FileOptions(name, original, frozen or {}))
 
 
 def verify_export(
@@ -97,27 +138,9 @@ def verify_export(
         frozen: positions of a URDF's other joints [rad or m], by name.
 
     Raises:
-        ExportError: a C file does not compile.
+        ExportError: a C file does not compile, or a Python file does not run.
     """
-    if to in ("urdf", "mjcf"):
-        from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
-        from pivident.export.robot_file import RobotFile
-
-        assert isinstance(exported, RobotFile)
-        by_mujoco = verify_with_mujoco(exported, model, frozen=frozen)
-        if to == "mjcf":
-            return (by_mujoco,)
-        return verify_with_pinocchio(exported, model, frozen=frozen), by_mujoco
-    if to == "c":
-        from pivident.export.c_source import verify_c
-
-        return (verify_c(exported, model),)
-    if to == "numpy":
-        from pivident.export.numpy_function import verify_numpy
-
-        return (verify_numpy(exported, model),)
-    if to == "json":
-        from pivident.export.model_json import verify_json
-
-        return (verify_json(exported, model),)
-    return (Verification(TITLES[to], skipped=NOT_LOADED[to]),)
+    entry, options = FORMATS[to], FileOptions(frozen=frozen or {})
+    if not entry.checks:
+        return (Verification(entry.title, skipped=entry.not_loaded),)
+    return tuple(check(exported, model, options) for check in entry.checks)

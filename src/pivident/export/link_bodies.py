@@ -2,29 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pivident.consistency.pseudo_inertia import pseudo_inertia
 from pivident.errors import ExportError
 from pivident.export.runnable_model import RunnableModel
-from pivident.robot.inertia import steiner, tensor
-
-
-@dataclass(frozen=True, eq=False)
-class Body:
-    """A body in the frame of its link.
-
-    Attributes:
-        mass: [kg].
-        center_of_mass: [m], shape (3,).
-        inertia: about the centre of mass, in axes of the link's frame [kg m²], shape (3, 3).
-    """
-
-    mass: float
-    center_of_mass: np.ndarray
-    inertia: np.ndarray
+from pivident.robot.inertia import Body
 
 
 def link_inertias(model: RunnableModel) -> np.ndarray:
@@ -51,8 +34,7 @@ def written_body(name: str, inertia: np.ndarray) -> Body:
             "which is first moments over mass; export the physically consistent parameters, or "
             "shift the estimate along the directions without torque until every mass is positive"
         )
-    center = inertia[6:9] / mass
-    return Body(mass, center, tensor(inertia[:6]) - mass * steiner(center, center))
+    return Body.of_parameters(inertia)
 
 
 def is_possible(inertia: np.ndarray) -> bool:

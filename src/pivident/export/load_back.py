@@ -11,7 +11,7 @@ the model's. So every number in the file takes part in the comparison.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -59,11 +59,12 @@ def verify_with_pinocchio(
     if file.format != "urdf":
         raise ExportError(f"Pinocchio is asked to load a URDF here, not {file.format!r}")
     side = joint_side(model, _WORDS[file.format])
-    whole = pin.buildModelFromXML(file.text)
     names = model.robot.joint_names
-    positions = _pinocchio_positions(pin, whole, frozen or {})
-    locked = [i for i in range(1, whole.njoints) if whole.names[i] not in names]
-    loaded = pin.buildReducedModel(whole, locked, positions)
+    try:
+        loaded = _pinocchio_model(pin, file, names, frozen or {})
+    except ValueError as error:
+        reason = " ".join(str(error).split())
+        return Verification("Pinocchio", skipped=f"Pinocchio refuses the file: {reason}")
     loaded.gravity.linear = np.asarray(model.robot.gravity, dtype=float)
     data = loaded.createData()
     at = [loaded.joints[loaded.getJointId(name)].idx_v for name in names]
@@ -83,6 +84,23 @@ def verify_with_pinocchio(
 
     dry = _DryLevels(levels[at], np.zeros(0))
     return _compared(f"Pinocchio {pin.__version__}", model, side, dry, engine)
+
+
+def _pinocchio_model(
+    pin: Any, file: RobotFile, names: Sequence[str], frozen: Mapping[str, float]
+) -> Any:
+    """The robot in Pinocchio, joints that were not identified locked.
+
+    A link may be called like a joint, in URDF as here. Pinocchio searches both among its frames,
+    so those of the links get names that no joint has.
+    """
+    whole = pin.buildModelFromXML(file.text)
+    longest = max(map(len, whole.names))
+    for k, frame in enumerate(whole.frames):
+        if frame.type != pin.FrameType.JOINT:
+            frame.name = f"{k}_".ljust(longest + 1, "_")
+    locked = [i for i in range(1, whole.njoints) if whole.names[i] not in names]
+    return pin.buildReducedModel(whole, locked, _pinocchio_positions(pin, whole, frozen))
 
 
 def _pinocchio_positions(pin: Any, loaded: Any, positions: Mapping[str, float]) -> np.ndarray:

@@ -98,7 +98,8 @@ def _body(model: RunnableModel, side: JointSide, names: tuple[str, ...], i: int)
     """The body of a link, with the bodies that it carries inside."""
     robot, joint = model.robot, model.robot.joints[i]
     body = written_body(names[i], model.inertial(i))
-    moments, axes = principal_axes(body.inertia)
+    # MuJoCo diagonalises a fullinertia itself, before its version 4 to seven digits only
+    moments, axes = body.principal
     pose = f'pos="{numbers(joint.translation)}" quat="{numbers(quaternion(joint.rotation))}"'
     lines = [
         f"<body name={quoted(names[i])} {pose}>",
@@ -169,19 +170,6 @@ def _motor(joint: Joint, offset: float) -> str:
 def _geom(stick: Stick) -> str:
     ends = numbers((*stick.start, *stick.end))
     return f'<geom type="capsule" fromto="{ends}" size="{number(stick.radius)}"/>'
-
-
-def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Principal moments, ascending, and the rotation whose columns are the principal axes.
-
-    MuJoCo diagonalises a ``fullinertia`` itself, before its version 4 to seven digits only.
-
-    Args:
-        inertia: symmetric, shape (3, 3).
-    """
-    moments, axes = np.linalg.eigh(inertia)
-    axes[:, 0] *= np.sign(np.linalg.det(axes))
-    return moments, axes
 
 
 def quaternion(rotation: np.ndarray) -> np.ndarray:

@@ -22,13 +22,24 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
 
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.export.exported import ExportedText, Verification, compared
+from pivident.export.possible_values import impossible_value
 from pivident.export.runnable_model import Origin, RunnableModel, runnable_model
+from pivident.plain_values import json_of_entries
 from pivident.robot.description import INERTIAL, Link, Robot
-from pivident.robot.inertia import from_center_of_mass
-from pivident.robot.robot_values import robot_of_values, robot_values
+from pivident.robot.inertia import from_center_of_mass, tensor
+from pivident.robot.robot_values import (
+    Finite,
+    Name,
+    RobotValues,
+    Values,
+    made_robot,
+    problem_text,
+    robot_values,
+)
 
 FORMAT, SCHEMA = "pivident-model", 1
 
@@ -62,19 +73,45 @@ CONVENTIONS = (
 )
 
 
+class _Known(BaseModel):
+    """A table of which only these keys are read; others are left alone."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
+
+
+class _OriginValues(Values):
+    """Where a model comes from."""
+
+    method: Name
+    version: Name
+    sources: dict[str, str]
+    identification: Name
+
+
+class _ParameterValues(_Known):
+    """A standard parameter."""
+
+    name: Name
+    value: Finite
+
+
+class _ModelFile(_Known):
+    """What is read of the file; links and base parameters follow from it."""
+
+    consistent: bool
+    origin: _OriginValues
+    notes: list[str]
+    parameters: list[_ParameterValues]
+    robot: RobotValues
+
+
 def to_json(model: RunnableModel) -> ExportedText:
     """The model as JSON, one line for each link and parameter.
 
     Args:
         model: the model.
     """
-    entries = []
-    for key, value in model_values(model).items():
-        text = _strict(value)
-        if isinstance(value, list) and value:
-            text = "[\n    " + ",\n    ".join(map(_strict, value)) + "\n  ]"
-        entries.append(f"  {_strict(key)}: {text}")
-    text = "{\n" + ",\n".join(entries) + "\n}\n"
+    text = json_of_entries(model_values(model))
     return ExportedText(text.encode("utf-8", errors="backslashreplace"))
 
 
@@ -172,26 +209,47 @@ def _model_of(content: dict[str, Any], file: str) -> RunnableModel:
             f"is no model of layout {SCHEMA}; make one with `pivident export … --to json`",
         )
     try:
-        nominal = runnable_model(robot_of_values(content["robot"]))
-        origin = Origin(**content["origin"])
-        consistent, notes = bool(content["consistent"]), tuple(map(str, content["notes"]))
-    except (KeyError, TypeError, PividentError) as error:
-        raise IdentificationFileError(
-            file, f"{error}; the file is damaged or was changed by hand, export again"
-        ) from error
-    return replace(nominal, consistent=consistent, origin=origin, notes=notes)
+        known = _ModelFile.model_validate(content)
+        nominal = runnable_model(made_robot(known.robot))
+    except (ValidationError, PividentError) as error:
+        text = problem_text(error) if isinstance(error, ValidationError) else str(error)
+        raise _damaged(file, text) from None
+    values = {entry.name: entry.value for entry in known.parameters}
+    own = {p.name: v for p, v in zip(nominal.parameters, nominal.values.tolist(), strict=True)}
+    for name in (*own, *values):
+        if values.get(name) != own.get(name):
+            raise _damaged(
+                file,
+                f"the parameter {name} is {values.get(name)!r} in 'parameters' and "
+                f"{own.get(name)!r} in 'robot'",
+            )
+    model = replace(
+        nominal,
+        consistent=known.consistent,
+        origin=Origin(**vars(known.origin)),
+        notes=tuple(known.notes),
+    )
+    if known.consistent and (wrong := impossible_value(model)):
+        raise _damaged(file, f"it says that it is physically consistent, but {wrong}")
+    return model
+
+
+def _damaged(file: str, problem: str) -> IdentificationFileError:
+    return IdentificationFileError(
+        file, f"{problem}; the file is damaged or was changed by hand, export again"
+    )
 
 
 def _link_values(model: RunnableModel, joint: int) -> dict[str, Any]:
     body = model.link(joint)
     return {
-        "name": body.name,
+        "name": model.robot.links[joint].name,
         "joint": model.robot.joints[joint].name,
         "mass": body.mass,
         "center_of_mass": body.center_of_mass.tolist() if body.mass else None,
         "first_moments": model.inertial(joint)[6:9].tolist(),
         "inertia": body.inertia.tolist(),
-        "inertia_at_origin": body.inertia_at_origin.tolist(),
+        "inertia_at_origin": tensor(model.inertial(joint)[:6]).tolist(),
     }
 
 
@@ -230,7 +288,3 @@ def _ends(interval: Any) -> list[float | None]:
 
 def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
-
-
-def _strict(value: Any) -> str:
-    return json.dumps(value, allow_nan=False, ensure_ascii=False)

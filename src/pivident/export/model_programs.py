@@ -14,8 +14,8 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
-from pivident.export.exported import one_line
 from pivident.export.runnable_model import RunnableModel
+from pivident.symbolic.identifiers import one_line
 
 if TYPE_CHECKING:
     from pivident.symbolic.program import Program
@@ -71,10 +71,7 @@ def model_programs(model: RunnableModel) -> tuple[Program, ...]:
         mass_matrix(robot, own.columns, own.values),
         observation_matrix(robot, own.columns),
     )
-    return tuple(
-        replace(p, name=name, title=one_line(p.title), notes=tuple(map(one_line, p.notes)))
-        for p, name in zip(programs, NAMES, strict=True)
-    )
+    return tuple(replace(p, name=name) for p, name in zip(programs, NAMES, strict=True))
 
 
 def friction_in_groups(base: BaseParameters) -> bool:

@@ -7,14 +7,24 @@ and ``THETA`` with ``regressor(q, dq, ddq) @ THETA`` the torque.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from pivident.dynamics.forward import mass_matrix
-from pivident.export.exported import ExportedText, Verification, compared, random_states
+from pivident.errors import ExportError
+from pivident.export.exported import (
+    ExportedText,
+    Verification,
+    compared_values,
+    random_states,
+)
 from pivident.export.model_programs import (
     header_lines,
     inner_columns,
@@ -23,8 +33,30 @@ from pivident.export.model_programs import (
 )
 from pivident.export.runnable_model import RunnableModel
 
-#: A function of positions, speeds and accelerations, each (states, joints).
-State = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+#: Longest that the check of a file may take [s].
+PATIENCE = 120.0
+
+#: How a child says that it has no NumPy.
+_NO_NUMPY = 3
+
+#: What the child does: load the file, call its functions, write what they return.
+_IN_THE_CHILD = f"""
+import importlib.util, pathlib, sys
+try:
+    import numpy
+except ImportError:
+    sys.exit({_NO_NUMPY})
+folder = pathlib.Path(sys.argv[1])
+spec = importlib.util.spec_from_file_location("model", folder / "model.py")
+model = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(model)
+signals = {{}}
+with numpy.load(folder / "signals.npz", allow_pickle=False) as file:
+    for key in sorted(file.files):
+        signals.setdefault(key.rpartition(".")[0], []).append(file[key])
+results = {{name: getattr(model, name)(*given) for name, given in signals.items()}}
+numpy.savez(folder / "results.npz", THETA=model.THETA, **results)
+"""
 
 
 def to_numpy(model: RunnableModel) -> ExportedText:
@@ -71,59 +103,89 @@ def program_differences(model: RunnableModel) -> tuple[str, ...]:
 def verify_numpy(exported: ExportedText, model: RunnableModel) -> Verification:
     """Torque of the file against the model's, with its regressor, mass matrix and gravity.
 
+    The file runs in an interpreter of its own, where nothing of pivident is.
+
     Args:
         exported: what `to_numpy` returned.
         model: the model.
+
+    Raises:
+        ExportError: the file does not run; the interpreter's words.
     """
-    loaded: dict[str, Any] = {}
-    exec(compile(exported.content, "the exported module", "exec"), loaded)
-    return verify_functions(f"NumPy {np.__version__}", loaded, model)
+    program = f"NumPy {np.__version__}"
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        (Path(folder) / "model.py").write_bytes(exported.content)
+        given = {
+            f"{name}.{k}": signal
+            for name, signals in check_signals(model).items()
+            for k, signal in enumerate(signals)
+        }
+        np.savez(Path(folder) / "signals.npz", allow_pickle=False, **given)
+        try:
+            done = subprocess.run(
+                [sys.executable, "-I", "-c", _IN_THE_CHILD, folder],
+                capture_output=True,
+                text=True,
+                errors="replace",
+                timeout=PATIENCE,
+            )
+        except (OSError, subprocess.SubprocessError) as error:
+            return Verification(program, skipped=f"no Python could be started ({error})")
+        if done.returncode == _NO_NUMPY:
+            return Verification(program, skipped=f"{sys.executable} -I finds no NumPy")
+        if done.returncode:
+            said = " ".join(done.stderr.split())[-400:]
+            raise ExportError(f"the Python file does not run: {said}")
+        with np.load(Path(folder) / "results.npz", allow_pickle=False) as results:
+            return verify_functions(program, dict(results), model)
 
 
-def verify_functions(program: str, loaded: dict[str, Any], model: RunnableModel) -> Verification:
-    """Loaded functions of many states against the model's; the worst of them is reported.
+def check_signals(model: RunnableModel) -> dict[str, tuple[np.ndarray, ...]]:
+    """Arguments that each exported function is called with where it is checked.
 
     Args:
-        program: who computes them.
-        loaded: ``inverse_dynamics gravity mass_matrix regressor THETA``.
+        model: the model.
+    """
+    q, dq, ddq = random_states(model.robot)
+    memory, inner = inner_columns(model, q, dq, ddq)
+    return {
+        "inverse_dynamics": (q, dq, ddq, *((memory,) if memory.size else ())),
+        "gravity": (q,),
+        "mass_matrix": (q,),
+        "regressor": (q, dq, ddq, *((inner,) if inner.size else ())),
+    }
+
+
+def verify_functions(
+    program: str, found: Mapping[str, np.ndarray], model: RunnableModel
+) -> Verification:
+    """What a file has computed against the model's values; the worst is reported.
+
+    Args:
+        program: who computed them.
+        found: results of its functions for `check_signals`, and its ``THETA``.
         model: the model.
     """
     parameters, values = _rigid(model)
-
-    def torque(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        memory, _ = inner_columns(model, q, dq, ddq)
-        return loaded["inverse_dynamics"](q, dq, ddq, *([memory] if memory.size else []))
-
-    def by_regressor(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        _, inner = inner_columns(model, q, dq, ddq)
-        phi = loaded["regressor"](q, dq, ddq, *([inner] if inner.size else []))
-        return phi @ np.asarray(loaded["THETA"])
-
-    pairs: dict[str, tuple[State, State]] = {
-        "torques": (model.torque, torque),
-        "torques by the regressor": (model.torque, by_regressor),
-        "gravity torques": (
-            lambda q, dq, ddq: rigid_torque(model, q, 0.0 * q, 0.0 * q),
-            lambda q, dq, ddq: loaded["gravity"](q),
-        ),
+    q, dq, ddq = random_states(model.robot)
+    torque = model.torque(q, dq, ddq)
+    pairs = {
+        "torques": (torque, found["inverse_dynamics"]),
+        "torques by the regressor": (torque, found["regressor"] @ found["THETA"]),
+        "gravity torques": (rigid_torque(model, q, 0.0 * q, 0.0 * q), found["gravity"]),
         "mass matrices": (
-            lambda q, dq, ddq: mass_matrix(model.robot, parameters, values, q),
-            lambda q, dq, ddq: loaded["mass_matrix"](q),
+            mass_matrix(model.robot, parameters, values, q),
+            found["mass_matrix"],
         ),
     }
-    usual = float(np.abs(model.torque(*random_states(model.robot))).max())
-    found = [
-        compared(
-            program,
-            model.robot,
-            ours,
-            theirs,
-            what=what,
-            usual=usual if what == "gravity torques" else 0.0,
+    usual = float(np.abs(torque).max())
+    checks = [
+        compared_values(
+            program, ours, theirs, what=what, usual=usual if what == "gravity torques" else 0.0
         )
         for what, (ours, theirs) in pairs.items()
     ]
-    worst = max(found, key=lambda v: np.inf if np.isnan(v.relative) else v.relative)
+    worst = max(checks, key=lambda v: np.inf if np.isnan(v.relative) else v.relative)
     return replace(worst, compared=f"{', '.join(pairs)} (worst: {worst.compared})")
 
 

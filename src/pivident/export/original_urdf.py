@@ -59,8 +59,8 @@ def original_urdf(robot: Robot, given: Path | None, folder: Path) -> OriginalUrd
     present = [place for place in places if place.is_file()]
     if not present:
         raise ExportError(
-            f"the URDF {known.path} of the robot {robot.name!r} is not there any more; give it "
-            "with --robot FILE.urdf"
+            f"the URDF of the robot {robot.name!r} is not there any more, neither {places[0]} nor "
+            f"{places[1]}; give it with --robot FILE.urdf"
         )
     for place in present:
         content = _content(place)

@@ -21,7 +21,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExportError
 from pivident.estimation.identification import Identification
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.inertia import steiner, tensor
+from pivident.robot.inertia import Body
 
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
@@ -46,25 +46,6 @@ class Origin:
     version: str = ""
     sources: Mapping[str, str] = field(default_factory=dict)
     identification: str = ""
-
-
-@dataclass(frozen=True)
-class RunnableLink:
-    """The body of a link as simulators take it, in the link's frame.
-
-    Attributes:
-        name: link.
-        mass: [kg].
-        center_of_mass: [m], shape (3,); zeros where the mass is zero.
-        inertia: about the centre of mass [kg m²], shape (3, 3).
-        inertia_at_origin: about the frame's origin [kg m²], shape (3, 3).
-    """
-
-    name: str
-    mass: float
-    center_of_mass: np.ndarray
-    inertia: np.ndarray
-    inertia_at_origin: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,22 +117,13 @@ class RunnableModel:
         value = {(p.joint, p.stem): v for p, v in zip(self.parameters, self.values, strict=True)}
         return np.array([value[joint, stem] for stem in INERTIAL])
 
-    def link(self, joint: int) -> RunnableLink:
-        """A link's mass, centre of mass, and inertia about it, J_c = J - m (cᵀc 1 - c cᵀ).
+    def link(self, joint: int) -> Body:
+        """A link's mass, centre of mass, and inertia about it, in the link's frame.
 
         Args:
             joint: index of the link's joint.
         """
-        ten = self.inertial(joint)
-        mass, at_origin = float(ten[9]), tensor(ten[:6])
-        center = ten[6:9] / mass if mass != 0.0 else np.zeros(3)
-        return RunnableLink(
-            self.robot.links[joint].name,
-            mass,
-            center,
-            at_origin - mass * steiner(center, center),
-            at_origin,
-        )
+        return Body.of_parameters(self.inertial(joint))
 
 
 def runnable_model(

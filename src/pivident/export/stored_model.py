@@ -18,11 +18,11 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import IdentificationError, IdentificationFileError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.reload import json_of_file, load_identification
+from pivident.export.possible_values import impossible_value
 from pivident.export.runnable_model import Origin, RunnableModel, runnable_model
 from pivident.robot.robot_values import Finite, Name, RobotValues, made_robot, problem_text
-
-#: Name of the file that holds consistent parameters, and the layout that is read here.
-CONSISTENT_FILE, CONSISTENT_SCHEMA = "consistent.json", 1
+from pivident.validation.consistent_files import CONSISTENT_FILE
+from pivident.validation.consistent_files import SCHEMA as CONSISTENT_SCHEMA
 
 
 class _Known(BaseModel):
@@ -86,11 +86,28 @@ def stored_model(
     if free:
         return runnable_model(estimate, identification=digest), (path,)
     beside = path.with_name(CONSISTENT_FILE)
-    if beside.is_file() and beside != path:
-        model = _consistent_of(beside, json_of_file(beside), estimate)
-        if model.origin.identification == digest:
-            return model, (path, beside)
-    return _made_consistent(estimate, digest, intervals), (path,)
+    if not beside.is_file() or beside == path:
+        return _made_consistent(estimate, digest, intervals), (path,)
+    made_from = _made_from(beside)
+    if made_from == digest:
+        return _consistent_of(beside, json_of_file(beside), estimate), (path, beside)
+    model = _made_consistent(estimate, digest, intervals)
+    other = f"SHA-256 {made_from[:12]}…" if made_from else "it does not say which, or is damaged"
+    note = (
+        f"The file {CONSISTENT_FILE} beside {path.name} was made from another identification "
+        f"({other}) and was not used; the consistent parameters were made again."
+    )
+    return replace(model, notes=(*model.notes, note)), (path,)
+
+
+def _made_from(path: Path) -> str:
+    """SHA-256 of the identification that ``consistent.json`` names; empty where it names none."""
+    try:
+        source = json_of_file(path).get("identification")
+    except IdentificationFileError:
+        return ""
+    digest = source.get("sha256") if isinstance(source, dict) else ""
+    return digest if isinstance(digest, str) else ""
 
 
 def _made_consistent(estimate: Identification, digest: str, intervals: bool) -> RunnableModel:
@@ -144,7 +161,7 @@ def _consistent_of(
         )
         for entry in known.standard
     ]
-    return RunnableModel(
+    model = RunnableModel(
         robot=robot,
         parameters=parameters,
         values=np.array([entry.value for entry in known.standard]),
@@ -154,3 +171,10 @@ def _consistent_of(
         intervals=np.array(ends),
         estimate=estimate,
     )
+    if wrong := impossible_value(model):
+        raise IdentificationFileError(
+            str(path),
+            f"its parameters are not physically consistent: {wrong}; the file is damaged or was "
+            "changed by hand, make it again with `pivident consistent`",
+        )
+    return model

@@ -10,15 +10,13 @@ import plotly.graph_objects as go
 
 from pivident.consistency.ellipsoid import link_frames, outline
 from pivident.consistency.pseudo_inertia import link_body
+from pivident.consistency.significance import HALF_INTERVAL
 from pivident.report.figures import MEASURED, Figure, colour, empty_plot
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 
 #: What is seen of the arm: title and the two coordinates of the base frame.
 VIEWS = (("Side view", (0, 2)), ("Top view", (0, 1)))
-
-#: The interval of a free estimate reaches so many deviations either way.
-REACH = 1.96
 
 
 def bodies_figure(
@@ -73,12 +71,16 @@ def moved_figure(
     Args:
         names: of the parameters.
         moved: consistent less free value [σ of the free estimate], shape (parameters,).
-        low: lower end of the consistent interval less the free value [σ], likewise.
+        low: lower end of the consistent interval less the free value [σ], likewise; where it is
+            NaN no interval is drawn.
         high: upper end.
         method: index of the method, for its colour.
         left_out: number of base parameters that the estimate does not have.
     """
-    note = "grey: free estimate ± 1.96 σ; coloured: consistent estimate with its 95 % interval"
+    note = (
+        f"grey: free estimate ± {HALF_INTERVAL:g} σ; coloured: consistent estimate with its 95 % "
+        "interval"
+    )
     if left_out:
         note += (
             f"; wider where the {left_out} base parameters that the estimate takes for zero may "
@@ -89,7 +91,7 @@ def moved_figure(
     plot.update_xaxes(title_text="distance from the free estimate [σ]", zeroline=True)
     plot.update_yaxes(autorange="reversed", automargin=True, dtick=1, tickfont={"size": 11})
     for title, ends, own, width in (
-        ("free", (-REACH, REACH), MEASURED, 7),
+        ("free", (-HALF_INTERVAL, HALF_INTERVAL), MEASURED, 7),
         ("consistent", (low, high), colour(method), 3),
     ):
         x, y = [], []

@@ -24,7 +24,7 @@ import numpy as np
 from pivident.errors import RobotDescriptionError
 from pivident.printable import is_printable
 from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
-from pivident.robot.naming import find_joint
+from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission
 
 JointKind = Literal["revolute", "prismatic"]
@@ -188,6 +188,26 @@ class Robot:
     def label(self, index: int) -> str:
         """What follows the stem in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
         return str(index + 1) if self.is_chain else f"[{self.joints[index].name}]"
+
+    def link_index(self, name: str) -> int:
+        """Index of a link by its own name, or that or the number of the joint that moves it.
+
+        Args:
+            name: a name, or the number of a joint counted from 1, as text.
+
+        Raises:
+            RobotDescriptionError: there is no such link; names the nearest ones.
+        """
+        links = [link.name for link in self.links]
+        if name in links:
+            return links.index(name)
+        try:
+            return find_joint(self.joint_names, name)
+        except RobotDescriptionError:
+            known = dict.fromkeys([*links, *self.joint_names])
+            raise RobotDescriptionError(
+                f"robot {self.name!r} has no link {name!r}; {nearest(name, known)}"
+            ) from None
 
     def friction_text(self) -> str:
         """Friction law and γ of every joint; joints with the same law share one formula."""

@@ -7,6 +7,8 @@ and the mass. All maps here are linear in the ten parameters, so that bodies add
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 
@@ -61,3 +63,48 @@ def moved(inertia: np.ndarray, rotation: np.ndarray, translation: np.ndarray) ->
         + mass * steiner(translation, translation)
     )
     return np.concatenate([elements(at_origin), first_moments + mass * translation, [mass]])
+
+
+@dataclass(frozen=True, eq=False)
+class Body:
+    """A body in some frame, as CAD and file formats say it.
+
+    Attributes:
+        mass: [kg].
+        center_of_mass: [m], shape (3,); NaN without mass.
+        inertia: about the centre of mass, in axes of the frame [kg m²], shape (3, 3); about the
+            frame's origin without mass.
+    """
+
+    mass: float
+    center_of_mass: np.ndarray
+    inertia: np.ndarray
+
+    @classmethod
+    def of_parameters(cls, inertia: np.ndarray) -> Body:
+        """The body of ten inertial parameters: c = h/m, J_c = J - m (cᵀc 1 - c cᵀ).
+
+        Args:
+            inertia: ten inertial parameters, shape (10,).
+        """
+        mass, at_origin = float(inertia[9]), tensor(inertia[:6])
+        if mass == 0.0:
+            return cls(mass, np.full(3, np.nan), at_origin)
+        center = np.asarray(inertia[6:9], dtype=float) / mass
+        return cls(mass, center, at_origin - mass * steiner(center, center))
+
+    @property
+    def principal(self) -> tuple[np.ndarray, np.ndarray]:
+        """Principal moments [kg m²], ascending, and the rotation with their axes as columns."""
+        return principal_axes(self.inertia)
+
+
+def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Principal moments, ascending, and the rotation whose columns are the principal axes.
+
+    Args:
+        inertia: symmetric, shape (3, 3).
+    """
+    moments, axes = np.linalg.eigh(inertia)
+    axes[:, 0] *= np.sign(np.linalg.det(axes))
+    return moments, axes

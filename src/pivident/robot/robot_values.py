@@ -27,6 +27,9 @@ from pivident.robot.transmission import Transmission
 #: Texts longer than this are no names.
 LONGEST_NAME = 1000
 
+#: More joints than any robot has whose model could be identified.
+MOST_JOINTS = 128
+
 #: How many constants of shape each function of friction may have; functions not listed have none.
 SHAPES = {
     FrictionColumn.STRIBECK: (2,),
@@ -160,9 +163,9 @@ class RobotValues(Values):
     name: Name
     description: str
     gravity: Vector3
-    joints: Annotated[list[JointValues], Field(min_length=1)]
-    links: list[LinkValues]
-    rotor_inertia: list[Finite]
+    joints: Annotated[list[JointValues], Field(min_length=1, max_length=MOST_JOINTS)]
+    links: Annotated[list[LinkValues], Field(max_length=MOST_JOINTS)]
+    rotor_inertia: Annotated[list[Finite], Field(max_length=MOST_JOINTS)]
     friction_nominal: dict[Name, Finite]
     couplings: list[CouplingValues]
     transmission: TransmissionValues

@@ -82,7 +82,7 @@ def gravity_vector(
     candidates = [_gravity_of_composites(model, combine) for combine in (True, False)]
     still = {"speeds": False, "accelerations": False}
     candidates += [rigid_torques(model, combine=combine, **still) for combine in (True, False)]
-    torques, hints = min(candidates, key=lambda candidate: _price(candidate[0]))
+    torques, hints = min(candidates, key=lambda candidate: operation_count(candidate[0]).price)
     return Program.build(
         "gravity_vector",
         model.inputs("q"),
@@ -140,8 +140,3 @@ def _hints(frames: list[JointFrame], bodies: list[LinkInertia]) -> Hints:
         hints += [(f"j{name}{i}", v) for name, v in zip(Tensor._fields, body.tensor, strict=True)]
         hints += [(f"h{x}{i}", v) for x, v in zip("xyz", body.moments, strict=True)]
     return hints
-
-
-def _price(elements: list[Expression]) -> int:
-    count = operation_count(elements)
-    return count.multiplications + count.additions + 4 * count.sines

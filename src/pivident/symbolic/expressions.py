@@ -96,6 +96,9 @@ FUNCTIONS = {
     "divide": 2,
 }
 
+#: Price of a sine or a cosine, in products.
+SINE_PRICE = 4
+
 
 @dataclass(frozen=True)
 class OperationCount:
@@ -119,6 +122,11 @@ class OperationCount:
             f"{self.sines} sines and cosines"
         )
         return f"{text}, {self.functions} other functions" if self.functions else text
+
+    @property
+    def price(self) -> int:
+        """What two ways of writing a model are compared by, in products; other functions apart."""
+        return self.multiplications + self.additions + SINE_PRICE * self.sines
 
     def __add__(self, other: OperationCount) -> OperationCount:
         return OperationCount(

@@ -1,4 +1,4 @@
-"""Names as identifiers of C and Python, and as LaTeX."""
+"""Names as identifiers of C and Python, as LaTeX, and texts as comments of generated code."""
 
 from __future__ import annotations
 
@@ -58,6 +58,31 @@ def identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
         used.add(text)
         result.append(text)
     return result
+
+
+def one_line(text: str) -> str:
+    """A text without line ends and other control characters, fit for a comment.
+
+    Args:
+        text: any text.
+    """
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())
+
+
+def c_comment(lines: Iterable[str]) -> list[str]:
+    """Lines of a C comment; what would end it, nest in it or be a trigraph is drawn apart.
+
+    Args:
+        lines: any texts, one for each line.
+    """
+    safe = [line.replace("*/", "* /").replace("/*", "/ *") for line in map(_indented, lines)]
+    safe = [re.sub(r"\?(?=\?)", "? ", line) for line in safe]
+    return ["/*", *(f" * {line}".rstrip() for line in safe), " */"]
+
+
+def _indented(text: str) -> str:
+    """One line that keeps the spaces before it."""
+    return " " * (len(text) - len(text.lstrip(" "))) + one_line(text)
 
 
 def latex_text(text: str) -> str:

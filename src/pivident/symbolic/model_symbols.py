@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter, standard_parameters
+from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL, Robot
 from pivident.symbolic.expressions import ZERO, Expression, constant, symbol
 from pivident.symbolic.program import Input
@@ -103,7 +104,7 @@ def model_symbols(
         values: their values, shape (parameters,); None: they stay symbols.
 
     Raises:
-        ValueError: values of another number of parameters.
+        RobotDescriptionError: values of another number of parameters.
     """
     if isinstance(columns, str):
         columns = base_parameters(robot) if columns == "base" else standard_parameters(robot)
@@ -117,7 +118,10 @@ def model_symbols(
     if values is not None:
         numbers = np.asarray(values, dtype=float)
         if numbers.shape != (len(parameters),):
-            raise ValueError(f"values have shape {numbers.shape}; {(len(parameters),)} is needed")
+            raise RobotDescriptionError(
+                f"the values of the parameters have shape {numbers.shape}; give {len(parameters)} "
+                f"numbers, one for each of {', '.join(names[:3])} …"
+            )
         theta = tuple(constant(x) for x in numbers.tolist())
         argument = Input("theta", (), "")
     n = robot.size

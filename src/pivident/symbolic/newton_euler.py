@@ -42,9 +42,6 @@ from pivident.symbolic.vectors import Vector, cross, dot, is_null, plus, scaled
 
 Hints = list[tuple[str, Expression]]
 
-#: Price of a sine with its cosine, in products, where two ways of writing a model are compared.
-SINE_PRICE = 4
-
 
 def inverse_model(
     robot: Robot,
@@ -253,12 +250,7 @@ def _cheapest(
     candidates: Iterator[tuple[list[Expression], Hints]],
 ) -> tuple[list[Expression], Hints]:
     """The one of several ways to write a model that costs least; the first of equal ones."""
-
-    def price(candidate: tuple[list[Expression], Hints]) -> int:
-        count = operation_count(candidate[0])
-        return count.multiplications + count.additions + SINE_PRICE * count.sines
-
-    return min(candidates, key=price)
+    return min(candidates, key=lambda candidate: operation_count(candidate[0]).price)
 
 
 def _named(stem: str, link: int, vector: Vector) -> Hints:

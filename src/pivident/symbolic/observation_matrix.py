@@ -18,7 +18,7 @@ from pivident.symbolic.expressions import ONE, ZERO, Expression, operation_count
 from pivident.symbolic.joint_terms import joint_column, joints_of
 from pivident.symbolic.link_motion import LinkMotion, link_motion
 from pivident.symbolic.model_symbols import Columns, ModelSymbols, model_symbols
-from pivident.symbolic.newton_euler import SINE_PRICE, Hints, inner_input, inner_symbols
+from pivident.symbolic.newton_euler import Hints, inner_input, inner_symbols
 from pivident.symbolic.program import Input, Output, Program, output_array
 from pivident.symbolic.vectors import NULL, Vector, cross, dot, plus
 
@@ -40,7 +40,9 @@ def observation_matrix(robot: Robot, parameters: Columns = "base") -> Program:
     model = model_symbols(robot, parameters)
     inner = inner_symbols(model, load=True)
     candidates = [_matrix(model, inner, combine) for combine in (True, False)]
-    matrix, hints = min(candidates, key=lambda candidate: _price(candidate[0]))
+    matrix, hints = min(
+        candidates, key=lambda candidate: operation_count(candidate[0].ravel()).price
+    )
     notes = ["Columns: " + " ".join(s.name for s in model.argument.symbols)]
     if inner:
         notes.append(
@@ -127,8 +129,3 @@ def unit_wrench(motion: LinkMotion, p: Parameter) -> Wrench:
     k = column - 6
     axis = tuple(ONE if i == k else ZERO for i in range(3))
     return (u[0][k], u[1][k], u[2][k]), cross((axis[0], axis[1], axis[2]), a)
-
-
-def _price(matrix: np.ndarray) -> int:
-    count = operation_count(matrix.ravel())
-    return count.multiplications + count.additions + SINE_PRICE * count.sines

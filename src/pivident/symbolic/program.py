@@ -27,11 +27,10 @@ from pivident.symbolic.expressions import (
     Sine,
     Symbol,
     as_expression,
-    evaluate,
     operation_count,
     ordered,
 )
-from pivident.symbolic.identifiers import identifiers
+from pivident.symbolic.identifiers import identifiers, one_line
 
 if TYPE_CHECKING:
     import sympy
@@ -146,11 +145,6 @@ class Program:
         named = dict(zip(variables, texts, strict=True))
         return cls(name, title, tuple(inputs), parameters, tuple(outputs), named, tuple(notes))
 
-    @property
-    def assignments(self) -> tuple[tuple[str, Expression], ...]:
-        """Variables and their expressions, in the order of evaluation."""
-        return tuple((name, expression) for expression, name in self.variables.items())
-
     @cached_property
     def expressions(self) -> tuple[Expression, ...]:
         """All elements of all outputs."""
@@ -190,30 +184,7 @@ class Program:
         for output in self.outputs:
             shape = " x ".join(map(str, output.shape))
             lines.append(f"{output.name}: {output.meaning}, {shape}")
-        return tuple(" ".join(line.split()) for line in (*lines, *self.notes))
-
-    def evaluate(self, *arguments: np.ndarray) -> tuple[Any, ...]:
-        """Results by walking through the graph, without generated code.
-
-        Args:
-            arguments: inputs and then parameters (where there are any), as for `function`.
-        """
-        values: dict[str, Any] = {}
-        given = [x for x in (*self.inputs, self.parameters) if x.symbols]
-        for argument, array in zip(given, arguments, strict=True):
-            for k, s in enumerate(argument.symbols):
-                values[s.name] = np.asarray(array)[..., k]
-        states = np.broadcast_shapes(
-            *(np.shape(a)[:-1] for a in arguments[: sum(bool(x.symbols) for x in self.inputs)])
-        )
-        flat = iter(evaluate(self.expressions, values))
-        results = []
-        for output in self.outputs:
-            result = np.empty((*states, *output.shape))
-            for place in np.ndindex(output.shape):
-                result[(..., *place)] = next(flat)
-            results.append(result)
-        return tuple(results)
+        return tuple(map(one_line, (*lines, *self.notes)))
 
     def function(self) -> Callable[..., Any]:
         """The program as a function of NumPy arrays, compiled from `to_python`.

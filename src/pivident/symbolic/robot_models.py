@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
@@ -118,18 +119,18 @@ def model_files(
     """Text of the files that hold given programs, by file name.
 
     Args:
-        robot: the robot, which gives the files their name.
+        robot: the robot, which gives the files their name, and the functions in C their prefix.
         programs: what to write.
         languages: names out of ``LANGUAGES``.
     """
     stem = identifier(robot.name).lower()
     printers: Mapping[str, Callable[[Sequence[Program]], str]] = {
         "python": python_module,
-        "c": c_source,
+        "c": partial(c_source, prefix=f"{stem}_"),
         "latex": latex_document,
         "sympy": sympy_module,
     }
     files = {f"{stem}{LANGUAGES[name]}": printers[name](programs) for name in languages}
     if "c" in languages:
-        files[f"{stem}.h"] = c_header(programs)
+        files[f"{stem}.h"] = c_header(programs, prefix=f"{stem}_")
     return files

@@ -9,7 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from pivident.consistency.consistent_tables import link_table
 from pivident.consistency.method_names import consistent_label
+from pivident.consistency.profile_intervals import not_found_sentence
+from pivident.consistency.significance import HALF_INTERVAL
 from pivident.errors import IdentificationError
 from pivident.estimation.parameter_rows import significant
 from pivident.recording.recording import Recording
@@ -33,11 +36,8 @@ LISTED_MOVE = 0.05
 #: Constraints with a smaller share of the distance are not listed.
 LISTED_SHARE = 0.005
 
-#: Half of a normal estimate's interval [σ].
-SPREAD = 1.96
-
-#: An end that nothing bounds.
-OPEN = "open"
+#: An end that nothing bounds, and one that the solver has not found.
+OPEN, NOT_FOUND = "open", "not found"
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class MovedRow:
         spread: half of its 95 % interval [unit].
         consistent: consistent estimate [unit].
         interval: of the consistent one, as text.
-        moved: by how many deviations, as the estimator sees it.
+        moved: consistent less free estimate [σ of the free one].
         unit: of the parameter.
     """
 
@@ -91,7 +91,10 @@ class ConsistentEstimate:
         if model.was_consistent:
             text = "the free estimate is consistent as it is"
         else:
-            text = f"{significant(model.distance)} σ from the free estimate"
+            text = (
+                f"{significant(model.distance)} σ from the free estimate, "
+                f"{significant(model.least_distance)} σ at least"
+            )
         return f"{self.label}: {text} ({1e3 * model.seconds:.0f} ms)"
 
     def sentences(self) -> list[str]:
@@ -101,7 +104,23 @@ class ConsistentEstimate:
             text = str(self.prediction)
             lines.append(f"{text[0].upper()}{text[1:]}.")
             lines += [f"Not consistent: {failure}." for failure in self.prediction.failures]
-        return lines + [f"{note.rstrip('.')}." for note in self.model.notes]
+        lines += [f"{note.rstrip('.')}." for note in self.model.notes]
+        if missing := self.not_found():
+            lines.append(not_found_sentence(missing))
+        return lines
+
+    def not_found(self) -> tuple[str, ...]:
+        """Quantities with an interval of which the solver has not found both ends."""
+        names = [*self.base.not_found, *self.standard.not_found]
+        for row in self.links:
+            for title, own in (
+                ("mass", (row.mass,)),
+                ("centre of mass", row.center_of_mass),
+                ("principal moments", row.moments),
+            ):
+                if any(math.isnan(end) for q in own for end in (q.low, q.high)):
+                    names.append(f"the {title} of {row.name}")
+        return tuple(dict.fromkeys(names))
 
     def held_back(self) -> list[str]:
         """Constraints that hold the estimate back, the most expensive first."""
@@ -109,17 +128,8 @@ class ConsistentEstimate:
 
     def link_table(self) -> str:
         """The links with the intervals of their masses."""
-        rows = self.links
-        columns: list[tuple[str, str, Sequence[str]]] = [
-            ("link", "<", [r.name for r in rows]),
-            ("mass [kg]", ".", [significant(r.mass.value) for r in rows]),
-            (f"{CONFIDENCE:.0%} interval", "<", [interval_text(r.mass) for r in rows]),
-        ]
-        for k, title in enumerate(("centre x [mm]", "y", "z")):
-            columns.append((title, ".", [millimetres(r.center_of_mass[k].value) for r in rows]))
-        for k, title in enumerate(("I1 [kg m²]", "I2", "I3")):
-            columns.append((title, ".", [significant(r.moments[k].value) for r in rows]))
-        return plain_table(columns)
+        intervals = [interval_text(row.mass) for row in self.links]
+        return link_table(self.model.links, (f"{CONFIDENCE:.0%} interval", "<", intervals))
 
     def moved_rows(self) -> list[MovedRow]:
         """Base parameters that moved, the farthest first; none where the estimate stayed."""
@@ -131,7 +141,7 @@ class ConsistentEstimate:
             MovedRow(
                 name=model.names[k],
                 free=float(free.theta[k]),
-                spread=float(SPREAD * free.std[k]),
+                spread=float(HALF_INTERVAL * free.std[k]),
                 consistent=float(model.theta[k]),
                 interval=ends_text(self.base.low[k], self.base.high[k]),
                 moved=float(model.moved[k]),
@@ -150,7 +160,7 @@ class ConsistentEstimate:
             [
                 ("parameter", "<", [r.name for r in rows]),
                 ("free", ".", [significant(r.free, 4) for r in rows]),
-                (f"±{SPREAD:g}σ", ".", [significant(r.spread, 2) for r in rows]),
+                (f"±{HALF_INTERVAL:g}σ", ".", [significant(r.spread, 2) for r in rows]),
                 ("consistent", ".", [significant(r.consistent, 4) for r in rows]),
                 (f"{CONFIDENCE:.0%} interval", "<", [r.interval for r in rows]),
                 ("moved [σ]", ".", [f"{r.moved:+.2f}" for r in rows]),
@@ -268,19 +278,21 @@ def interval_text(quantity: Quantity, factor: float = 1.0, digits: int = 3) -> s
 
 
 def ends_text(low: float, high: float, digits: int = 3) -> str:
-    """``0.02 to 15.5``; ``open`` where nothing bounds an end.
+    """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is not known.
 
     Args:
         low: lower end.
         high: upper end.
         digits: significant ones.
     """
-    if not (math.isfinite(low) or math.isfinite(high)):
-        return OPEN
-    ends = [significant(end, digits) if math.isfinite(end) else OPEN for end in (low, high)]
+    ends = [_end_text(end, digits) for end in (low, high)]
+    if ends[0] == ends[1] and ends[0] in (OPEN, NOT_FOUND):
+        return ends[0]
     return " to ".join(ends)
 
 
-def millimetres(metres: float) -> str:
-    """A length in millimetres, to a tenth."""
-    return f"{round(1e3 * metres, 1) + 0.0:.1f}"
+def _end_text(end: float, digits: int) -> str:
+    """A number, or why there is none."""
+    if math.isnan(end):
+        return NOT_FOUND
+    return OPEN if math.isinf(end) else significant(end, digits)

@@ -2,7 +2,8 @@
 
 The JSON stands by itself: it holds the robot and all standard parameters, so that a model can be
 made from it without the identification. Ends of intervals that nothing bounds are null in the JSON
-and empty in the table.
+and empty in the table. So are ends that the solver has not found; ``not_found`` in the JSON names
+their quantities.
 """
 
 from __future__ import annotations
@@ -63,6 +64,7 @@ def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
     prediction = estimate.prediction
     content |= {
         "confidence": CONFIDENCE,
+        "not_found": list(estimate.not_found()),
         "options": estimate.options.to_values(),
         "held_out": None
         if prediction is None

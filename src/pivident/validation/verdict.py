@@ -8,11 +8,13 @@ of. Each statement has a grade and names the test that it stands on.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Literal
 
+from pivident.consistency.significance import NOTABLE_COST
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows, percent, significant
@@ -38,9 +40,6 @@ NAMED_SHIFT = 2.0
 
 #: A step to consistent parameters that is less probable lies outside the intervals.
 IMPROBABLE = 0.01
-
-#: Growth of the torque error that consistency may cost.
-NOTABLE_COST = 0.01
 
 
 @dataclass(frozen=True)
@@ -419,16 +418,27 @@ def _consistency(examination: Examination, name: str) -> Iterator[Statement]:
         text = "A real machine can have exactly these parameters."
         yield Statement("physics", "good", text, f"{found.label} has the same torques")
         return
-    evidence = f"{significant(model.distance, 2)} σ, p = {model.p_value:.2g}"
+    evidence = (
+        f"least distance {significant(model.least_distance, 2)} σ, p = {model.p_value:.2g}; "
+        f"distance of those taken {significant(model.distance, 2)} σ"
+    )
     if prediction is not None:
         evidence += f"; {prediction}"
-    elif cost == cost:
+    elif math.isfinite(cost):
         evidence += f"; torque error on the fitted record, relative change {100 * cost:+.2g} %"
     if held_back := found.held_back():
         evidence += f"; held back most by {held_back[0]}"
     take = f"take {found.label} for simulation and export"
-    near, cheap = model.p_value > IMPROBABLE, not cost > NOTABLE_COST
-    if near and cheap:
+    near, cheap = model.p_value > IMPROBABLE, cost <= NOTABLE_COST
+    if not math.isfinite(cost):
+        where = "within" if near else "outside"
+        text = (
+            f"Parameters that a real machine can have lie {where} the intervals; what they cost in "
+            "torque is not known without torque sums or held-out motion: identify again to have "
+            "them."
+        )
+        yield Statement("physics", "note" if near else "caution", text, evidence)
+    elif near and cheap:
         text = f"Parameters that a real machine can have lie within the intervals: {take}."
         yield Statement("physics", "good", text, evidence)
     elif cheap:

@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from pivident.consistency.consistent_tables import millimetres
+from pivident.consistency.significance import HALF_INTERVAL
 from pivident.estimation.parameter_rows import significant
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
 from pivident.report.figures import Figure
@@ -15,7 +17,6 @@ from pivident.validation.consistent_estimate import (
     ConsistentEstimate,
     NoConsistentEstimate,
     interval_text,
-    millimetres,
 )
 
 #: An end of an interval that nothing bounds is drawn this far away [σ].
@@ -60,6 +61,7 @@ class ConsistencySection(Section):
                 for k, found in made
                 if isinstance(found, ConsistentEstimate)
             ],
+            "half_interval": f"{HALF_INTERVAL:g}",
             "several": len(made) > 1,
         }
 
@@ -97,8 +99,10 @@ def _figures(found: ConsistentEstimate, method: int) -> tuple[Figure, ...]:
     """The arm with its bodies, and free and consistent intervals."""
     model = found.model
     free, std = model.free.theta, model.free.std
-    ends = [(x - free) / std for x in (model.theta, found.base.low, found.base.high)]
-    moved, low, high = (np.clip(np.nan_to_num(x), -FAR, FAR) for x in ends)
+    moved, low, high = (
+        np.clip(x, -FAR, FAR)
+        for x in (model.moved, *((end - free) / std for end in (found.base.low, found.base.high)))
+    )
     recordings = model.free.recordings
     q = recordings[0].q[0] if recordings else np.zeros(model.robot.size)
     left_out = model.base_values.size - len(model.names)

@@ -1,0 +1,62 @@
+"""Results as plain values, and as strict JSON: numbers that are not finite are null."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, is_dataclass
+from typing import Any
+
+import numpy as np
+
+
+def plain(value: Any) -> Any:
+    """Lists, dictionaries, texts and finite numbers; anything else as its text.
+
+    Args:
+        value: arrays, dataclasses, mappings, sequences and numbers, in one another.
+    """
+    if isinstance(value, np.ndarray | np.generic):
+        value = value.tolist()
+    if is_dataclass(value) and not isinstance(value, type):
+        value = asdict(value)
+    if isinstance(value, Mapping):
+        return {str(key): plain(entry) for key, entry in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if value is None or isinstance(value, bool | int | str):
+        return value
+    return str(value)
+
+
+def strict_json(value: Any) -> str:
+    """JSON on one line.
+
+    Args:
+        value: plain values.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    return json.dumps(value, allow_nan=False, ensure_ascii=False)
+
+
+def json_of_entries(content: Mapping[str, Any]) -> str:
+    """A JSON object with a line for each key, and for each element of a list.
+
+    Args:
+        content: plain values.
+
+    Raises:
+        ValueError: a number is not finite.
+    """
+    entries = []
+    for key, value in content.items():
+        text = strict_json(value)
+        if isinstance(value, list) and value:
+            text = "[\n    " + ",\n    ".join(map(strict_json, value)) + "\n  ]"
+        entries.append(f"  {strict_json(key)}: {text}")
+    return "{\n" + ",\n".join(entries) + "\n}\n"
