@@ -19,6 +19,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
 from pivident.cli.console import error_line, note
+from pivident.cli.fleet import fleet
 from pivident.cli.flexibility import flexibility
 from pivident.cli.friction import friction
 from pivident.cli.gains import gains
@@ -42,6 +43,7 @@ datasets_app = App(
 )
 app.command(datasets_app)
 app.command(study)
+app.command(fleet)
 app.command(friction)
 app.command(flexibility)
 app.command(gains)

@@ -104,11 +104,16 @@ class Experiment:
                 read.append(recording_of(entry, self.robot, self.path.parent))
         return tuple(read)
 
-    def problem(self, progress: Callable[[str], None] | None = None) -> Problem:
+    def problem(
+        self,
+        progress: Callable[[str], None] | None = None,
+        recordings: Sequence[Recording] | None = None,
+    ) -> Problem:
         """Robot, recordings, loop, parameters and mask: what `identify` takes.
 
         Args:
             progress: called with one line at each stage.
+            recordings: in place of those that the file names.
 
         Raises:
             ExperimentError: robot, recordings and parameters do not fit together.
@@ -118,8 +123,9 @@ class Experiment:
         say = progress or (lambda line: None)
         say(f"reading the robot {self.content.robot.model}")
         robot = self.robot
-        say("reading the recordings")
-        recordings = self.recordings()
+        if recordings is None:
+            say("reading the recordings")
+            recordings = self.recordings()
         controller, given = self.content.controller, self.content.identify
         loop = None
         if controller is not None:
@@ -131,7 +137,7 @@ class Experiment:
         with errors_name(self.path, ""):
             return Problem(
                 robot,
-                recordings,
+                tuple(recordings),
                 loop,
                 parameters=None if given.parameters is None else tuple(given.parameters),
                 mask=given.mask,
@@ -191,7 +197,7 @@ def load_experiment(path: str | Path) -> Experiment:
     path = Path(path)
     with errors_name(path, ""):
         try:
-            content = parse_toml(_text(path))
+            content = parse_toml(read_text(path))
         except ExperimentError:
             raise
         except ValueError as error:
@@ -223,8 +229,15 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
         raise
 
 
-def _text(path: Path) -> str:
-    """Content of the file."""
+def read_text(path: Path) -> str:
+    """Content of an experiment file.
+
+    Args:
+        path: the file.
+
+    Raises:
+        ExperimentError: it cannot be read, or is too large to be one.
+    """
     try:
         if regular_file(path).stat().st_size > LARGEST_FILE:
             raise ExperimentError(

@@ -93,7 +93,9 @@ def explained(details: Any, content: dict[str, Any], root: type[BaseModel] = Exp
             return f"there is no {key}; add the table [{key}]"
         return f"{table}key {key!r} is missing; {addition(root, details['loc'])}"
     if details["type"] == "model_type":
-        return f"{table}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
+        return (
+            f"{table}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
+        )
     message = details["msg"].removeprefix("Value error, ")
     message = message.replace("Input should be", "must be").replace("List should", "must")
     if not key:
