@@ -98,7 +98,8 @@ def identify_fleet(
     with store.opened(template):
         known = store.known()
         say(f"{title}: {len(logs)} logs, looking for changes")
-        missing = [log for log in logs if not _is_done(log, known)]
+        digests = {log.name: _known_digest(log, known) for log in logs}
+        missing = [log for log in logs if digests[log.name] is None]
         if known and missing:
             say(f"{title}: {len(logs) - len(missing)} logs are done, {len(missing)} to do")
             if len(store.programs()) > 1:
@@ -108,7 +109,7 @@ def identify_fleet(
                 Task.of(template), store, pool, work, lost_log, title, len(logs), say, "logs"
             )
             runner.compute(missing)
-        rows = store.rows({log.name: _digest(log) for log in logs})
+        rows = store.rows(digests)
     return Fleet(template, tuple(logs), axis, rows, store)
 
 
@@ -137,16 +138,12 @@ def template_of(folder: Path, path: str | Path | None = None) -> Template:
     return load_template(folder / FILE if path is None else path)
 
 
-def _is_done(log: Log, known: dict[str, set[str]]) -> bool:
-    """Whether a log of this content has been identified."""
-    return log.name in known and _digest(log) in known[log.name]
-
-
-def _digest(log: Log) -> str | None:
-    """Hash of a log's content, None where it cannot be read."""
-    if log.fault:
+def _known_digest(log: Log, known: dict[str, set[str]]) -> str | None:
+    """Hash of a log that has been identified as it is now, None for the others."""
+    if log.fault or log.name not in known:
         return None
     try:
-        return log.digest()
+        digest = log.digest()
     except (PividentError, OSError):
         return None
+    return digest if digest in known[log.name] else None

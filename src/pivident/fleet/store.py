@@ -85,25 +85,23 @@ class FleetStore(ResultsFolder):
         return found
 
     def rows(self, digests: Mapping[str, str | None]) -> pl.DataFrame:
-        """The rows of logs as they are now, the latest ones of each.
+        """The rows of logs, the latest ones of each.
 
         Args:
-            digests: hash of the content of each log, None where it has none.
+            digests: hash of the content that is meant of each log, None for the latest one.
         """
         import polars as pl
 
-        now = pl.DataFrame(
-            {"task": list(digests), "now": [digest or "" for digest in digests.values()]},
-            schema={"task": pl.String, "now": pl.String},
+        meant = pl.DataFrame(
+            {"task": list(digests), "meant": list(digests.values())},
+            schema={"task": pl.String, "meant": pl.String},
         )
-        table = self.read().join(now, on="task", how="inner")
-        exact = pl.col("sha256").fill_null("") == pl.col("now")
-        # a log whose worker died has no hash: that row stands where there is no better one
-        table = table.filter(exact | pl.col("sha256").is_null()).with_columns(exact.alias("exact"))
-        table = table.filter(pl.col("exact") == pl.col("exact").max().over("task"))
+        table = self.read().join(meant, on="task", how="inner")
+        table = table.filter(
+            pl.col("meant").is_null() | (pl.col("sha256").fill_null("") == pl.col("meant"))
+        )
         table = table.filter(pl.col("computed") == pl.col("computed").max().over("task"))
-        table = table.unique(["task", "parameter"], keep="first", maintain_order=True)
-        return table.drop("now", "exact")
+        return table.unique(["task", "parameter"], keep="first", maintain_order=True).drop("meant")
 
     def shard_name(self, rows: Sequence[Row]) -> str:
         """When it was written."""
