@@ -262,6 +262,7 @@ def test_robots_can_be_compared_with_each_other(folder):
         ("[recording]", '[recording]\ndataset = "emps"', "dataset"),
         ("{robot}/{day}.npz", "{robot}_{day}.npz", r"fleet\.toml: .*arm_1/2026-03-01\.npz"),
         ('"celsius"', '["a", "b"]\ntogether = ["day"]', "different robots"),
+        ("rate = 500", 'rate = 500\nfiles = "{robot}.npz"', "both given and differ"),
         ("[controller]", "[contrller]", r"fleet\.toml: unknown table 'contrller'"),
     ],
 )

@@ -55,6 +55,11 @@ def test_without_a_pattern_robots_are_folders_and_dates_are_found_in_names(made)
     assert axis.kind == "date"
 
 
+def test_the_first_part_of_a_name_takes_as_much_as_it_can(made):
+    (log,), _ = find_logs(made("arm_3_2026-03-01.csv"), "{robot}_{day}.csv")
+    assert log.robot == "arm_3" and log.time == "2026-03-01"
+
+
 def test_a_pattern_without_robot_is_one_robot(made):
     logs, _ = find_logs(made("2026-03-01.csv", "2026-03-02.csv"), "{day}.csv")
     assert {log.robot for log in logs} == {"logs"} and len(logs) == 2
@@ -107,6 +112,7 @@ def test_the_results_folder_is_not_searched(made):
         ("{robot}/{day}.csv", {"together": ["day"]}, "different robots"),
         ("{robot}/{day}.csv", {"together": ["robot", "run"]}, "names 'run'"),
         ("{robot}/{day}.csv", {"time": "week"}, "names 'week'"),
+        ("{robot}_{a}_{b}_{c}_{d}.csv", {}, "more than 4 parts"),
         ("{robot}/*.csv", {}, "for the same robot a"),
         ({"q": "{robot}/{day}.csv", "tau": "{robot}.csv"}, {}, "need the same parts"),
     ],

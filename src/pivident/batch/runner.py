@@ -19,6 +19,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import AbstractContextManager, contextmanager
 from typing import Any, Generic, Protocol, TypeVar
 
+from pivident.batch.errors import BatchError
 from pivident.batch.results_folder import ResultsFolder, Row
 from pivident.threads import thread_count
 
@@ -33,6 +34,9 @@ AHEAD = 2
 
 #: A task whose worker has died so often, alone from the second time on, is recorded as lost.
 DEATHS = 3
+
+#: Workers that die so often in a row, with nothing computed in between, will not do better.
+HOPELESS = 3 * DEATHS
 
 #: Threads of the linear algebra libraries of a worker.
 _LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
@@ -138,12 +142,16 @@ class Runner(Generic[Key]):
         self.finished: list[list[Row]] = []
         self.written, self.told = -math.inf, time.monotonic()  # the first one is written at once
         self.deaths: Counter[Key] = Counter()
+        self.broken = 0
 
     def compute(self, missing: Sequence[Key]) -> None:
         """Compute and write tasks; whatever happens, those that have finished are written.
 
         Args:
             missing: their keys.
+
+        Raises:
+            BatchError: workers die one after the other before they have computed anything.
         """
         begin, at_hand = time.monotonic(), self.total - len(missing)
         waiting = list(missing)[::-1]
@@ -187,6 +195,7 @@ class Runner(Generic[Key]):
             raise error
         key = running.pop(future)
         if error is None:
+            self.broken = 0
             return future.result()
         if type(error).__name__ == "KilledWorker":
             return self.lost(self.task, key, DEATHS)
@@ -209,6 +218,13 @@ class Runner(Generic[Key]):
         running.clear()
         self.say(f"{self.title}: a worker has died; its {self.noun} are computed again")
         self._write()
+        self.broken += 1
+        if self.broken >= HOPELESS:
+            raise BatchError(
+                f"workers died {self.broken} times in a row; is there enough memory? A script that "
+                "starts them needs 'if __name__ == \"__main__\":' around what it does. What had "
+                "finished is on disk, the same command goes on from there"
+            )
 
     def _write_now_and_then(self) -> None:
         many = len(self.finished) >= PORTION

@@ -4,6 +4,7 @@ A pattern is a path below the folder in which ``{name}`` stands for a part witho
 logs apart, and ``*`` for a part that does not:
 
     {robot}/{day}.csv                         arm_03/2026-03-01.csv
+    {robot}_{day}.csv                         arm_03_2026-03-01.csv: the first part takes most
     {robot}/{day}/{run}.parquet               with together = ["robot", "day"]: runs of one problem
     {q = "{robot}/{day}/q.csv", tau = "{robot}/{day}/tau.csv"}      files of one record
 
@@ -26,6 +27,9 @@ from pivident.recording.tables import READERS
 
 #: Captures that say when a record was taken, where the file does not name another one.
 TIMES = ("time", "day", "date")
+
+#: Most parts of one folder's or file's name that a pattern may tell apart.
+MOST_PARTS = 4
 
 #: The capture that says whose record it is.
 ROBOT = "robot"
@@ -182,8 +186,13 @@ class Pattern:
             if name in self.names:
                 expression += f"(?P={name})"
             else:
-                expression += f"(?P<{name}>[^/]+?)"
+                expression += f"(?P<{name}>[^/]+)"
                 self.names += (name,)
+        if max(len(_CAPTURE.findall(part)) for part in text.split("/")) > MOST_PARTS:
+            raise ExperimentError(
+                f"{where} has more than {MOST_PARTS} parts in braces or * between two slashes, so "
+                "that names could be read in very many ways; use folders or fewer parts"
+            )
         rest = text[end:]
         if "{" in rest or "}" in rest or not self.names:
             raise ExperimentError(

@@ -57,6 +57,10 @@ class FleetFile(ExperimentFile):
             raise ValueError(
                 "recording.dataset names one public record; a fleet reads the files of a folder"
             )
+        if self.fleet.pattern not in (None, self.recording[0].files):
+            raise ValueError(
+                "fleet.pattern and recording.files are both given and differ; keep one of them"
+            )
         if self.gains.recording or self.validation.recording:
             raise ValueError(
                 "recordings of [gains] and [validation] belong to one robot; remove them here"
