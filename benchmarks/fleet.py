@@ -11,8 +11,10 @@ Ideal throughput is that of two processes that do nothing but identify logs, war
 one thread each: so both cores are as busy as with the fleet. It is measured before and after. The
 throughput of the fleet is that between its first and its last finished log, as it is told; with all
 that comes before and after (reading hashes, starting workers, loading compiled code, judging, page)
-it is given beside that. The part of the robots in ``--killed`` is done again with the process
-killed twice on its way, and must give the same rows bit for bit.
+it is given beside that. Where other programs share the cores, processor seconds tell more:
+``cpu_efficiency`` is what identifying alone takes over what parent and workers take, their start
+included. The robots of ``--killed`` are done again with the process killed twice on its way, and
+must give the same rows bit for bit.
 """
 
 from __future__ import annotations
@@ -180,6 +182,8 @@ class Watch:
     def __init__(self) -> None:
         self.done: list[tuple[float, int]] = []
         self.memory: list[float] = []
+        self.cpu = 0.0
+        self._begin = sum(psutil.Process().cpu_times()[:2])
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._sample, daemon=True)
         self._thread.start()
@@ -194,13 +198,15 @@ class Watch:
     def _sample(self) -> None:
         here = psutil.Process()
         while not self._stop.wait(0.5):
-            total = 0
+            total, seconds = 0, 0.0
             for process in (here, *here.children(recursive=True)):
                 try:
                     total += process.memory_info().rss
+                    seconds += sum(process.cpu_times()[:2])
                 except psutil.NoSuchProcess:
                     continue
             self.memory.append(total / 1e6)
+            self.cpu = max(self.cpu, seconds - self._begin)
 
     def end(self) -> None:
         """No more samples of the memory."""
@@ -275,9 +281,9 @@ def report(place: Path, logs: Path, options: argparse.Namespace) -> None:
     watch, begin = Watch(), time.perf_counter()
     fleet = identify_fleet(logs, out=place / "out", pool=Processes(WORKERS), say=watch)
     judged = time.perf_counter()
+    watch.end()
     judgement = conclude(fleet)
     end = time.perf_counter()
-    watch.end()
     after, cpu_after = ideal(logs, options.ideal)
     best = 0.5 * (before + after)
     alarmed = {alarm.robot for alarm in judgement.alarms}
@@ -309,7 +315,9 @@ def report(place: Path, logs: Path, options: argparse.Namespace) -> None:
         "efficiency": watch.throughput() / best,
         "whole_per_s": count / (judged - begin),
         "whole_efficiency": count / (judged - begin) / best,
-        "cpu_s_per_log": 0.5 * (cpu + cpu_after),
+        "ideal_cpu_s_per_log": 0.5 * (cpu + cpu_after),
+        "fleet_cpu_s_per_log": watch.cpu / count,
+        "cpu_efficiency": 0.5 * (cpu + cpu_after) * count / watch.cpu,
         "judging_s": end - judged,
         "memory_quarter_mb": max(watch.memory[: quarter + 1], default=0.0),
         "memory_end_mb": max(watch.memory[quarter:], default=0.0),

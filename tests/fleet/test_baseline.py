@@ -28,7 +28,7 @@ def test_scatter_of_equally_good_records_is_the_excess_of_their_variance():
     series = [replace(s, std=np.full(6, 0.01)) for s in drawn(rng, robots=5)]
     own = np.array([s.value[:3] for s in series])
     pooled = ((own - own.mean(axis=1, keepdims=True)) ** 2).sum() / (5 * 2)
-    found = fit_baseline(series)
+    found = fit_baseline(series, relative=False)
     assert found.degrees == 10
     assert found.scatter**2 == pytest.approx(pooled - 0.01**2, rel=1e-9)
 
@@ -40,7 +40,7 @@ def test_records_that_scatter_less_than_their_intervals_have_no_further_scatter(
 
 def test_level_slope_and_expectation_are_those_of_dense_least_squares():
     series = drawn(np.random.default_rng(2), warmth=-0.02)
-    found = fit_baseline(series)
+    found = fit_baseline(series, relative=False)
     theta, covariance, q = dense(series, found.scatter)
     assert found.degrees == 6 * 3 - 6 - 1
     assert q == pytest.approx(found.degrees, rel=1e-9)
@@ -101,3 +101,18 @@ def test_paule_mandel_finds_the_root():
     assert paule_mandel(lambda v: 4.0 / (1.0 + v) - 1.0, 0.1) == pytest.approx(3.0, rel=1e-12)
     assert paule_mandel(lambda v: 0.5 - v, 0.0) == pytest.approx(0.5, rel=1e-12)
     assert paule_mandel(lambda v: -v, 1.0) == 0.0
+
+
+def test_percent_are_the_same_for_every_robot():
+    """A robot in another unit, so to speak, has the same standardised errors."""
+    series = drawn(np.random.default_rng(7), warmth=-0.02)
+    other = [replace(series[0], value=3 * series[0].value, std=3 * series[0].std), *series[1:]]
+    ours, theirs = (fit_baseline(s).expectation(0) for s in (series, other))
+    assert theirs.difference == pytest.approx(3 * ours.difference, rel=1e-6)
+    assert theirs.covariance == pytest.approx(9 * ours.covariance, rel=1e-6)
+    assert fit_baseline(series).levels == pytest.approx(1.0, abs=1e-6)
+
+
+def test_parameters_about_zero_are_not_divided_by_their_level():
+    series = drawn(np.random.default_rng(8), levels=np.array([0.0, 0.01, -0.02, 1.0, 2.0, 3.0]))
+    assert (fit_baseline(series).scales == 1.0).all()

@@ -128,3 +128,22 @@ def _without_temperature(series):
     from dataclasses import replace
 
     return replace(series, temperature=np.full(series.records, np.nan))
+
+
+def test_robots_of_other_sizes_warm_by_the_same_percentage():
+    """1 % per kelvin of levels that differ twofold is no change of any robot."""
+    rng = np.random.default_rng(8)
+    series = []
+    for level in np.linspace(1.0, 2.0, 20):
+        (own,) = drawn(rng, robots=1, scatter=0.005, std=0.002, warmth=-0.01, levels=[1.0])
+        series.append(_scaled_by(own, level, f"arm_{level:.2f}"))
+    cold = series[0]
+    cold.value[3:] += 0.01 * 15.0 * 1.0
+    cold.temperature[3:] -= 15.0
+    assert not alarms([series], 0.05)
+
+
+def _scaled_by(series, factor, robot):
+    from dataclasses import replace
+
+    return replace(series, robot=robot, value=factor * series.value, std=factor * series.std)

@@ -20,6 +20,11 @@ record of robot r has the covariance
 and d/√C is compared with Student's t of ν degrees of freedom. For records that are equally good
 that is exact, or on the safe side where τ² = 0.
 
+Friction changes by so many percent per kelvin, and scatters by so many percent. Where a parameter
+is clear of zero in all robots, y is therefore divided by the robot's level at T₀, which is found in
+a few passes; its own error, of second order, is neglected. What is given out has the unit of the
+parameter again.
+
 ``baseline = "fleet"`` compares a robot with the others: its level is the mean of theirs, and the
 scatter σ² between robots (Paule and Mandel again, of their levels) comes on top of it for all its
 records in common. ν is then the number of other robots less one.
@@ -28,11 +33,18 @@ records in common. ν is then the number of other robots less one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
 from pivident.fleet.series import Series
+
+#: A level is clear of zero where it exceeds so many deviations of every record behind it.
+CLEAR = 10.0
+
+#: Passes that find the levels by which values are divided.
+PASSES = 4
 
 #: Relative accuracy of τ².
 TOLERANCE = 1e-12
@@ -43,7 +55,7 @@ class Temperature:
     """Change of a parameter with temperature, the same for all robots.
 
     Attributes:
-        slope: b [unit of the parameter per unit of the temperature].
+        slope: b [unit of the scaled parameter per unit of the temperature].
         std: its standard deviation.
         reference: T₀.
     """
@@ -80,8 +92,10 @@ class Baseline:
 
     Attributes:
         series: of each robot.
+        scales: what values and deviations of each robot were divided by, shape (robots,); scatter,
+            slope, levels and weights are those of the scaled values.
         kind: ``robot`` or ``fleet``.
-        scatter: τ, deviation between records of one robot [unit of the parameter].
+        scatter: τ, deviation between records of one robot.
         degrees: ν of that scatter.
         temperature: change with temperature; None where it is not known or did not change.
         levels: μ̂ at T₀ of each robot, NaN without a baseline, shape (robots,).
@@ -90,6 +104,7 @@ class Baseline:
     """
 
     series: tuple[Series, ...]
+    scales: np.ndarray
     kind: str
     scatter: float
     degrees: int
@@ -98,15 +113,37 @@ class Baseline:
     weights: np.ndarray
     centres: np.ndarray
 
+    @cached_property
+    def scaled(self) -> tuple[Series, ...]:
+        """The series divided by their scales."""
+        return _scaled(self.series, self.scales)
+
+    @property
+    def typical_scale(self) -> float:
+        """Mean of the scales, which turns scatter and slope into the unit of the parameter."""
+        return float(np.mean(self.scales))
+
     def expectation(self, number: int) -> Expectation | None:
-        """Errors of a robot's later records, None where nothing can be judged.
+        """Errors of a robot's later records in the unit of the parameter, None without any.
 
         Args:
             number: which robot.
         """
-        own = self.series[number]
-        if self.kind == "fleet":
-            return self._among_others(number)
+        found = self._among_others(number) if self.kind == "fleet" else self._by_itself(number)
+        if found is None:
+            return None
+        scale = float(self.scales[number])
+        return Expectation(
+            found.first,
+            scale * found.baseline_values,
+            scale * found.level,
+            scale * found.level_std,
+            scale * found.difference,
+            scale**2 * found.covariance,
+        )
+
+    def _by_itself(self, number: int) -> Expectation | None:
+        own = self.scaled[number]
         first = own.baseline
         if own.records <= first or self.degrees < 1:
             return None
@@ -143,7 +180,7 @@ class Baseline:
 
         between = paule_mandel(excess, float(levels.var()))
         w = 1.0 / (between + variances)
-        level, own = float(w @ levels / w.sum()), self.series[number]
+        level, own = float(w @ levels / w.sum()), self.scaled[number]
         slope, variance = self._slope
         gap = self._temperature(own) - self._reference
         inner = self.scatter**2 + own.std**2
@@ -166,13 +203,40 @@ class Baseline:
         return (0.0, 0.0) if t is None else (t.slope, t.std**2)
 
 
-def fit_baseline(series: Sequence[Series], kind: str = "robot") -> Baseline:
+def fit_baseline(
+    series: Sequence[Series], kind: str = "robot", relative: bool | None = None
+) -> Baseline:
     """The baseline of one parameter.
 
     Args:
         series: the parameter of each robot.
         kind: ``robot``: each has its own level; ``fleet``: it is compared with the others.
+        relative: whether values are divided by the robot's level; None: where each robot has its
+            own and all are clear of zero.
     """
+    scales = np.ones(len(series))
+    found = _fitted(series, scales, kind)
+    if relative is None:
+        relative = kind == "robot" and all(
+            abs(level) > CLEAR * own.std[: own.baseline].max()
+            for level, own in zip(found.levels, series, strict=True)
+        )
+    for _ in range(PASSES if relative else 0):
+        scales = scales * np.abs(found.levels)
+        found = _fitted(series, scales, kind)
+    return found
+
+
+def _scaled(series: Sequence[Series], scales: np.ndarray) -> tuple[Series, ...]:
+    return tuple(
+        replace(own, value=own.value / scale, std=own.std / scale)
+        for own, scale in zip(series, scales, strict=True)
+    )
+
+
+def _fitted(original: Sequence[Series], scales: np.ndarray, kind: str) -> Baseline:
+    """The baseline of values that are divided by given scales."""
+    series = _scaled(original, scales)
     first = [min(s.baseline, s.records) for s in series]
     robot = np.repeat(np.arange(len(series)), first)
     y, s, t = (
@@ -191,8 +255,8 @@ def fit_baseline(series: Sequence[Series], kind: str = "robot") -> Baseline:
         temperature = Temperature(slope, float(np.sqrt(variance)), reference)
         levels = levels - slope * (centres - reference)
     return Baseline(
-        tuple(series), kind, float(np.sqrt(scatter)), fit.degrees, temperature, levels, weights,
-        centres,
+        tuple(original), scales, kind, float(np.sqrt(scatter)), fit.degrees, temperature, levels,
+        weights, centres,
     )  # fmt: skip
 
 

@@ -159,7 +159,7 @@ def alarms_json(judgement: Judgement) -> str:
             w.parameter: {
                 "unit": w.unit,
                 "level": w.level,
-                "scatter": b.scatter,
+                "scatter": b.scatter * b.typical_scale,
                 "degrees": b.degrees,
                 "temperature_per_unit": _rate(w.temperature),
                 "wear_per": fleet.axis.unit,

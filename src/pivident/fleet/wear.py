@@ -5,8 +5,8 @@ Over all records, those of the baseline included,
     y_i = μ_r + w_r t_i + b (T_i - T₀) + u_i + e_i
 
 with a level μ_r and a rate of wear w_r of each robot, and one slope b of temperature for the fleet.
-The scatter of u is that of the baseline. A cold winter and a worn gear are told apart as far as
-temperature and time do not go together; where they do, both intervals are wide and say so.
+Scatter of u and scale of y are those of the baseline. A cold winter and a worn gear are told apart
+as far as temperature and time do not go together; where they do, both intervals are wide.
 """
 
 from __future__ import annotations
@@ -36,6 +36,10 @@ class Rate:
     value: float
     low: float
     high: float
+
+    def times(self, scale: float) -> Rate:
+        """The same in another unit; ``scale`` is positive."""
+        return Rate(scale * self.value, scale * self.low, scale * self.high)
 
     @property
     def clear(self) -> bool:
@@ -75,7 +79,8 @@ def separate_wear(baseline: Baseline) -> Wear:
     degrees = max(baseline.degrees, 1)
     quantile = float(t.ppf(0.5 + CONFIDENCE / 2.0, degrees))
     warm = baseline.temperature is not None
-    parts = [_Part.of(s, baseline.scatter, warm) for s in baseline.series]
+    parts = [_Part.of(s, baseline.scatter, warm) for s in baseline.scaled]
+    typical = baseline.typical_scale
     information = sum(p.warmth @ (p.weight * p.warmth) for p in parts)
     spread = sum(p.total for p in parts)
     slope, variance, temperature = 0.0, 0.0, None
@@ -83,17 +88,17 @@ def separate_wear(baseline: Baseline) -> Wear:
         slope = float(sum(p.warmth @ (p.weight * p.value) for p in parts)) / float(information)
         variance = 1.0 / float(information)
         half = quantile * float(np.sqrt(variance))
-        temperature = Rate(slope, slope - half, slope + half)
+        temperature = Rate(slope, slope - half, slope + half).times(typical)
     robots: dict[str, Rate | None] = {}
-    for series, part in zip(baseline.series, parts, strict=True):
+    for series, part, scale in zip(baseline.series, parts, baseline.scales, strict=True):
         if part.rate is None:
             robots[series.robot] = None
             continue
         rate = part.rate - slope * part.coupling
         half = quantile * float(np.sqrt(part.variance + variance * part.coupling**2))
-        robots[series.robot] = Rate(rate, rate - half, rate + half)
+        robots[series.robot] = Rate(rate, rate - half, rate + half).times(float(scale))
     first = baseline.series[0]
-    level = float(np.nanmean(baseline.levels))
+    level = float(np.nanmean(baseline.levels * baseline.scales))
     return Wear(first.parameter, first.unit, temperature, robots, level, degrees)
 
 
