@@ -17,8 +17,9 @@ from pathlib import Path
 
 import psutil
 
-from pivident.study.cluster import DaskCluster
-from pivident.study.monte_carlo import Pool, Processes, run_study
+from pivident.batch.cluster import DaskCluster
+from pivident.batch.runner import Pool, Processes
+from pivident.study.monte_carlo import run_study
 from pivident.study.scenario import Scenario, load_scenario
 from pivident.study.store import Store
 

@@ -4,9 +4,9 @@ from concurrent.futures.process import BrokenProcessPool
 
 import pytest
 
-from pivident.study import cluster
-from pivident.study.cluster import DaskCluster
-from pivident.study.errors import StudyError
+from pivident.batch import cluster
+from pivident.batch.cluster import DaskCluster
+from pivident.batch.errors import BatchError
 
 
 class Connection:
@@ -20,7 +20,7 @@ class Connection:
 
 
 @pytest.mark.parametrize(
-    ("scheduler", "error"), [(None, BrokenProcessPool), ("tcp://nobody:8786", StudyError)]
+    ("scheduler", "error"), [(None, BrokenProcessPool), ("tcp://nobody:8786", BatchError)]
 )
 def test_no_workers_for_long(monkeypatch, scheduler, error):
     pool = DaskCluster(scheduler, 1)

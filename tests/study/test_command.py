@@ -9,8 +9,8 @@ import time
 
 import pytest
 
+from pivident.batch import runner
 from pivident.cli import main
-from pivident.study import monte_carlo
 from tests.study.small import TEXT
 
 
@@ -19,11 +19,11 @@ def in_this_process(monkeypatch):
     """Runs without worker processes: the command is tested here, not the pool."""
     from concurrent.futures import ThreadPoolExecutor
 
-    class Pool(monte_carlo.Given):
+    class Pool(runner.Given):
         def __init__(self, workers=None):
             super().__init__(ThreadPoolExecutor(1), 1)
 
-    monkeypatch.setattr(monte_carlo, "Processes", Pool)
+    monkeypatch.setattr(runner, "Processes", Pool)
 
 
 @pytest.fixture
@@ -106,7 +106,7 @@ def test_wrong_input_is_one_line_and_exit_code_one(arguments, message, capsys):
 
 def test_an_unreachable_scheduler_is_one_line(scenario, tmp_path, capsys, monkeypatch):
     pytest.importorskip("distributed")
-    from pivident.study import cluster
+    from pivident.batch import cluster
 
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
     out = tmp_path / "out"

@@ -13,11 +13,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pivident.batch import runner
+from pivident.batch.cluster import DaskCluster
+from pivident.batch.errors import SchedulerUnreachable
+from pivident.batch.runner import Processes
 from pivident.errors import ExperimentError
 from pivident.study import monte_carlo
-from pivident.study.cluster import DaskCluster
-from pivident.study.errors import SchedulerUnreachable
-from pivident.study.monte_carlo import Processes, run_study
+from pivident.study.monte_carlo import run_study
 from pivident.study.run import Row, Task, execute
 from pivident.study.store import Store
 from tests.study.small import TEXT, small
@@ -84,8 +86,8 @@ def test_a_local_dask_cluster_gives_the_same_numbers(reference, tmp_path):
 def test_two_processes_give_the_same_numbers_even_if_one_is_killed(
     reference, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(monte_carlo, "TELLING", 0.05)
-    monkeypatch.setattr(monte_carlo, "PORTION", 1)
+    monkeypatch.setattr(runner, "TELLING", 0.05)
+    monkeypatch.setattr(runner, "PORTION", 1)
     killed, said = [], []
 
     def say(line: str) -> None:
@@ -105,9 +107,10 @@ def test_a_killed_study_goes_on_where_it_was(reference, tmp_path):
     """SIGKILL in the middle: what is on disk stays, and the rest is computed."""
     folder = tmp_path / "out"
     code = f"""
+from pivident.batch import runner
 from pivident.study import monte_carlo
 from pivident.study.scenario import read_scenario
-monte_carlo.PORTION = 1
+runner.PORTION = 1
 if __name__ == "__main__":
     monte_carlo.run_study(read_scenario({TEXT!r}, "small"), {str(folder)!r}, {RUNS}, workers=1)
 """
@@ -182,7 +185,7 @@ def test_a_method_that_fails_leaves_the_others_their_rows(tmp_path):
 def test_an_error_of_the_disk_ends_the_study_with_its_name(tmp_path, monkeypatch):
     from pivident.study.errors import StudyFolderError
 
-    monkeypatch.setattr(monte_carlo, "PORTION", 1)
+    monkeypatch.setattr(runner, "PORTION", 1)
 
     def full(self, rows):
         raise StudyFolderError(self.folder, "cannot be written to (No space left)", "free some")
@@ -193,7 +196,7 @@ def test_an_error_of_the_disk_ends_the_study_with_its_name(tmp_path, monkeypatch
 
 
 def test_an_interrupted_study_keeps_what_has_finished(tmp_path, monkeypatch, reference):
-    monkeypatch.setattr(monte_carlo, "TELLING", 0.01)
+    monkeypatch.setattr(runner, "TELLING", 0.01)
 
     def say(line: str) -> None:
         if " of " in line and not line.startswith("small: 0 "):
@@ -208,7 +211,7 @@ def test_an_interrupted_study_keeps_what_has_finished(tmp_path, monkeypatch, ref
 
 def test_a_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
     pytest.importorskip("distributed")
-    from pivident.study import cluster
+    from pivident.batch import cluster
 
     monkeypatch.setattr(cluster, "PATIENCE", 0.5)
     for address in ("tcp://127.0.0.1:1", "nonsense://"):

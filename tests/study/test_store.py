@@ -159,7 +159,7 @@ def test_a_folder_that_cannot_be_made_is_a_clear_error(place):
 
 
 def test_a_program_that_has_changed_is_remembered(tmp_path, monkeypatch):
-    from pivident.study import store as module
+    from pivident.batch import results_folder as module
 
     filled(tmp_path)
     (first,) = Store(tmp_path).programs()

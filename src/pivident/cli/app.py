@@ -21,6 +21,7 @@ from pivident import __version__
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.export import export
+from pivident.cli.fleet import fleet
 from pivident.cli.flexibility import flexibility
 from pivident.cli.friction import friction
 from pivident.cli.gains import gains
@@ -46,6 +47,7 @@ datasets_app = App(
 )
 app.command(datasets_app)
 app.command(study)
+app.command(fleet)
 app.command(friction)
 app.command(flexibility)
 app.command(gains)

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 from cyclopts import Parameter
 
 from pivident.cli.console import Progress, note
+from pivident.cli.workers import check_count, chosen_pool
 
 if TYPE_CHECKING:
-    from pivident.study.monte_carlo import Pool
+    from pivident.batch.runner import Pool
     from pivident.study.scenario import Scenario
     from pivident.study.summary import Summary
 
@@ -51,42 +52,19 @@ def study(
     from pivident.cli.workflow import check_output
     from pivident.study.scenario import load_scenario
 
-    _check_counts(runs, workers)
+    check_count("--runs", runs)
     chosen = load_scenario(scenario)
     if runs is not None:
         chosen = chosen.with_runs(runs)
     conditions = chosen.chosen_conditions(condition)
     folder = out or Path(f"{chosen.name}-study")
     check_output(folder)
-    pool = _pool(workers, dask, scheduler)
+    pool = chosen_pool(workers, dask, scheduler)
     summaries = _compute(chosen, conditions, folder, pool)
     if any(m.runs for summary in summaries.values() for m in summary.methods.values()):
         return 0
     note("error: no run gave an estimate; the table says why")
     return 1
-
-
-def _check_counts(runs: int | None, workers: int | None) -> None:
-    from pivident.errors import ExperimentError
-
-    for name, value in (("--runs", runs), ("--workers", workers)):
-        if value is not None and value < 1:
-            raise ExperimentError(f"{name} is {value}; at least 1 is needed")
-
-
-def _pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
-    """Where the runs are computed."""
-    from pivident.errors import ExperimentError
-    from pivident.study.cluster import DaskCluster
-    from pivident.study.monte_carlo import Processes
-
-    if scheduler is not None and workers is not None:
-        raise ExperimentError(
-            "--scheduler uses the workers of its cluster; leave --workers out, or --scheduler"
-        )
-    if dask or scheduler is not None:
-        return DaskCluster(scheduler, workers)
-    return Processes(workers)
 
 
 def _compute(

@@ -15,14 +15,12 @@ from pivident.estimation.motor_temperature import (
     identify_motor_temperature,
 )
 from pivident.experiment.experiment import Experiment, errors_name
-from pivident.experiment.schema import ColumnsEntry, ExperimentFile, GainsEntry, RecordingEntry
+from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
+from pivident.experiment.temperature import TEMPERATURE, with_temperature, without_temperature
 from pivident.recording.recording import Recording
 from pivident.recording.units import COMMAND, TORQUE, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
-
-#: Input that carries the temperatures of the motors while a log is read.
-TEMPERATURE = "motor temperature"
 
 
 @dataclass(frozen=True)
@@ -100,7 +98,7 @@ def gains_of(
     with errors_name(experiment.path, "[gains]"):
         count = len(experiment.content.recording)
         recordings = problem.recordings
-        bare = tuple(_without_temperature(r) for r in recordings)
+        bare = tuple(without_temperature(r) for r in recordings)
         problem = replace(problem, recordings=bare)
         if given.temperature is not None:
             warmth = None
@@ -218,7 +216,7 @@ def with_unit_gains(experiment: Experiment) -> Experiment:
     names = experiment.robot.joint_names
     every = dict(zip(names, map(float, transmission.drive_gain), strict=True))
     recordings = [
-        _with_temperature(entry, content.gains, len(names))
+        _with_temperature(entry, content.gains.temperature, len(names))
         for entry in (*content.recording, *content.gains.recording)
     ]
     changed: ExperimentFile = content.model_copy(
@@ -230,23 +228,13 @@ def with_unit_gains(experiment: Experiment) -> Experiment:
     return Experiment(experiment.path, changed)
 
 
-def _with_temperature(entry: RecordingEntry, given: GainsEntry, joints: int) -> RecordingEntry:
-    """The table with the columns of the temperatures as one more input."""
-    columns = given.temperature
-    if columns is None or columns == "time" or entry.columns is None:
+def _with_temperature(
+    entry: RecordingEntry, columns: str | list[str] | None, joints: int
+) -> RecordingEntry:
+    """The table with the columns of the temperatures, where the log has them."""
+    if columns is None or columns == "time":
         return entry
-    listed = [columns] * joints if isinstance(columns, str) else columns
-    inputs = {**entry.columns.inputs, TEMPERATURE: listed}
-    more = ColumnsEntry.model_validate(
-        entry.columns.model_dump(exclude_unset=True) | {"inputs": inputs}
-    )
-    return entry.model_copy(update={"columns": more})
-
-
-def _without_temperature(recording: Recording) -> Recording:
-    """The recording with those inputs only that the controller knew."""
-    kept = {name: values for name, values in recording.inputs.items() if name != TEMPERATURE}
-    return replace(recording, inputs=kept)
+    return with_temperature(entry, columns, joints)
 
 
 def _corrected(

@@ -108,11 +108,16 @@ class Experiment:
                 read.append(recording_of(entry, self.robot, self.path.parent))
         return tuple(read)
 
-    def problem(self, progress: Callable[[str], None] | None = None) -> Problem:
+    def problem(
+        self,
+        progress: Callable[[str], None] | None = None,
+        recordings: Sequence[Recording] | None = None,
+    ) -> Problem:
         """Robot, recordings, loop, parameters and mask: what `identify` takes.
 
         Args:
             progress: called with one line at each stage.
+            recordings: in place of those that the file names.
 
         Raises:
             ExperimentError: robot, recordings and parameters do not fit together.
@@ -122,8 +127,9 @@ class Experiment:
         say = progress or (lambda line: None)
         say(f"reading the robot {self.content.robot.model}")
         robot = self.robot
-        say("reading the recordings")
-        recordings = self.recordings()
+        if recordings is None:
+            say("reading the recordings")
+            recordings = self.recordings()
         controller, given = self.content.controller, self.content.identify
         loop = None
         if controller is not None:
@@ -135,7 +141,7 @@ class Experiment:
         with errors_name(self.path, ""):
             return Problem(
                 robot,
-                recordings,
+                tuple(recordings),
                 loop,
                 parameters=None if given.parameters is None else tuple(given.parameters),
                 mask=given.mask,

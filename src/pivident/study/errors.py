@@ -1,75 +1,15 @@
-"""What can go wrong with a study; each error names the folder, the value and the next step."""
+"""What can go wrong with the results folder of a study."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
-from pivident.errors import PividentError
+from pivident.batch.errors import OtherContents, ResultsFolderError
 
 
-class StudyError(PividentError):
-    """A study that cannot be carried out."""
+class StudyFolderError(ResultsFolderError):
+    """A results folder of a study that cannot be used or written to."""
 
 
-class StudyFolderError(StudyError):
-    """A results folder that cannot be used or written to.
+class OtherScenario(OtherContents, StudyFolderError):
+    """A results folder that holds the runs of another scenario."""
 
-    Attributes:
-        folder: the folder.
-    """
-
-    def __init__(self, folder: object, problem: str, advice: str) -> None:
-        self.folder = str(folder)
-        super().__init__(f"{self.folder}: {problem}; {advice}")
-
-
-class OtherScenario(StudyFolderError):
-    """A results folder that holds the runs of another scenario.
-
-    Attributes:
-        folder: the folder.
-        differences: what differs, ``table.key: here / there``.
-    """
-
-    def __init__(self, folder: object, differences: Sequence[str]) -> None:
-        self.differences = tuple(differences)
-        more = f" and {len(self.differences) - 3} more" if len(self.differences) > 3 else ""
-        listed = "; ".join(self.differences[:3]) + more
-        super().__init__(
-            folder,
-            f"it holds runs of another scenario ({listed})",
-            "choose another --out, or run the scenario that the folder belongs to; nothing in it "
-            "was changed",
-        )
-
-
-class SchedulerUnreachable(StudyError):
-    """A Dask scheduler that does not answer.
-
-    Attributes:
-        address: where it should be.
-    """
-
-    def __init__(self, address: str, reason: str) -> None:
-        self.address = address
-        super().__init__(
-            f"there is no Dask scheduler at {address} ({reason}); start one with 'dask scheduler' "
-            "and workers with 'dask worker', check the address (tcp://host:8786), or use "
-            "--workers on this machine"
-        )
-
-
-class WorkersDiffer(StudyError):
-    """Workers of a cluster that would not compute the same numbers.
-
-    Attributes:
-        found: versions of pivident on the workers.
-        expected: the version here.
-    """
-
-    def __init__(self, found: Sequence[str], expected: str) -> None:
-        self.found, self.expected = tuple(found), expected
-        super().__init__(
-            f"the workers have pivident {', '.join(self.found)}, but {expected} is wanted; install "
-            "the same version on all of them"
-        )
+    rows, owner = "runs", "scenario"

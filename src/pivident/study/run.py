@@ -9,21 +9,17 @@ import os
 import pickle
 import time
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
+from pivident.batch.failure import failure
+from pivident.batch.results_folder import Row as Row
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.simulation.excitation import FourierSeries
 from pivident.study.bench import Bench
 from pivident.study.merit import figures_of_merit
 from pivident.study.scenario import Scenario
-
-Row = dict[str, Any]
-
-#: Longest error message that is kept.
-LONGEST_MESSAGE = 500
 
 #: The bench that this process used last: robot, motion and truth are the same for all runs.
 _last_bench: dict[str, Bench] = {}
@@ -77,15 +73,15 @@ def execute(task: Task, run: int) -> list[Row]:
     try:
         problem = bench.problem(run)
     except Exception as error:
-        failure = _failure(error, time.perf_counter() - begin)
-        return [common | {"method": method} | failure for method in bench.scenario.methods]
+        failed = failure(error, time.perf_counter() - begin)
+        return [common | {"method": method} | failed for method in bench.scenario.methods]
     rows = []
     for name, method in bench.scenario.methods.items():
         begin = time.perf_counter()
         try:
             answer = _values(bench, identify(problem, method), begin)
         except Exception as error:
-            answer = _failure(error, time.perf_counter() - begin)
+            answer = failure(error, time.perf_counter() - begin)
         rows.append(common | {"method": name} | answer)
     return rows
 
@@ -114,13 +110,6 @@ def _values(bench: Bench, found: Identification, begin: float) -> Row:
         "d_beta": merit.d_beta,
         "seconds": seconds,
     }
-
-
-def _failure(error: BaseException, seconds: float) -> Row:
-    """What is kept of a failure."""
-    notes = "".join(f" ({n})" for n in getattr(error, "__notes__", ()))
-    message = (" ".join(str(error).split()) + notes)[:LONGEST_MESSAGE]
-    return {"error": type(error).__name__, "message": message, "seconds": seconds}
 
 
 def lost_rows(task: Task, run: int, times: int) -> list[Row]:

@@ -6,8 +6,11 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-#: Packages whose code decides about the numbers of a run.
-NUMERICAL = ("dynamics", "estimation", "recording", "robot", "signals", "simulation", "study")
+#: Packages whose code decides about the numbers of a result.
+NUMERICAL = (
+    "dynamics", "estimation", "experiment", "fleet", "recording", "robot", "signals", "simulation",
+    "study",
+)  # fmt: skip
 
 
 @cache

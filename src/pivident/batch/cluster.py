@@ -1,4 +1,4 @@
-"""The same runs on a Dask cluster: of this machine, or of others behind a scheduler."""
+"""The same tasks on a Dask cluster: of this machine, or of others behind a scheduler."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from pivident.study.errors import SchedulerUnreachable, StudyError, WorkersDiffer
-from pivident.study.fingerprint import fingerprint
+from pivident.batch.errors import BatchError, SchedulerUnreachable, WorkersDiffer
+from pivident.batch.fingerprint import fingerprint
 from pivident.threads import thread_count
 
 if TYPE_CHECKING:
@@ -40,7 +40,7 @@ class DaskCluster:
         workers: number of processes of the local cluster; None: one for each core.
 
     Raises:
-        StudyError: Dask is not installed.
+        BatchError: Dask is not installed.
         SchedulerUnreachable: nothing answers at the address.
         WorkersDiffer: workers have another version of pivident.
     """
@@ -56,7 +56,7 @@ class DaskCluster:
 
         Raises:
             BrokenProcessPool: the cluster of this machine has had none for `FIRST_WORKER` seconds.
-            StudyError: nor has the one behind the scheduler.
+            BatchError: nor has the one behind the scheduler.
         """
         if self._connection is None or self._connection.scheduler_info().get("workers"):
             self._last_seen = time.monotonic()
@@ -65,7 +65,7 @@ class DaskCluster:
             return
         if self.scheduler is None:
             raise BrokenProcessPool("all workers of the cluster have died")
-        raise StudyError(
+        raise BatchError(
             f"the scheduler at {self.scheduler} has had no workers for {FIRST_WORKER} s; the runs "
             f"that had finished are on disk. Start some with 'dask worker {self.scheduler}', and "
             "the same command goes on"
@@ -81,9 +81,9 @@ class DaskCluster:
             try:
                 yield client.get_executor(pure=False)
             except (OSError, CancelledError) as error:
-                raise StudyError(
+                raise BatchError(
                     f"the connection to the cluster was lost ({str(error) or 'cancelled'}); "
-                    "the runs that had finished are on disk, the same command goes on from there"
+                    "what had finished is on disk, the same command goes on from there"
                 ) from error
 
     @contextmanager
@@ -94,7 +94,7 @@ class DaskCluster:
 
             logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised here
         except ImportError as error:
-            raise StudyError(
+            raise BatchError(
                 "Dask is not installed; run pip install 'pivident[cluster]', or leave --dask and "
                 "--scheduler out and use --workers"
             ) from error
@@ -126,13 +126,13 @@ def _ready_workers(client: Client, address: str) -> int:
     try:
         client.wait_for_workers(1, timeout=FIRST_WORKER)
     except TimeoutError as error:
-        raise StudyError(
+        raise BatchError(
             f"the scheduler at {address} has no workers; start some with 'dask worker {address}'"
         ) from error
     try:
         versions = set(client.run(_version).values())
     except (ImportError, AttributeError) as error:
-        raise WorkersDiffer(["none with studies"], fingerprint()) from error
+        raise WorkersDiffer(["none that could do this"], fingerprint()) from error
     if versions != {fingerprint()}:
         raise WorkersDiffer(sorted(map(str, versions)), fingerprint())
     return max(1, sum(client.nthreads().values()))

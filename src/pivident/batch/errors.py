@@ -1,0 +1,78 @@
+"""What can go wrong with many tasks; each error names the folder or address, and the next step."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pivident.errors import PividentError
+
+
+class BatchError(PividentError):
+    """Tasks that cannot be carried out."""
+
+
+class ResultsFolderError(BatchError):
+    """A results folder that cannot be used or written to.
+
+    Attributes:
+        folder: the folder.
+    """
+
+    def __init__(self, folder: object, problem: str, advice: str) -> None:
+        self.folder = str(folder)
+        super().__init__(f"{self.folder}: {problem}; {advice}")
+
+
+class OtherContents(ResultsFolderError):
+    """A results folder that holds the results of something else.
+
+    Attributes:
+        folder: the folder.
+        differences: what differs, ``table.key: here / there``.
+    """
+
+    #: What the folder holds, and whose results those are.
+    rows, owner = "results", "task"
+
+    def __init__(self, folder: object, differences: Sequence[str]) -> None:
+        self.differences = tuple(differences)
+        more = f" and {len(self.differences) - 3} more" if len(self.differences) > 3 else ""
+        listed = "; ".join(self.differences[:3]) + more
+        super().__init__(
+            folder,
+            f"it holds {self.rows} of another {self.owner} ({listed})",
+            f"choose another --out, or run the {self.owner} that the folder belongs to; nothing in "
+            "it was changed",
+        )
+
+
+class SchedulerUnreachable(BatchError):
+    """A Dask scheduler that does not answer.
+
+    Attributes:
+        address: where it should be.
+    """
+
+    def __init__(self, address: str, reason: str) -> None:
+        self.address = address
+        super().__init__(
+            f"there is no Dask scheduler at {address} ({reason}); start one with 'dask scheduler' "
+            "and workers with 'dask worker', check the address (tcp://host:8786), or use "
+            "--workers on this machine"
+        )
+
+
+class WorkersDiffer(BatchError):
+    """Workers of a cluster that would not compute the same numbers.
+
+    Attributes:
+        found: versions of pivident on the workers.
+        expected: the version here.
+    """
+
+    def __init__(self, found: Sequence[str], expected: str) -> None:
+        self.found, self.expected = tuple(found), expected
+        super().__init__(
+            f"the workers have pivident {', '.join(self.found)}, but {expected} is wanted; install "
+            "the same version on all of them"
+        )

@@ -1,0 +1,93 @@
+"""The command ``pivident fleet``: many robots or days, their parameters over time, and alarms."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+from cyclopts import Parameter
+
+from pivident.cli.console import Progress, note
+from pivident.cli.workers import chosen_pool
+
+if TYPE_CHECKING:
+    from pivident.fleet.judgement import Judgement
+
+#: Alarms and failed logs that are printed; all are in the files.
+MOST_PRINTED = 20
+
+
+def fleet(
+    folder: Path,
+    /,
+    *,
+    experiment: Path | None = None,
+    out: Path | None = None,
+    level: Annotated[float | None, Parameter(show_default=False)] = None,
+    workers: int | None = None,
+    dask: Annotated[bool, Parameter(negative=())] = False,
+    scheduler: str | None = None,
+) -> int:
+    """Identify many robots, or many days of one, and say which parameters have changed.
+
+    Logs that are in the results already are kept: the same command goes on where it was stopped,
+    and does only what is new or has changed.
+
+    Parameters
+    ----------
+    folder
+        Folder with the logs.
+    experiment
+        Experiment file for all of them, with a table [fleet]. Default: fleet.toml in the folder.
+    out
+        Folder for the results. Default: NAME-fleet for the folder NAME.
+    level
+        Probability of one false alarm or more in the whole fleet and period. Default: as the file
+        says, or else 0.05.
+    workers
+        Processes on this machine. Default: one for each core.
+    dask
+        Use a Dask cluster on this machine.
+    scheduler
+        Use the Dask cluster of the scheduler at this address, tcp://host:8786; its workers read
+        the logs, so they must see the folder.
+    """
+    from pivident.cli.workflow import check_output
+    from pivident.errors import ExperimentError
+    from pivident.fleet.identify_fleet import default_out, identify_fleet, template_of
+    from pivident.fleet.judgement import conclude
+
+    if level is not None and not 0.0 < level < 1.0:
+        raise ExperimentError(
+            f"--level {level:g} is no probability of a false alarm; give one between 0 and 1, such "
+            "as 0.05"
+        )
+    template = template_of(folder, experiment)
+    if level is not None:
+        template = template.with_level(level)
+    place = out or default_out(folder)
+    check_output(place)
+    pool = chosen_pool(workers, dask, scheduler)
+    with Progress() as progress:
+        try:
+            found = identify_fleet(folder, template, place, pool=pool, say=progress.say)
+        except KeyboardInterrupt:
+            note(f"the logs that have finished are in {place}; the same command goes on there")
+            raise
+        judgement = conclude(found, progress.say)
+    _print(judgement, place)
+    if len(found.failures) < len(found.logs):
+        return 0
+    note("error: no log gave an estimate; the table says why")
+    return 1
+
+
+def _print(judgement: Judgement, place: Path) -> None:
+    """Alarms, what they promise, what could not be judged, and where the files are."""
+    from pivident.fleet.judgement import ALARMS, PAGE, PARAMETERS
+    from pivident.fleet.text import judgement_text
+    from pivident.printable import escaped
+
+    print(escaped(judgement_text(judgement, MOST_PRINTED)))
+    for name, path in (("Table", PARAMETERS), ("Alarms", ALARMS), ("Page", PAGE)):
+        print(f"{name + ':':8}{place / path}")

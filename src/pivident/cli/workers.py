@@ -1,0 +1,45 @@
+"""Where commands with many tasks compute them: processes here, or a Dask cluster."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pivident.errors import ExperimentError
+
+if TYPE_CHECKING:
+    from pivident.batch.runner import Pool
+
+
+def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
+    """The workers that the options ask for.
+
+    Args:
+        workers: ``--workers``.
+        dask: ``--dask``.
+        scheduler: ``--scheduler``.
+
+    Raises:
+        ExperimentError: the options contradict each other.
+    """
+    from pivident.batch.cluster import DaskCluster
+    from pivident.batch.runner import Processes
+
+    check_count("--workers", workers)
+    if scheduler is not None and workers is not None:
+        raise ExperimentError(
+            "--scheduler uses the workers of its cluster; leave --workers out, or --scheduler"
+        )
+    if dask or scheduler is not None:
+        return DaskCluster(scheduler, workers)
+    return Processes(workers)
+
+
+def check_count(option: str, value: int | None) -> None:
+    """Refuse a number below one.
+
+    Args:
+        option: its name.
+        value: what was given, or None.
+    """
+    if value is not None and value < 1:
+        raise ExperimentError(f"{option} is {value}; at least 1 is needed")
