@@ -302,5 +302,5 @@ def test_being_better_than_nonsense_is_no_good():
 def test_signs_that_no_machine_has_are_told_without_bounds():
     free = synthetic_identification(relative_std=1e-3)
     wrong = np.where(np.char.startswith(free.names, "zz"), -50.0, free.theta)
-    with pytest.raises(IdentificationError, match="too far from any machine|--accept-far"):
+    with pytest.raises(IdentificationError, match=r"too far from any machine|--accept-far"):
         make_consistent(replace(free, theta=wrong, torque_sums=None))
