@@ -46,7 +46,7 @@ class AuxiliaryModel:
             is held over each period the acceleration has no value at an instant; this is its mean
             over the two periods that adjoin it.
         kinematics: motions already smoothed at full rate, one per recording; None: smooth here.
-        torque: whether the torque is kept with the motion.
+        torque: whether the torque is kept with the motion; estimators do without.
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class AuxiliaryModel:
         problem: Problem,
         differences: bool,
         kinematics: Sequence[Kinematics] | None = None,
-        torque: bool = False,
+        torque: bool = True,
     ) -> None:
         if problem.loop is None:
             raise ExperimentError(

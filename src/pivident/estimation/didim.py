@@ -85,7 +85,7 @@ def identify_didim(
         )
     say(f"{method.label}: noise of the encoders")
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics, torque=True)
+    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
     limits = [problem.speed_limits(r) for r in problem.recordings]
     whitening = Whitening(problem, method, kinematics)
     only_noise = all(r.simulated for r in problem.recordings)

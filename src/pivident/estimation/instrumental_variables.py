@@ -68,7 +68,7 @@ def _decimated(
     """The literature's form: everything through the parallel decimation."""
     signals = method.signals
     assert isinstance(signals, Bandpass)
-    auxiliary = AuxiliaryModel(problem, differences=False)
+    auxiliary = AuxiliaryModel(problem, differences=False, torque=False)
     made: dict[str, list] = {"records": [None] * len(kinematics)}
     regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
 
@@ -108,7 +108,7 @@ def _full_rate(
     say: Callable[[str], None],
 ) -> Identification:
     """No decimation and no prefilter: smoother and aligned torque do the work."""
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
+    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics, torque=False)
     filters = [Prefilter()] * problem.robot.size
     made: dict[str, list] = {}
     without_standstill = np.zeros(problem.robot.size, bool)

@@ -61,7 +61,7 @@ def identify_piv(
     """
     say(f"{method.label}: smoothing the records")
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
+    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics, torque=False)
     limits = [problem.speed_limits(r) for r in problem.recordings]
     whitening = Whitening(problem, method, kinematics)
     power = 2.0 if method.as_printed else 1.0

@@ -66,7 +66,7 @@ class Replay:
         self.problem = replace(problem, recordings=(judge.recording,))
         self.recording = judge.recording
         self.auxiliary = AuxiliaryModel(
-            self.problem, differences=False, kinematics=[judge.kinematics], torque=True
+            self.problem, differences=False, kinematics=[judge.kinematics]
         )
 
     def simulate(self, found: Identification) -> SimulatedMotion:
