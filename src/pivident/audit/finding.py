@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
+
+from pivident.plain_values import plain
 
 Severity = Literal["fine", "look", "wrong"]
 
@@ -52,7 +53,7 @@ class Finding:
 
     def as_json(self) -> dict[str, Any]:
         """Plain values; numbers that are not finite become None."""
-        return {key: _plain(value) for key, value in asdict(self).items()}
+        return plain(asdict(self))
 
 
 def worst(findings: Iterable[Finding]) -> Severity:
@@ -86,12 +87,3 @@ def grouped(findings: Iterable[Finding]) -> list[tuple[Severity, str, str]]:
         if len(others) == 1:
             rows.append((others[0].severity, others[0].sentence, others[0].step))
     return rows
-
-
-def _plain(value: Any) -> Any:
-    """A value that JSON can hold."""
-    if isinstance(value, tuple):
-        return [_plain(v) for v in value]
-    if isinstance(value, (int, str)) or value is None:
-        return value
-    return float(value) if math.isfinite(value) else None

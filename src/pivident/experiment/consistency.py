@@ -13,7 +13,6 @@ from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.schema import ConsistencyEntry, ConsistencyFile, ExperimentFile
 from pivident.robot import Robot, load_robot, read_urdf
-from pivident.toml_text import parse_toml
 
 #: Frames of a reference may differ by rounding of their files [m, and elements of rotations].
 FRAME_TOLERANCE = 1e-4
@@ -129,15 +128,10 @@ def read_consistency(path: Path, robot: Robot) -> ConsistencyOptions:
     Raises:
         ExperimentError: it cannot be read, or its table cannot be used.
     """
-    from pivident.experiment.experiment import errors_name, file_text
+    from pivident.experiment.experiment import errors_name, toml_content
 
     with errors_name(path, ""):
-        try:
-            content = parse_toml(file_text(path))
-        except ExperimentError:
-            raise
-        except ValueError as error:
-            raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+        content = toml_content(path)
         if "consistency" not in content:
             raise ExperimentError("has no table [consistency]; put the bounds below that heading")
         entry = _table(content)

@@ -27,6 +27,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import Any
 
 from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.consistency.options import ConsistencyOptions
@@ -230,12 +231,7 @@ def load_experiment(path: str | Path) -> Experiment:
     """
     path = Path(path)
     with errors_name(path, ""):
-        try:
-            content = parse_toml(file_text(path))
-        except ExperimentError:
-            raise
-        except ValueError as error:
-            raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+        content = toml_content(path)
         experiment = Experiment(path, _with_every_run(validated(content), path.parent))
         for name in METHODS:
             method_of(name, experiment.content.identify)
@@ -264,7 +260,24 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
         raise
 
 
-def file_text(path: Path) -> str:
+def toml_content(path: Path) -> dict[str, Any]:
+    """The tables of an experiment file, or of another small TOML file; nothing in them is checked.
+
+    Args:
+        path: the file.
+
+    Raises:
+        ExperimentError: it cannot be read, or is no TOML.
+    """
+    try:
+        return parse_toml(_file_text(path))
+    except ExperimentError:
+        raise
+    except ValueError as error:
+        raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+
+
+def _file_text(path: Path) -> str:
     """Content of an experiment file, or of another small TOML file.
 
     Args:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
@@ -14,6 +13,7 @@ from pivident.fleet.control_chart import Alarm, Chart, draw_charts, find_alarms
 from pivident.fleet.identify_fleet import Fleet
 from pivident.fleet.series import Series, watched_series
 from pivident.fleet.wear import Rate, Wear, separate_wear
+from pivident.plain_values import plain
 
 if TYPE_CHECKING:
     import polars as pl
@@ -169,7 +169,7 @@ def alarms_json(judgement: Judgement) -> str:
         },
         "notes": list(judgement.notes),
     }
-    return json.dumps(_finite(content), indent=1, allow_nan=False)
+    return json.dumps(plain(content), indent=1, allow_nan=False)
 
 
 def promise(judgement: Judgement) -> str:
@@ -248,11 +248,3 @@ def _column(name: str) -> str:
 def _rate(rate: Rate | None) -> list[float] | None:
     """Value and interval."""
     return None if rate is None else [rate.value, rate.low, rate.high]
-
-
-def _finite(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _finite(v) for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_finite(v) for v in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -10,14 +10,12 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pivident.errors import ExperimentError
 from pivident.estimation.methods import Method
-from pivident.experiment.experiment import Experiment, errors_name, file_text
+from pivident.experiment.experiment import Experiment, errors_name, toml_content
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.temperature import with_temperature
 from pivident.fleet.logs import Log
 from pivident.fleet.schema import FleetEntry, FleetFile, as_template
-from pivident.toml_text import parse_toml
 
 #: The template in the folder of logs, where no other is named.
 FILE = "fleet.toml"
@@ -142,12 +140,7 @@ def load_template(path: str | Path) -> Template:
     """
     path = Path(path)
     with errors_name(path, ""):
-        try:
-            content = parse_toml(file_text(path))
-        except ExperimentError:
-            raise
-        except ValueError as error:
-            raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+        content = toml_content(path)
         template = Template(path, checked(as_template(plain_form(content)), FleetFile))
     template.method, template.experiment.robot  # noqa: B018 - making them checks
     return template

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
@@ -27,16 +27,13 @@ def link_index(robot: Robot, name: str | None) -> int:
     """
     if name is None:
         return robot.size - 1
-    links = [link.name for link in robot.links]
-    for names in (links, robot.joint_names):
-        if name in names:
-            return list(names).index(name)
-    if name.isdecimal() and 1 <= int(name) <= robot.size:
-        return int(name) - 1
-    raise ExperimentError(
-        f"there is no moving link {name!r} to carry a load; "
-        f"{nearest(name, [*links, *robot.joint_names])}"
-    )
+    try:
+        return robot.link_index(name)
+    except RobotDescriptionError:
+        known = [*(link.name for link in robot.links), *robot.joint_names]
+        raise ExperimentError(
+            f"there is no moving link {name!r} to carry a load; {nearest(name, known)}"
+        ) from None
 
 
 def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> None:

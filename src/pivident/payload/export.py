@@ -5,17 +5,15 @@ from __future__ import annotations
 import csv
 import io
 import json
-import math
 from os import PathLike
 from typing import Any
-
-import numpy as np
 
 from pivident.files import atomic_folder
 from pivident.payload.identify_payload import PayloadIdentification
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
 from pivident.payload.text import payload_text
+from pivident.plain_values import plain
 from pivident.robot.description import INERTIAL
 
 #: Version of the layout of ``payload.json``.
@@ -112,7 +110,7 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
         "sources": {"without_load": found.arm.sources, "with_load": found.sources},
         "version": found.version,
     }
-    return _plain(content)
+    return plain(content)
 
 
 def payload_csv(load: LoadEstimate) -> str:
@@ -126,18 +124,5 @@ def payload_csv(load: LoadEstimate) -> str:
     writer.writerow(CSV_COLUMNS)
     for row in load_rows(load):
         numbers = (row.value, row.std, *row.interval)
-        writer.writerow([row.name, *(_plain(n) for n in numbers), row.unit])
+        writer.writerow([row.name, *(plain(n) for n in numbers), row.unit])
     return stream.getvalue()
-
-
-def _plain(value: Any) -> Any:
-    """Lists, dictionaries, texts and finite numbers."""
-    if isinstance(value, np.ndarray | np.generic):
-        value = value.tolist()
-    if isinstance(value, dict):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(entry) for entry in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value

@@ -6,17 +6,17 @@ their parameter; figures of merit are percentages, as in the literature.
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.plain_values import plain
 from pivident.study.bench import Bench
 from pivident.study.bound import Bounds, efficiency_bounds
 from pivident.study.merit import Merit, figures_of_merit
@@ -160,11 +160,11 @@ class Summary:
 
     def to_json(self) -> str:
         """As strict JSON: numbers that are not finite are null, parameters are by name."""
-        plain = _plain(self)
-        for method in plain["methods"].values():
+        content = plain(self)
+        for method in content["methods"].values():
             method["parameters"] = {p.pop("name"): p for p in method["parameters"]}
-        plain["nominal_coverage"] = NOMINAL_COVERAGE
-        return json.dumps(plain, indent=1, allow_nan=False)
+        content["nominal_coverage"] = NOMINAL_COVERAGE
+        return json.dumps(content, indent=1, allow_nan=False)
 
 
 def summarise(bench: Bench, rows: pl.DataFrame) -> Summary:
@@ -356,16 +356,3 @@ def _normal_quantile() -> float:
     from statistics import NormalDist
 
     return NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)
-
-
-def _plain(value: Any) -> Any:
-    """Dataclasses, tuples and numbers as JSON has them."""
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: _plain(getattr(value, f.name)) for f in dataclasses.fields(value)}
-    if isinstance(value, dict):
-        return {key: _plain(v) for key, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(v) for v in value]
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    return value
