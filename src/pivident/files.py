@@ -135,8 +135,16 @@ def _clear_up(folder: Path) -> None:
     """Remove or move in what killed processes left in the folder, or in the one above it."""
     for place in dict.fromkeys((_nearest_folder(folder), folder.absolute().parent)):
         with suppress(OSError):
-            for left in [p for p in place.iterdir() if _REMAINDER.fullmatch(p.name)]:
-                _settle(left)
+            for left in _remainders(place):
+                if left.name.startswith(COMPLETE):
+                    with _only_mover(place):
+                        _settle(left)
+                else:
+                    _settle(left)
+
+
+def _remainders(place: Path) -> list[Path]:
+    return [p for p in place.iterdir() if _REMAINDER.fullmatch(p.name)]
 
 
 def _settle(left: Path) -> None:
@@ -155,6 +163,20 @@ def _settle(left: Path) -> None:
         os.close(handle)
 
 
+@contextmanager
+def _only_mover(folder: Path) -> Iterator[None]:
+    """Wait until no other process moves files into the folder.
+
+    A folder that is itself being built has one writer, this process, which has locked it already.
+    """
+    handle = None if folder.name.startswith(BUILD) else _lock(folder, wait=True)
+    try:
+        yield
+    finally:
+        if handle is not None:
+            os.close(handle)
+
+
 def _move(build: Path, folder: Path) -> Path:
     """Move all files in. Ctrl-C in between waits until these few renames are done.
 
@@ -170,8 +192,10 @@ def _move(build: Path, folder: Path) -> Path:
             if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
                 raise  # else another process was faster
     complete = folder / build.name.replace(BUILD, COMPLETE)
-    handle = None if folder.name.startswith(BUILD) else _lock(folder, wait=True)
-    try:
+    with _only_mover(folder):
+        for left in _remainders(folder):  # of one that was killed since: older, hence first
+            if left.name.startswith(COMPLETE):
+                _settle(left)
         os.rename(build, complete)
         try:
             _move_remaining(complete, folder)
@@ -180,9 +204,6 @@ def _move(build: Path, folder: Path) -> Path:
             raise
         finally:
             shutil.rmtree(complete, ignore_errors=True)
-    finally:
-        if handle is not None:
-            os.close(handle)
     return complete
 
 

@@ -115,6 +115,19 @@ def test_what_a_killed_process_was_moving_in_is_moved_in(tmp_path):
     assert not hidden(tmp_path)
 
 
+def test_what_was_moved_in_since_stays(tmp_path):
+    """A process killed while it moved files in, after this one had begun to build."""
+    with atomic_folder(tmp_path) as build:
+        left = tmp_path / f"{COMPLETE}01234567"
+        left.mkdir()
+        (left / "a").write_text("older")
+        (left / "b").write_text("older")
+        (build / "a").write_text("newer")
+    assert (tmp_path / "a").read_text() == "newer"
+    assert (tmp_path / "b").read_text() == "older"
+    assert not hidden(tmp_path)
+
+
 def test_folders_of_others_and_of_living_processes_stay(tmp_path):
     (tmp_path / ".pivident-cache").mkdir()
     with atomic_folder(tmp_path / "a") as first:
