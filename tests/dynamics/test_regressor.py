@@ -106,11 +106,21 @@ def test_a_buffer_is_written_into_and_its_zeros_are_left_alone(tx40):
     np.testing.assert_array_equal(buffer[:, regressor.row, regressor.column], packed.T)
 
 
+def test_entries_are_written_to_the_rows_asked_for(tx40):
+    regressor = essential_regressor(tx40)
+    signals = motion(100, 6).transpose(0, 2, 1)
+    place = np.random.default_rng(0).permutation(2 * regressor.entries)[: regressor.entries]
+    out = np.full((2 * regressor.entries, 100), np.nan)
+    assert regressor.packed(*signals, out=out, place=place) is out
+    np.testing.assert_array_equal(out[place], regressor.packed(*signals))
+    assert np.isnan(np.delete(out, place, axis=0)).all()
+
+
 def test_a_buffer_that_does_not_fit_is_refused(tx40):
     regressor = essential_regressor(tx40)
     with pytest.raises(ValueError, match=r"\(10, 6, 34\) in C order"):
         regressor.matrix(*motion(10, 6), out=np.zeros((10, 34, 6)).transpose(0, 2, 1))
-    with pytest.raises(ValueError, match=r"\(50, 10\) is needed"):
+    with pytest.raises(ValueError, match=r"\(50, 10\) or more rows"):
         regressor.packed(*motion(6, 10), out=np.zeros((50, 9)))
 
 

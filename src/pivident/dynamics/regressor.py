@@ -100,6 +100,7 @@ class Regressor:
         ddq: np.ndarray,
         out: np.ndarray | None = None,
         inner: np.ndarray | None = None,
+        place: np.ndarray | None = None,
     ) -> np.ndarray:
         """Non-zero entries of the observation matrix, time **last**.
 
@@ -107,24 +108,27 @@ class Regressor:
             q: joint positions [rad or m], shape (joints, samples); ``dq ddq`` likewise.
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
-            out: array (entries, samples) to write into.
+            out: array (rows, samples) to write into; rows of no entry stay as they are.
             inner: see :meth:`inner`; needed for a stretch of a longer record. None: these
                 signals are the beginning of their record, and loads are zero.
+            place: row of ``out`` for each entry, shape (entries,); None: one below the other.
 
         Returns:
-            Entries, shape (entries, samples).
+            Entries, shape (entries, samples), or ``out``.
 
         Raises:
             ValueError: shapes that do not fit.
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
         self._check_motion(q.T, dq.T, ddq.T)
-        shape = (self.entries, q.shape[1])
+        if place is None:
+            place = np.arange(self.entries)
+        shape = (int(place.max(initial=-1)) + 1, q.shape[1])
         if out is None:
             out = np.empty(shape)
-        if out.shape != shape:
-            raise ValueError(f"out has shape {out.shape}; {shape} is needed")
-        packed_entries(self._plan, q, dq, ddq, self._inner_or_own(q, dq, ddq, inner), out)
+        if len(out) < shape[0] or out.shape[1:] != shape[1:]:
+            raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
+        packed_entries(self._plan, place, q, dq, ddq, self._inner_or_own(q, dq, ddq, inner), out)
         return out
 
     def matrix(

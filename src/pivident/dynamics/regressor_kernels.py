@@ -234,16 +234,17 @@ def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def packed_entries(plan, q, dq, ddq, inner, out):
+def packed_entries(plan, place, q, dq, ddq, inner, out):
     """Packed entries of the observation matrix.
 
     Args:
         plan: which entries.
+        place: row of ``out`` for each entry, shape (entries,).
         q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
         ddq: joint accelerations.
         inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the entries, time last, shape (entries, samples).
+        out: receives the entries, time last, shape (rows, samples).
     """
     samples, source = q.shape[1], plan.source
     tile, rows = _new_tile(plan)
@@ -251,8 +252,9 @@ def packed_entries(plan, q, dq, ddq, inner, out):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
         for e in range(source.size):
+            target = place[e]
             for s in range(count):
-                out[e, start + s] = tile[rows.columns + source[e], s]
+                out[target, start + s] = tile[rows.columns + source[e], s]
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -161,8 +161,10 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
     k, motion = record.kinematics, record.motion
     sources: list[Kinematics | SimulatedMotion] = [k] if motion is None else [k, motion]
     joints = range(regressor.robot.size)
-    rows = [len(sources) * regressor.columns_of(j).size + 1 for j in joints]
-    streams = [f.stream(r, threads=1) for f, r in zip(filters, rows, strict=True)]
+    memory = _StackMemory(regressor, len(sources))
+    streams = [
+        f.stream(s.stop - s.start, threads=1) for f, s in zip(filters, memory.stacks, strict=True)
+    ]
     plain = all(len(f.fir) == 1 and len(f.denominator) == 1 for f in filters)
     spans = _blocks(k.q.shape[1])
     done = [[threading.Event() for _ in joints] for _ in spans]
@@ -170,11 +172,12 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
     def work(block: int) -> None:
         span = spans[block]
         try:
-            packed = [packed_stretch(regressor, s, span) for s in sources]
+            stacks = memory.of_this_thread(span.stop - span.start)
+            for source, place in zip(sources, memory.places, strict=True):
+                packed_stretch(regressor, source, span, stacks, place)
             for j in joints:
-                own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-                parts = [p[own] for p in packed] + [k.tau[j : j + 1, span]]
-                stack = np.concatenate(parts)
+                stack = stacks[memory.stacks[j]]
+                stack[-1] = k.tau[j, span]
                 if block > 0:
                     done[block - 1][j].wait()
                 if not plain:
@@ -186,3 +189,28 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
                 event.set()
 
     run_in_threads(work, range(len(spans)))
+
+
+class _StackMemory(threading.local):
+    """Where the joints' stacks lie in one array, and that array, made once for each thread.
+
+    Attributes:
+        stacks: rows of each joint's stack.
+        places: for each source (Φ, then Z) the rows of its entries, shape (entries,).
+    """
+
+    def __init__(self, regressor: Regressor, sources: int) -> None:
+        counts = np.diff(regressor.offsets)
+        ends = np.cumsum(sources * counts + 1)
+        starts = ends - sources * counts - 1
+        self.stacks = [slice(int(a), int(b)) for a, b in zip(starts, ends, strict=True)]
+        within = np.arange(regressor.entries) - regressor.offsets[regressor.row]
+        self.places = [
+            starts[regressor.row] + s * counts[regressor.row] + within for s in range(sources)
+        ]
+        self._memory = np.empty(int(ends[-1]) * BLOCK)
+
+    def of_this_thread(self, samples: int) -> np.ndarray:
+        """The array of this thread for a block of so many samples, shape (rows, samples)."""
+        rows = self.stacks[-1].stop
+        return self._memory[: rows * samples].reshape(rows, samples)

@@ -36,13 +36,21 @@ def with_inner(
     return replace(motion, inner=regressor.inner(motion.q, motion.dq, motion.ddq, theta))
 
 
-def packed_stretch(regressor: Regressor, motion: Motion, span: slice) -> np.ndarray:
+def packed_stretch(
+    regressor: Regressor,
+    motion: Motion,
+    span: slice,
+    out: np.ndarray | None = None,
+    place: np.ndarray | None = None,
+) -> np.ndarray:
     """Packed columns of a stretch of a record, shape (entries, samples).
 
     Args:
         regressor: the observation matrix.
         motion: the whole record with its inner signals, time last.
         span: samples of the record.
+        out: see :meth:`~pivident.dynamics.regressor.Regressor.packed`; likewise the next one.
+        place: row of ``out`` for each entry.
 
     Raises:
         ValueError: the friction law has memory or load, and the motion no inner signals.
@@ -53,4 +61,4 @@ def packed_stretch(regressor: Regressor, motion: Motion, span: slice) -> np.ndar
             "a stretch does not know the path before it: give the motion its inner signals "
             "(with_inner) before it is cut into blocks"
         )
-    return regressor.packed(*motion.stretch(span), inner=inner)
+    return regressor.packed(*motion.stretch(span), out=out, inner=inner, place=place)
