@@ -9,9 +9,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import ClassVar
 
+from pivident.printable import shortened
+
 
 class PividentError(Exception):
-    """Base of every error that pivident raises on purpose."""
+    """Base of every error that pivident raises on purpose.
+
+    As text it is cut to what a person reads; ``args`` holds all of it, for instance the whole of a
+    name of 50,000 letters.
+    """
+
+    def __str__(self) -> str:
+        return shortened(super().__str__())
 
 
 class RobotDescriptionError(PividentError, ValueError):

@@ -34,10 +34,24 @@ def parse_toml(text: str) -> dict[str, Any]:
         line = text.count("\n", 0, long_key.start()) + 1
         raise ValueError(f"a key has more than {MOST_PARTS} parts (at line {line})")
     try:
-        return tomllib.loads(text)
+        tables = tomllib.loads(text)
     except RecursionError:
         raise ValueError("its values are nested too deeply") from None
     except tomllib.TOMLDecodeError:
         raise
     except ValueError as error:  # a whole number of thousands of digits
         raise ValueError(str(error).partition(";")[0]) from None
+    _check_whole_numbers(tables)
+    return tables
+
+
+def _check_whole_numbers(value: Any, key: str = "") -> None:
+    """Refuse whole numbers that TOML has no room for; the parser lets them pass."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            _check_whole_numbers(inner, name)
+    elif isinstance(value, list):
+        for inner in value:
+            _check_whole_numbers(inner, key)
+    elif isinstance(value, int) and not -(2**63) <= value < 2**63:
+        raise ValueError(f"key {key!r} is a whole number beyond the 64 bits that TOML has for it")

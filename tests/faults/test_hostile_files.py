@@ -200,6 +200,7 @@ def test_keys_of_a_few_parts_are_read():
         ("a = " + "[" * 50_000, "nested too deeply"),
         ("a = " + "{a=" * 50_000, "nested too deeply"),
         ("a = " + "9" * 5000, "4300 digits"),
+        ("a = 0x" + "f" * 5000, "beyond the 64 bits"),
         ("a = 1979-05-27", "unknown"),
         ("a = nan", "unknown"),
         ("".join(f"a{k} = 1\n" for k in range(3000)), "more"),
@@ -226,6 +227,13 @@ def test_numbers_that_are_none(tmp_path, line, value):
                    f"columns = {{q = 'q', tau = 'tau'}}\n{line.format(value)}\n")  # fmt: skip
     with pytest.raises(ExperimentError, match=r"key '(kp|mask|known_within)'"):
         load_experiment(path)
+
+
+def test_a_name_of_megabytes_is_cut_in_the_message(tmp_path):
+    path = written(tmp_path, "s.toml", STUDY.replace("planar_2r", "planar_" + "9" * 60_000))
+    with pytest.raises(PividentError, match="gallery has no robot") as caught:
+        load_scenario(path)
+    assert len(str(caught.value)) < 3000
 
 
 @pytest.mark.parametrize("reader", [read_modified_dh, load_experiment, load_scenario])
@@ -258,8 +266,10 @@ def test_a_scenario_of_a_billion_conditions():
 
 
 def test_scenarios_with_numbers_beyond_all_others():
-    scenario = read_scenario(f"seed = {'9' * 400}\n{STUDY}", "s")
-    assert scenario.hash != read_scenario(f"seed = {'9' * 399}\n{STUDY}", "s").hash
+    with pytest.raises(ExperimentError, match="whole number beyond the 64 bits"):
+        read_scenario(f"seed = {'9' * 400}\n{STUDY}", "s")
+    with pytest.raises(ExperimentError, match="more than 1,000,000,000 samples"):
+        read_scenario(f"{STUDY}[record]\nrate = 1e300\n[trajectory]\nduration = 1e300\n", "s")
     with pytest.raises(ExperimentError, match="'runs' = 1000000000000"):
         read_scenario(f"runs = 1000000000000\n{STUDY}", "s")
 
@@ -512,7 +522,7 @@ LOG = "time,q1,q2,tau1,tau2\n" + "".join(
         ("part = [-1e308, -1e307]", "no sample of recording"),
         ('side = {q = ["motor"]}', "choose joint or motor"),
         ("units = {q = 1e400}", "number other than 0"),
-        (f"units = {{q = {'9' * 400}}}", "number other than 0"),
+        (f"units = {{q = {'9' * 400}}}", "beyond the 64 bits"),
         ("units = {t = 1979-05-27}", "is not known here"),
         ("position_offset = [1e308, 1e308]", "far beyond its limits"),
     ],

@@ -83,6 +83,24 @@ def test_a_local_dask_cluster_gives_the_same_numbers(reference, tmp_path):
     same(run_study(small(), tmp_path, RUNS, pool=DaskCluster(workers=2)), reference)
 
 
+def test_a_cluster_whose_workers_die_at_the_start_is_started_again(
+    reference, tmp_path, monkeypatch
+):
+    distributed = pytest.importorskip("distributed")
+    started = []
+
+    class Unlucky(distributed.LocalCluster):
+        def __init__(self, **options):
+            started.append(len(started))
+            if len(started) < 3:
+                raise RuntimeError("Nanny failed to start.")
+            super().__init__(**options)
+
+    monkeypatch.setattr(distributed, "LocalCluster", Unlucky)
+    same(run_study(small(), tmp_path, RUNS, pool=DaskCluster(workers=1)), reference)
+    assert started == [0, 1, 2]
+
+
 def test_two_processes_give_the_same_numbers_even_if_one_is_killed(
     reference, tmp_path, monkeypatch
 ):

@@ -16,7 +16,7 @@ from pivident.batch.fingerprint import fingerprint
 from pivident.threads import thread_count
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
 
 #: Seconds that a scheduler has to answer, and that its first worker has to appear.
 PATIENCE, FIRST_WORKER = 10, 60
@@ -101,13 +101,7 @@ class DaskCluster:
         if self.scheduler is None:
             with (
                 dask.config.set({f"{SPAWNED}.{key}": value for key, value in MEMORY.items()}),
-                LocalCluster(
-                    n_workers=self.workers,
-                    threads_per_worker=1,
-                    dashboard_address=None,
-                    silence_logs=50,
-                    env={"PIVIDENT_THREADS": "1"},
-                ) as cluster,
+                _cluster_of_this_machine(LocalCluster, self.workers) as cluster,
                 Client(cluster) as client,
             ):
                 yield client
@@ -119,6 +113,24 @@ class DaskCluster:
             raise SchedulerUnreachable(self.scheduler, reason) from error
         with client:
             yield client
+
+
+def _cluster_of_this_machine(cluster: type[LocalCluster], workers: int) -> LocalCluster:
+    """Worker processes and their scheduler.
+
+    Raises:
+        BrokenProcessPool: a worker died while it started, which Dask does not get over.
+    """
+    try:
+        return cluster(
+            n_workers=workers,
+            threads_per_worker=1,
+            dashboard_address=None,
+            silence_logs=50,
+            env={"PIVIDENT_THREADS": "1"},
+        )
+    except RuntimeError as error:
+        raise BrokenProcessPool(f"the cluster did not start: {error}") from error
 
 
 def _ready_workers(client: Client, address: str) -> int:

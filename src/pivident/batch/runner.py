@@ -172,8 +172,11 @@ class Runner(Generic[Key]):
         self.say(f"{self.title}: starting {self.pool.workers} worker(s)")
         try:
             while waiting:
-                with self.pool() as executor:
-                    self._drain(executor, waiting, begin, at_hand)
+                try:
+                    with self.pool() as executor:
+                        self._drain(executor, waiting, begin, at_hand)
+                except BrokenProcessPool:  # it broke before it could take anything
+                    self._recover({}, waiting)
         finally:
             self._write()
 

@@ -12,6 +12,9 @@ from pivident.study.scenario import Scenario
 #: Samples that a record needs so that all methods can work with it.
 SHORTEST_RECORD = 200
 
+#: Samples of a record that nobody simulates many times: two days at 5 kHz.
+LONGEST_RECORD = 1_000_000_000
+
 
 def check_scenario(scenario: Scenario) -> None:
     """Refuse a scenario whose tables do not fit its robot.
@@ -40,6 +43,11 @@ def _check_motion(scenario: Scenario) -> None:
         raise ExperimentError(
             f"[trajectory] the robot has no rated speed of joint {missing!r}, which the motion "
             "is made for; add rated_speed to its description"
+        )
+    if entry.duration * rate > LONGEST_RECORD:
+        raise ExperimentError(
+            f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of more than "
+            f"{LONGEST_RECORD:,} samples at {rate:g} Hz; shorten it"
         )
     samples = round(entry.duration * rate)
     if samples < SHORTEST_RECORD:
