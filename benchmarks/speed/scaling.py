@@ -38,8 +38,8 @@ class LengthPoint:
         seconds: on the clock; compilation and simulation of the record not included.
         cpu_seconds: of all threads.
         iterations: of the estimator.
-        peak_mib: most memory of the process.
-        before_mib: most memory before the identification, the record included.
+        peak_mib: most memory of the process during the identification, the record included.
+        before_mib: memory before it, the record included.
         raw_mib: of the record's positions and torques.
     """
 
@@ -96,14 +96,14 @@ def in_child(samples: int, parameters: int = 28, threads: int = 2, repeats: int 
 
 
 def over_samples(longest: int, threads: int) -> list[LengthPoint]:
-    """From 30,000 samples to ``longest``, about a half decade a step."""
+    """34 parameters, from 30,000 samples to ``longest``, about a half decade a step."""
     lengths = [n for n in (30_000, 100_000, 300_000, 1_000_000, 3_000_000) if n <= longest]
-    return [in_child(n, threads=threads, repeats=3 if n <= 300_000 else 1) for n in lengths]
+    return [in_child(n, 34, threads, repeats=3 if n <= 300_000 else 1) for n in lengths]
 
 
 def over_parameters() -> list[LengthPoint]:
     """From the 28 essential parameters to all base parameters."""
-    return [in_child(30_000, parameters=n, repeats=3) for n in (28, 36, 44, 52)]
+    return [in_child(30_000, parameters=n, repeats=3) for n in (28, 34, 44, 54)]
 
 
 def over_threads() -> list[LengthPoint]:

@@ -47,18 +47,19 @@ def whole_job() -> tuple[str, Problem]:
 
 @cache
 def simulated_record(samples: int, parameters: int = 28) -> Problem:
-    """A record of the scenario *fine*, of any length.
+    """A record of the scenario *fine*, of any length, with the channels of a log.
 
     Args:
         samples: length at 5 kHz.
-        parameters: how many are estimated: the 28 essential ones, then other base parameters.
+        parameters: how many are estimated: the 28 essential ones, then the six offsets, then other
+            base parameters.
     """
     problem, _ = scenarios.tx40_fine(samples=samples)
-    if parameters == 28:
-        return problem
+    recording = replace(problem.recordings[0], dq_ref=None, ddq_ref=None)
+    first = (*scenarios.TX40_ESSENTIAL, *(f"off{j}" for j in range(1, 7)))
     others = [p.name for p in base_parameters(problem.robot).parameters]
-    names = [*scenarios.TX40_ESSENTIAL, *(n for n in others if n not in scenarios.TX40_ESSENTIAL)]
-    return replace(problem, names=tuple(names[:parameters]))
+    names = [*first, *(n for n in others if n not in first)]
+    return replace(problem, recordings=(recording,), parameters=tuple(names[:parameters]))
 
 
 def arm(joints: int, branches: int = 1, seed: int = 7) -> Robot:
