@@ -31,8 +31,8 @@ from fuzzing.readers import READERS
 
 CHILD = Path(__file__).parent / "fuzzing" / "child.py"
 
-#: Seconds without progress after which a child is killed.
-STUCK = 60.0
+#: Seconds without progress after which a child is killed; on a busy machine it may starve a while.
+STUCK = 300.0
 
 #: Inputs of one child: a fresh process now and then shows memory that is not given back.
 PORTION = 25_000

@@ -1,4 +1,4 @@
-"""Kills at random moments: of studies, identifications, reports and workers, each resumed.
+"""Kills at random moments: of studies, fleets, identifications, reports and workers, each resumed.
 
     python benchmarks/kills.py                     # 50 kills of each kind
     python benchmarks/kills.py study --kills 10
@@ -204,6 +204,45 @@ def kill_identifications(kills: int, rng: random.Random, place: Path) -> dict[st
     return {"kills": made, "hidden_folders_after_kills": left, "whole_at_kills": there}
 
 
+def kill_fleets(kills: int, rng: random.Random, place: Path) -> dict[str, object]:
+    """``pivident fleet`` killed with or without its workers, and resumed until it is whole."""
+    import polars as pl
+
+    sys.path.insert(0, str(ROOT))
+    from tests.fleet.planar_fleet import write_fleet
+
+    logs = place / "logs"
+    write_fleet(logs, robots=6, days=8)
+    options = ("fleet", str(logs), "--workers", "2", "--out")
+    begin = time.monotonic()
+    assert cli(*options, str(place / "whole")).wait() == 0, LOG.read_text()[-2000:]
+    lasting = time.monotonic() - begin
+
+    def table(folder: Path) -> pl.DataFrame:
+        found = pl.read_parquet(folder / "parameters.parquet")
+        numbers = [c for c in found.columns if c not in ("seconds", "computed")]
+        return found.select(numbers).sort("robot", "day", "parameter")
+
+    expected, made, fleets, progress = table(place / "whole"), 0, 0, []
+    while made < kills:
+        folder = place / f"killed-{fleets}"
+        while made < kills:
+            process = cli(*options, str(folder))
+            if not kill_after(process, rng.uniform(0.1, 1.0) * lasting, rng.random() < 0.5):
+                break
+            made += 1
+            parts = [pl.read_parquet(f) for f in (folder / "logs").glob("*.parquet")]
+            rows = pl.concat(parts).select("task", "parameter") if parts else pl.DataFrame()
+            assert not parts or rows.is_unique().all(), "a log is there twice"
+            progress.append(rows["task"].n_unique() if parts else 0)
+        assert cli(*options, str(folder)).wait() == 0, LOG.read_text()[-2000:]
+        assert table(folder).equals(expected), "other numbers"
+        assert not unfinished(folder), unfinished(folder)
+        assert (folder / "fleet.html").exists()
+        fleets += 1
+    return {"kills": made, "fleets": fleets, "logs_at_kills": progress}
+
+
 def kill_writers(kills: int, rng: random.Random, place: Path) -> dict[str, object]:
     """A process that writes results all the time killed: the most exact aim at the moves."""
     from pivident.files import atomic_folder
@@ -254,6 +293,7 @@ KINDS: dict[str, Callable[[int, random.Random, Path], dict[str, object]]] = {
     "worker": kill_workers,
     "dask": kill_dask_workers,
     "identify": kill_identifications,
+    "fleet": kill_fleets,
     "write": kill_writers,
     "together": write_together,
 }

@@ -25,7 +25,7 @@ PATIENCE = 1.0
 MEMORY = 2 * 2**30
 
 #: Seconds after which the engine gives an input up and dies.
-HANGING = 30
+HANGING = 290
 
 #: Packages whose branches guide the search: ours, and pure Python that it parses with.
 GUIDED = ["pivident", "tomllib", "xml", "zipfile"]
