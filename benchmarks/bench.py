@@ -4,8 +4,8 @@
 
 Parts: ``rows`` (the table beside Pinocchio, MuJoCo, FIGAROH, statsmodels and simdkalman),
 ``samples`` (30,000 to 3 million), ``joints`` (arms of 2 to 12, a tree of 12), ``parameters``,
-``threads``, ``starts`` (of processes, cold and warm). Works that are compared take turns in one
-process, medians count, and the load of the machine stands with each table: above the number of
+``threads``, ``workers`` (processes and a Dask cluster), ``starts`` (of processes, cold and warm).
+Works that are compared take turns in one process, medians count, and the load of the machine stands with each table: above the number of
 cores, times on the clock say little, and processor times beside them are what can be compared.
 Results go to ``benchmarks/results/bench.json`` and PNG files beside it.
 
@@ -18,11 +18,14 @@ from __future__ import annotations
 import argparse
 import os
 
+import study_throughput
 from speed import plots, rows, scaling, startup
 from speed.report import RESULTS, machine, write_json
 from speed.timing import load
 
-PARTS = ("rows", "joints", "starts", "threads", "parameters", "samples")
+from pivident.study.scenario import load_scenario
+
+PARTS = ("rows", "joints", "starts", "threads", "workers", "parameters", "samples")
 
 
 def main() -> None:
@@ -99,6 +102,14 @@ def _threads(options: argparse.Namespace) -> list[dict[str, object]]:
     return _lengths(scaling.over_threads())
 
 
+def _workers(options: argparse.Namespace) -> dict[str, dict]:
+    scenario = load_scenario("fine").conditions[0]
+    figures, alike = study_throughput.throughput(scenario, 16 if options.quick else 60, 2)
+    study_throughput.print_table(figures)
+    assert alike, "workers have computed different numbers"
+    return figures
+
+
 def _joints(options: argparse.Namespace) -> dict[str, object]:
     points = scaling.over_joints(options.repeats)
     print(f"{'joints':>6s} {'branches':>8s} {'columns':>7s} {'entries':>7s} "
@@ -127,6 +138,7 @@ _RUN = {
     "samples": _samples,
     "parameters": _parameters,
     "threads": _threads,
+    "workers": _workers,
     "joints": _joints,
     "starts": _starts,
 }

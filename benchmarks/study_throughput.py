@@ -76,34 +76,45 @@ def measured(scenario: Scenario, runs: int, pool: Pool, folder: Path) -> tuple[d
     }, store
 
 
+def throughput(scenario: Scenario, runs: int, workers: int) -> tuple[dict[str, dict], bool]:
+    """One process, several, and a Dask cluster; figures by name, and whether numbers are alike."""
+    pools = {
+        "1 process": Processes(1),
+        f"{workers} processes": Processes(workers),
+        f"Dask, {workers} workers": DaskCluster(workers=workers),
+    }
+    figures, numbers = {}, []
+    with tempfile.TemporaryDirectory() as folder:
+        for k, (name, pool) in enumerate(pools.items()):
+            print(name, flush=True)
+            figures[name], store = measured(scenario, runs, pool, Path(folder) / str(k))
+            numbers.append(store.rows().select(NUMBERS))
+    for f in figures.values():
+        f["speed_up"] = figures["1 process"]["seconds_per_run"] / f["seconds_per_run"]
+    return figures, all(n.equals(numbers[0]) for n in numbers)
+
+
+def print_table(figures: dict[str, dict]) -> None:
+    """Seconds, ratios and memory of each pool."""
+    print(f"{'':20s} {'s/run':>7s} {'speed-up':>8s} {'all [s]':>8s} {'MB, 1/4':>8s} {'at end':>7s}")
+    for name, f in figures.items():
+        print(
+            f"{name:20s} {f['seconds_per_run']:7.3f} {f['speed_up']:8.2f} {f['seconds']:8.1f} "
+            f"{f['memory_quarter_mb'] or 0:8.0f} {f['memory_end_mb'] or 0:7.0f}"
+        )
+
+
 def main() -> None:
+    """Run the pools, print and write what they took."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenario", default="fine")
     parser.add_argument("--runs", type=int, default=200)
     parser.add_argument("--workers", type=int, default=2)
     options = parser.parse_args()
     scenario = load_scenario(options.scenario).conditions[0]
-    pools = {
-        "serial": Processes(1),
-        f"{options.workers} processes": Processes(options.workers),
-        f"Dask, {options.workers} workers": DaskCluster(workers=options.workers),
-    }
-    figures, numbers = {}, []
-    with tempfile.TemporaryDirectory() as folder:
-        for k, (name, pool) in enumerate(pools.items()):
-            print(name, flush=True)
-            figures[name], store = measured(scenario, options.runs, pool, Path(folder) / str(k))
-            numbers.append(store.rows().select(NUMBERS))
-    alike = all(n.equals(numbers[0]) for n in numbers)
-    serial = figures["serial"]["seconds_per_run"]
+    figures, alike = throughput(scenario, options.runs, options.workers)
     print(f"\n{options.runs} runs of {scenario.title}; the same numbers bit for bit: {alike}")
-    print(f"{'':20s} {'s/run':>7s} {'speed-up':>8s} {'all [s]':>8s} {'MB, 1/4':>8s} {'at end':>7s}")
-    for name, f in figures.items():
-        f["speed_up"] = serial / f["seconds_per_run"]
-        print(
-            f"{name:20s} {f['seconds_per_run']:7.3f} {f['speed_up']:8.2f} {f['seconds']:8.1f} "
-            f"{f['memory_quarter_mb'] or 0:8.0f} {f['memory_end_mb'] or 0:7.0f}"
-        )
+    print_table(figures)
     target = Path(__file__).parent / "results"
     target.mkdir(exist_ok=True)
     content = {"scenario": scenario.title, "runs": options.runs, "alike": alike} | figures
