@@ -5,8 +5,9 @@
 Parts: ``rows`` (the table beside Pinocchio, MuJoCo, FIGAROH, statsmodels and simdkalman),
 ``samples`` (30,000 to 3 million), ``joints`` (arms of 2 to 12, a tree of 12), ``parameters``,
 ``threads``, ``workers`` (processes and a Dask cluster), ``starts`` (of processes, cold and warm).
-Works that are compared take turns in one process, medians count, and the load of the machine stands with each table: above the number of
-cores, times on the clock say little, and processor times beside them are what can be compared.
+Works that are compared take turns in one process, medians count, and the load of the machine
+stands with each table: above the number of cores, times on the clock say little, and processor
+times beside them are what can be compared.
 Results go to ``benchmarks/results/bench.json`` and PNG files beside it.
 
 Peers that are not at hand are named with the reason. FIGAROH: ``pip install figaroh``. Pinocchio
