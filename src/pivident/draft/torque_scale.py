@@ -2,7 +2,10 @@
 
 A log says "effort" or "current" and means N m, amperes, or a number of the drive. Where the
 robot's description has masses, one factor for each joint follows from them, see
-`pivident.audit.scale`; it is as good as these masses.
+`pivident.audit.scale`; it is as good as these masses. A rotor of unknown inertia adds to what the
+links need to be accelerated; it is estimated beside the factor where the description has none:
+
+    τ_j = a (g_j(q) + (M(q) ddq + c(q, dq))_j) + b ddq_j + friction
 """
 
 from __future__ import annotations
@@ -12,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from pivident.audit.inverse_model import build_inverse_model
+from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
+from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.power import check_power
 from pivident.audit.scale import check_positions, check_scale
@@ -27,6 +31,12 @@ NEAR_ONE = 2.0
 
 #: A factor is within this factor of a gear ratio if it comes from it.
 NEAR_RATIO = 1.4
+
+#: Relative deviation above which a factor says nothing, and distance from the typical one.
+BLUNT, FAR = 0.3, 5.0
+
+#: Deviations that a reversed sign must have.
+CLEAR = 4.0
 
 #: Words with which a question for the unit is answered.
 ANSWERS = ("N m", "A", "unknown scale")
@@ -100,13 +110,59 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         if any(f.kind == "angle unit" for f in findings):
             return Comparison(nothing, nothing, angle_unit=True)
         model = better or model
-        scale, power = check_scale(log, model), check_power(log, model)
+        power = check_power(log, model)
+        factors, deviations = description_factors(log, model)
     except (PividentError, np.linalg.LinAlgError) as error:
         return Comparison(nothing, nothing, trouble=str(error))
-    reversed_ = tuple(j for j in power.reversed if not scale.factors[j] > 0)
-    return Comparison(
-        scale.factors, scale.deviations, reversed_, errors=model.relative_errors.copy()
+    reversed_ = tuple(j for j in power.reversed if not factors[j] > 0)
+    return Comparison(factors, deviations, reversed_, errors=model.relative_errors.copy())
+
+
+def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.ndarray]:
+    """Logged torque per torque of the description, and its standard deviation, by joint.
+
+    Args:
+        log: the log.
+        model: rows of its inverse model.
+    """
+    robot = model.robot
+    scale = check_scale(log, model)
+    factors, deviations = scale.factors.copy(), scale.deviations.copy()
+    for j in np.flatnonzero(robot.rotor_inertia == 0.0):
+        if model.usable(int(j)):
+            factors[j], deviations[j] = _beside_a_rotor(model, int(j))
+    factors[~(deviations < BLUNT * np.abs(factors))] = np.nan
+    factors[(factors < 0) & ~(deviations * CLEAR < np.abs(factors))] = np.nan
+    if np.isfinite(factors).any():
+        for kind in ("revolute", "prismatic"):  # a factor far from all others is a wrong one
+            own = np.array([joint.kind == kind for joint in robot.joints])
+            if np.isfinite(factors[own]).sum() > 1:
+                typical = np.nanmedian(np.abs(factors[own]))
+                off = np.abs(np.log(np.abs(factors) / typical)) > np.log(FAR)
+                factors[own & off] = np.nan
+    return factors, deviations
+
+
+def _beside_a_rotor(model: InverseModel, j: int) -> tuple[float, float]:
+    """Factor of one joint with the inertia of its rotor as a further unknown."""
+    rows = model.moving[:, j]
+    described = (model.gravity + model.inertial)[rows, j]
+    parameters = model.base.parameters
+    friction = [
+        k
+        for k, index in enumerate(model.own[j])
+        if parameters[index].friction is not None or parameters[index].coupling is not None
+    ]
+    size = float(np.linalg.norm(described))
+    acceleration = model.ddq[rows, j]
+    if size == 0.0 or not acceleration.any():
+        return np.nan, np.nan
+    others = np.column_stack([model.columns[j][rows][:, friction], acceleration])
+    others = orthonormal(others / np.maximum(np.linalg.norm(others, axis=0), 1e-300))[0]
+    fit = blocked_fit(
+        np.column_stack([described / size, others]), model.tau()[rows, j], model.block[rows]
     )
+    return float(fit.estimate[0]) / size, float(jackknife(fit.replicates[:, :1])[0]) / size
 
 
 def torque_unit(
@@ -225,8 +281,7 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
 def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, list[int]]:
     """N m per unit of every joint, and the joints of which nothing is known.
 
-    These get the typical gain of the others, in proportion to the torque limits where they are
-    known, and the sign with which friction takes energy.
+    These get the typical gain of other joints, and the sign with which friction takes energy.
 
     Args:
         robot: the robot.
@@ -236,13 +291,21 @@ def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, 
     gains = 1.0 / (found.factors * unit)
     known = np.isfinite(gains)
     guessed = [j for j in range(robot.size) if not known[j]]
-    limits = np.array([joint.torque_limit or np.nan for joint in robot.joints])
-    size = limits if np.isfinite(limits).all() else np.ones(robot.size)
-    typical = float(np.median(np.abs(gains[known]) / size[known])) if known.any() else np.nan
     for j in guessed:
-        magnitude = typical * size[j] if known.any() else 1.0 / unit
+        magnitude = _typical_gain(robot, np.where(known, np.abs(gains), np.nan), j, 1.0 / unit)
         gains[j] = -magnitude if j in found.reversed else magnitude
     return gains, guessed
+
+
+def _typical_gain(robot: Robot, gains: np.ndarray, j: int, default: float) -> float:
+    """Median gain of the joints of the same kind, or of others in proportion to their limits."""
+    joints = robot.joints
+    same = [gains[k] for k in range(robot.size) if joints[k].kind == joints[j].kind]
+    if np.isfinite(same).any():
+        return float(np.nanmedian(same))
+    limits = np.array([joint.torque_limit or np.nan for joint in joints])
+    shares = gains / limits * limits[j]
+    return float(np.nanmedian(shares)) if np.isfinite(shares).any() else default
 
 
 def _factors_text(robot: Robot, found: Comparison) -> str:

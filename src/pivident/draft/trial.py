@@ -112,7 +112,7 @@ def _try_methods(
         if controller.type == "identify":
             return replace(known, law_failed=f"the identified law does not carry the simulation ({reason})")
         return replace(known, loop_failed=f"a declared law does not carry the simulation ({reason})")
-    return replace(known, failed=failed)
+    return replace(known, failed=failed, explained=explained, settled=True)
 
 
 def _remedy(error: PividentError) -> Guess | None:
