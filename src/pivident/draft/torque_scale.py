@@ -256,7 +256,8 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
         seen += f"in units of {unit} until gains are set"
         correct = "Set gain = N m per unit for each joint, on the joint side."
         return TorqueUnit(value, "guess", seen, correct)
-    seen = f"{reason}; N m per unit follow from the masses of the robot's description"
+    seen = f"{reason}; N m per unit follow from the masses of the robot's description, whose own "
+    seen += "errors come on top"
     texts = []
     for j, joint in enumerate(robot.joints):
         if j in guessed:
