@@ -99,8 +99,9 @@ def joint_phrases(joint_names: Sequence[str]) -> dict[tuple[str, ...], str]:
     shared = _shared_beginning(list(own.values()))
     shorter: dict[tuple[str, ...], list[str]] = {}
     for name, words in own.items():
-        for short in (words[shared:], _without_joint(words), _without_joint(words[shared:])):
-            if any(not word.isdecimal() for word in short):
+        ends = [words[k:] for k in range(shared + 1)]
+        for short in (*ends, *map(_without_joint, ends)):
+            if any(not word.isdecimal() and word != "joint" for word in short):
                 shorter.setdefault(short, []).append(name)
     for words, names in shorter.items():
         if len(set(names)) == 1:
