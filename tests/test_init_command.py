@@ -127,9 +127,9 @@ def test_a_ur10e_like_log_needs_three_commands(folder, capsys):
 
 
 @pytest.mark.record
-def test_tiago_from_three_files(public_data, tmp_path):
+def test_tiago_from_three_files(data_dir, tmp_path):
     benchmark = module(ROOT / "benchmarks" / "tiago.py")
-    outcome = benchmark.run(public_data / "tiago", tmp_path)
+    outcome = benchmark.run(data_dir / "tiago", tmp_path)
     text = outcome.draft.text
     assert "exactly 0 in 88 % of the rows" in text
     assert "the sign of arm_3_joint, arm_4_joint is reversed" in " ".join(

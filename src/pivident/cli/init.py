@@ -77,10 +77,14 @@ def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool
     if out.suffix != ".toml":
         raise PividentError(f"--out {out} must end with .toml; choose another name")
     inputs = [*logs, *([Path(robot)] if robot else [])]
-    if out.is_dir() or any(path.exists() and out.exists() and path.samefile(out) for path in inputs):
+    if out.is_dir() or any(
+        path.exists() and out.exists() and path.samefile(out) for path in inputs
+    ):
         raise PividentError(f"{out} is a folder or one of the inputs; choose another --out")
     if out.exists() and not force:
-        raise PividentError(f"{out} exists already; choose another --out, or replace it with --force")
+        raise PividentError(
+            f"{out} exists already; choose another --out, or replace it with --force"
+        )
 
 
 def print_draft(draft: Draft, out: Path) -> None:

@@ -138,9 +138,7 @@ def _bare_positions(listed: Sequence[tuple[int, Series]]) -> list[tuple[int, Ser
     ][:1]
 
 
-def _joints_of(
-    series: Series, joint_names: Sequence[str]
-) -> tuple[dict[str, str], Sureness, str]:
+def _joints_of(series: Series, joint_names: Sequence[str]) -> tuple[dict[str, str], Sureness, str]:
     """The robot's joint for each key of a series."""
     keys = list(series.columns)
     if series.named:
@@ -159,9 +157,17 @@ def _joints_of(
             pairs = dict(zip(numbers, numbered, strict=True))
             seen = f"{len(numbers)} numbered columns, as {numbered[0]} … {numbered[-1]}"
             return pairs, "likely", seen
-        if start == 1 and int(numbers[0]) >= 1 and set(own) <= {str(k + 1) for k in range(len(numbered))}:
+        if (
+            start == 1
+            and int(numbers[0]) >= 1
+            and set(own) <= {str(k + 1) for k in range(len(numbered))}
+        ):
             pairs = {own[k]: numbered[int(k) - 1] for k in own}
-            return pairs, "guess", f"numbers {', '.join(numbers)} taken as those of the joints' names"
+            return (
+                pairs,
+                "guess",
+                f"numbers {', '.join(numbers)} taken as those of the joints' names",
+            )
     if len(numbers) < len(joint_names):
         pairs = dict(zip(numbers, joint_names, strict=False))
         seen = (
@@ -207,7 +213,9 @@ def _channel(
     elif len(own) == len(keys):
         order = sorted(own, key=lambda k: int(k or 0))
         taken = sorted(keys, key=lambda k: int(k)) if all(k.isdecimal() for k in keys) else keys
-        columns = {joints[p]: series.columns[k] for p, k in zip(taken, order, strict=True) if p in joints}
+        columns = {
+            joints[p]: series.columns[k] for p, k in zip(taken, order, strict=True) if p in joints
+        }
     else:
         columns = {}
     others = tuple(next(iter(s.columns.values())) for _, s in ranked[1:])

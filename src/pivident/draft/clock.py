@@ -84,9 +84,7 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
     worst = float(np.abs(steps / np.median(steps) - 1.0).max())
     jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
     seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"
-    return Clock(
-        column, unit, rate, sure, seen, worst > JITTER_TOLERANCE, False, seconds + start
-    )
+    return Clock(column, unit, rate, sure, seen, worst > JITTER_TOLERANCE, False, seconds + start)
 
 
 def stamp_unit(

@@ -48,7 +48,9 @@ def control_lines(found: RecordingLines, findings: Findings) -> list[Guess]:
         seen = "least squares beside instrumental variables, whose difference is the bias of the "
         seen += "loop; the verdict says which to take"
         if findings.failed:
-            seen += ". " + ". ".join(f"{m} is left out: {why}" for m, why in findings.failed.items())
+            seen += ". " + ". ".join(
+                f"{m} is left out: {why}" for m, why in findings.failed.items()
+            )
     lines.append(Guess("identify", "methods", methods, "likely", seen))
     return lines
 

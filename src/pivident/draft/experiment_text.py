@@ -140,7 +140,11 @@ def value_text(value: Any, width: int = WIDTH) -> str:
     if isinstance(value, (int, float)):
         return repr(value)
     if isinstance(value, dict):  # TOML 1.0 keeps an inline table on one line
-        return "{" + ", ".join(f"{key_text(k)} = {value_text(v, 10**9)}" for k, v in value.items()) + "}"
+        return (
+            "{"
+            + ", ".join(f"{key_text(k)} = {value_text(v, 10**9)}" for k, v in value.items())
+            + "}"
+        )
     entries = [value_text(entry, 10**9) for entry in value]
     line = "[" + ", ".join(entries) + "]"
     if len(line) <= width:

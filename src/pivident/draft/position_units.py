@@ -156,7 +156,7 @@ def motion_window(q: np.ndarray, seconds: np.ndarray) -> tuple[float, float, flo
         q: positions, shape (samples, joints).
         seconds: times [s], shape (samples,).
     """
-    step = max(1, int(round(0.1 * (len(q) - 1) / max(seconds[-1] - seconds[0], 1e-9))))
+    step = max(1, round(0.1 * (len(q) - 1) / max(float(seconds[-1] - seconds[0]), 1e-9)))
     if step >= len(q):
         return float(seconds[0]), float(seconds[-1]), 0.0
     travel = np.abs(q[step:] - q[:-step])

@@ -79,7 +79,9 @@ def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
     carrier = {joint.child: joint for joint in model.joints}
     order = sorted(usable, key=lambda joint: _depth(joint, carrier))
     names = tuple(joint.name for joint in order)
-    return RobotFile(name, True, names, tuple(j.name for j in movable if j.name not in names), found)
+    return RobotFile(
+        name, True, names, tuple(j.name for j in movable if j.name not in names), found
+    )
 
 
 def _can_be_kept(joint: UrdfJoint) -> bool:

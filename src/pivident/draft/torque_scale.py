@@ -195,7 +195,9 @@ def torque_unit(
         and ratios[known].min() > 2.0
         and np.all(np.abs(np.log(np.abs(through_gear[known]))) < np.log(NEAR_RATIO))
     ):
-        seen = f"torques are 1/{np.median(ratios[known]):.3g} of those of the links: before the gear"
+        seen = (
+            f"torques are 1/{np.median(ratios[known]):.3g} of those of the links: before the gear"
+        )
         return TorqueUnit("N m", "likely", seen, 'Set side = "joint" if they are not.', True)
     if named in TORQUE:
         return _newton_metres(robot, found, str(named), "certain", f"the names say {named}")
@@ -313,7 +315,9 @@ def _factors_text(robot: Robot, found: Comparison) -> str:
     """How the torques compare with those of the description."""
     known = [j for j in range(robot.size) if np.isfinite(found.factors[j])]
     if not known:
-        return "not compared with the description" + (f" ({found.trouble})" if found.trouble else "")
+        return "not compared with the description" + (
+            f" ({found.trouble})" if found.trouble else ""
+        )
     texts = [
         f"{robot.joints[j].name} {found.factors[j]:.2f} ± {2 * found.deviations[j]:.2f}"
         for j in known

@@ -110,8 +110,12 @@ def _try_methods(
     if controller is not None and set(loops) <= set(failed):
         reason = next(failed[m] for m in loops)
         if controller.type == "identify":
-            return replace(known, law_failed=f"the identified law does not carry the simulation ({reason})")
-        return replace(known, loop_failed=f"a declared law does not carry the simulation ({reason})")
+            return replace(
+                known, law_failed=f"the identified law does not carry the simulation ({reason})"
+            )
+        return replace(
+            known, loop_failed=f"a declared law does not carry the simulation ({reason})"
+        )
     return replace(known, failed=failed, explained=explained, settled=True)
 
 

@@ -29,9 +29,9 @@ MEASURED = set("actual act meas measured msr fbk feedback ist state states".spli
 
 #: Words of things that are no joint signal, or not the one that is looked for.
 FOREIGN = set(
-    "tcp tool pose cartesian cart ee flange temperature temperatures temp temps voltage error errors"
-    " err following ext external std min max limit limits status mode digital analog accelerometer"
-    " diff deviation variance covariance wrench friction gravity coriolis momentum payload power io"
+    "tcp tool pose cartesian cart ee flange temperature temperatures temp temps voltage error"
+    " errors err following ext external std min max limit limits status mode digital analog"
+    " accelerometer diff deviation variance covariance wrench friction gravity coriolis momentum payload power io"
     " quat orientation euler imu odom odometry safety scaling elbow".split()
 )
 
@@ -57,7 +57,9 @@ UNITS: dict[str, tuple[str, str]] = {
 BARE_UNITS = {"deg", "degs", "degree", "degrees", "rad", "rads", "nm", "mnm", "mm", "rpm", "°"}
 
 _CHANNELS = {word: key for key, words in QUANTITIES.items() for word in words.split()}
-_BRACKETS = re.compile(r"[(\[{<]\s*([^\W\d_][^()\[\]{}<>]{0,8}|°[^()\[\]{}<>]{0,4}|1/min)\s*[)\]}>]")
+_BRACKETS = re.compile(
+    r"[(\[{<]\s*([^\W\d_][^()\[\]{}<>]{0,8}|°[^()\[\]{}<>]{0,4}|1/min)\s*[)\]}>]"
+)
 _HUMPS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 _WORD = re.compile(r"[^\W\d_]+|\d+|°")
 
@@ -103,7 +105,9 @@ def without_unit(name: str) -> tuple[str, str | None, str | None]:
     return name, None, None
 
 
-def read_words(words: Sequence[str], unit: str | None = None, betrayed: str | None = None) -> Reading:
+def read_words(
+    words: Sequence[str], unit: str | None = None, betrayed: str | None = None
+) -> Reading:
     """What the words of a name say, those of the joint left out.
 
     Args:

@@ -70,7 +70,9 @@ def column_series(columns: Sequence[str], joint_names: Sequence[str] = ()) -> li
         pattern, key, named = found[column]
         grouped.setdefault((pattern, named, bare[column][1]), {}).setdefault(key, column)
     return [
-        Series(pattern, own, named, read_words([w for w in pattern if w != JOINT], *_unit(own, bare)))
+        Series(
+            pattern, own, named, read_words([w for w in pattern if w != JOINT], *_unit(own, bare))
+        )
         for (pattern, named, _), own in grouped.items()
     ]
 
