@@ -85,6 +85,24 @@ def test_weird_names_and_several_runs(folder):
     assert experiment.content.controller.type == "virtual_pd"
 
 
+def test_files_of_the_same_columns_hold_what_their_names_say(folder):
+    columns = planar_log()
+    header = ["stamp [ms]", "joint_1", "joint_2"]
+    for name, own in (("arm_position", [1, 2]), ("arm_torque", [5, 6]), ("arm_cmd", [3, 4])):
+        own_columns = np.column_stack([1e3 * columns[:, 0], columns[:, own]])
+        write_csv(folder / f"{name}.csv", header, own_columns)
+    logs = ["arm_position.csv", "arm_torque.csv", "arm_cmd.csv"]
+    draft = draft_experiment(logs, "planar_2r")
+    content = tomllib.loads(draft.text)["recording"]
+    assert content["files"] == {
+        "q": "arm_position.csv",
+        "tau": "arm_torque.csv",
+        "q_ref": "arm_cmd.csv",
+    }
+    assert content["units"]["t"] == "ms" and content["units"]["q"] == "deg"
+    assert not draft.troubles and max(draft.explained.values()) < 0.05
+
+
 def test_what_only_a_person_knows_is_asked(folder, monkeypatch, capsys):
     columns = planar_log()
     write_csv(folder / "log.csv", ["q1", "q2", "tau1", "tau2"], columns[:, [1, 2, 5, 6]])
@@ -124,6 +142,13 @@ def test_a_ur10e_like_log_needs_three_commands(folder, capsys):
     arguments = ["identify", "experiment.toml", "-m", "ls", "--folds", "0", "--out", "results"]
     assert main(arguments) == 0
     assert (folder / "results" / "report.html").is_file()
+
+
+def test_the_python_of_the_documentation_runs(folder, capsys):
+    text = (ROOT / "docs" / "init.md").read_text(encoding="utf-8")
+    exec(text.split("```python\n")[1].split("```")[0], {})
+    assert "recording.units q deg" in capsys.readouterr().out
+    assert load_experiment("experiment.toml").content.recording[0].units.t == "ms"
 
 
 @pytest.mark.record

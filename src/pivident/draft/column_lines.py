@@ -20,7 +20,14 @@ MARGIN = 0.5
 def time_lines(
     clock: Clock, window: tuple[float, float], still: float, motion: tuple[float, float]
 ) -> list[Guess]:
-    """Rate, resampling and window."""
+    """Rate, resampling and window.
+
+    Args:
+        clock: the clock.
+        window: times that are kept [s].
+        still: share of the motion's time in which no joint moves.
+        motion: first and last time at which a joint moves [s].
+    """
     lines = []
     if clock.by_rate:
         question = None
@@ -52,7 +59,11 @@ def time_lines(
 
 
 def side_line(torque: TorqueUnit) -> list[Guess]:
-    """The side of the gear."""
+    """The side of the gear.
+
+    Args:
+        torque: says whether the torques are those of the motors.
+    """
     if torque.motor_side:
         value: Any = {"q": "joint", "tau": "motor"}
         return [Guess("recording", "side", value, "likely", torque.seen, torque.correct)]
@@ -67,7 +78,15 @@ def column_lines(
     references: Mapping[str, Any],
     keys: Mapping[str, int],
 ) -> list[Guess]:
-    """Where every channel is."""
+    """Where every channel is.
+
+    Args:
+        joints: columns by channel and joint.
+        kept: joints that are identified.
+        clock: the clock.
+        references: references that are believed, with unit and reason.
+        keys: number of each file by its key.
+    """
     numbers = {number: key for key, number in keys.items()}
     lines = []
     if clock.column is not None:
@@ -115,7 +134,15 @@ def unit_lines(
     torque: TorqueUnit,
     references: Mapping[str, tuple[Any, str]],
 ) -> list[Guess]:
-    """Unit of every channel."""
+    """Unit of every channel.
+
+    Args:
+        clock: the clock.
+        unit: unit of the positions of all logged joints.
+        own: which of them are identified.
+        torque: unit of the torques.
+        references: units of the references, with reasons.
+    """
     lines = []
     if clock.column is not None:
         lines.append(Guess("recording.units", "t", clock.unit, clock.sure, clock.seen))

@@ -31,8 +31,8 @@ MEASURED = set("actual act meas measured msr fbk feedback ist state states".spli
 FOREIGN = set(
     "tcp tool pose cartesian cart ee flange temperature temperatures temp temps voltage error"
     " errors err following ext external std min max limit limits status mode digital analog"
-    " accelerometer diff deviation variance covariance wrench friction gravity coriolis momentum payload power io"
-    " quat orientation euler imu odom odometry safety scaling elbow".split()
+    " accelerometer diff deviation variance covariance wrench friction gravity coriolis momentum"
+    " payload power io quat orientation euler imu odom odometry safety scaling elbow".split()
 )
 
 #: Words that say nothing about quantity or joint.
