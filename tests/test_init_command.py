@@ -103,6 +103,20 @@ def test_files_of_the_same_columns_hold_what_their_names_say(folder):
     assert not draft.troubles and max(draft.explained.values()) < 0.05
 
 
+def test_a_log_that_identification_refuses_gets_a_to_do(folder, capsys):
+    columns = planar_log()[:, [0, 1, 2, 5, 6]].copy()
+    columns[4000, 2] = np.nan
+    write_csv(folder / "log.csv", ["time", "A1", "A2", "I_A1", "I_A2"], columns)
+    assert main(["init", "log.csv", "--robot", "planar_2r"]) == 4
+    assert "to do: pivident identify ends with" in capsys.readouterr().err
+    text = Path("experiment.toml").read_text(encoding="utf-8")
+    assert "# TO DO: pivident identify ends with" in text
+    (entry,) = load_experiment("experiment.toml").content.recording
+    assert entry.columns.q == ["A1", "A2"] and entry.units.q == "deg"
+    assert [unit["unit"] for unit in entry.units.tau] == ["A", "A"]
+    assert np.allclose([unit["gain"] for unit in entry.units.tau], 1.0, atol=0.01)
+
+
 def test_what_only_a_person_knows_is_asked(folder, monkeypatch, capsys):
     columns = planar_log()
     write_csv(folder / "log.csv", ["q1", "q2", "tau1", "tau2"], columns[:, [1, 2, 5, 6]])

@@ -266,7 +266,7 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
             texts.append(f"{joint.name} unknown, taken from the others")
         else:
             spread = 2.0 * found.deviations[j] / abs(found.factors[j])
-            texts.append(f"{joint.name} {gains[j]:.3g} ± {100 * spread:.0f} %")
+            texts.append(f"{joint.name} {gains[j]:.3g} ± {100 * spread:.1g} %")
     seen += f" ({', '.join(texts)})"
     if (gains < 0).any():
         turned = ", ".join(joint.name for j, joint in enumerate(robot.joints) if gains[j] < 0)
