@@ -26,6 +26,22 @@ def test_names_of_columns():
     assert joints == ["joint_1", "joint_2"]
 
 
+def test_columns_of_recorders_are_told_by_what_they_differ_in():
+    signals = ("target_q", "actual_q", "actual_qd", "actual_current", "actual_TCP_pose")
+    names = ["timestamp", *(f"{signal}_{j}" for signal in signals for j in range(6))]
+    channels, joints = guess_channels(names)
+    assert channels["q"] == [f"actual_q_{j}" for j in range(6)]
+    assert channels["tau"] == [f"actual_current_{j}" for j in range(6)]
+    assert channels["dq"] == [f"actual_qd_{j}" for j in range(6)]
+    assert channels["q_ref"] == [f"target_q_{j}" for j in range(6)]
+    assert joints == [f"joint_{j}" for j in range(6)]
+    # Two arms in one log: nothing says which.
+    two = [
+        f"{arm}_{kind}_{j}" for arm in ("left", "right") for kind in ("q", "tau") for j in (1, 2)
+    ]
+    assert guess_channels(two) == ({}, [])
+
+
 def test_bare_csv_with_a_robot(tmp_path):
     path = write_experiment(tmp_path).with_name("log.csv")
     (audit,) = audit_file(path, load_robot("planar_2r"))

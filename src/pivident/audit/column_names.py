@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence, Sized
 
 import numpy as np
 
+from pivident.recording.column_series import column_series
+
 #: Words that name a channel.
 WORDS = {
     "q": {"q", "qm", "pos", "position", "positions", "theta", "angle", "pfbk"},
@@ -86,6 +88,47 @@ def guess_channels(
         Columns by channel and the names of the joints. A channel that has no column for some
         joint of ``q`` is left out.
     """
+    channels, joints = _by_words(names, joint_names)
+    series = _by_series(names, joint_names)
+    if not {"q", "tau"} <= set(channels):
+        return series or (channels, joints)
+    if series is not None and all(series[0][kind] == channels[kind] for kind in ("q", "tau")):
+        channels = series[0] | channels
+    return channels, joints
+
+
+def _by_series(
+    names: Sequence[str], joint_names: Sequence[str]
+) -> tuple[dict[str, list[str]], list[str]] | None:
+    """Channels from columns that differ only in the joint, where these are as many as joints."""
+    channels: dict[str, list[str]] = {}
+    merits: dict[str, tuple[int, int]] = {}
+    labels: list[str] = []
+    for own in column_series(names, joint_names):
+        kind = {"current": "tau"}.get(own.channel or "", own.channel or "")
+        if kind not in (*WORDS, "q_ref", "dq_ref"):
+            continue
+        numbers = sorted(own.columns, key=lambda k: int(k or 0)) if not own.named else []
+        keys = [k for k in joint_names if k in own.columns] if own.named else numbers
+        if joint_names and len(keys) != len(joint_names):
+            continue
+        merit = (own.reading.measured, len(keys))
+        if kind in merits and merit <= merits[kind]:
+            if merit == merits[kind]:
+                channels.pop(kind, None)  # two sets, and nothing says which
+            continue
+        merits[kind], channels[kind] = merit, [own.columns[k] for k in keys]
+        labels = keys if kind == "q" else labels
+    if not {"q", "tau"} <= set(channels):
+        return None
+    alike = {k: v for k, v in channels.items() if len(v) == len(channels["q"])}
+    return alike, list(joint_names) or [f"joint_{label or k + 1}" for k, label in enumerate(labels)]
+
+
+def _by_words(
+    names: Sequence[str], joint_names: Sequence[str]
+) -> tuple[dict[str, list[str]], list[str]]:
+    """Channels from the words of single names."""
     families: dict[str, dict[str, dict[str, str]]] = {}
     for name in names:
         guess = channel_of(name)

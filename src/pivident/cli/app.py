@@ -142,6 +142,42 @@ def audit(
 
 
 @app.command
+def init(
+    *logs: Path,
+    robot: str | None = None,
+    out: Path = Path("experiment.toml"),
+    joints: Annotated[str | None, Parameter(show_default=False)] = None,
+    yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
+    force: Annotated[bool, Parameter(negative=())] = False,
+) -> int:
+    """Write a first experiment file for a log, every guess in it with its reason.
+
+    Parameters
+    ----------
+    logs
+        Files of one run side by side, or several runs of the same columns.
+    robot
+        Name in the gallery, .toml, .urdf or .urdf.gz. Default: the only URDF beside the log.
+    out
+        The experiment file.
+    joints
+        Joints of a URDF to identify, with commas. Default: all that move and have a torque.
+    yes
+        Ask nothing; write the best guess and mark it.
+    force
+        Replace a file that exists.
+    """
+    from pivident.cli.init import run_init
+
+    if not logs:
+        raise UsageError("init needs a log: pivident init log.csv --robot my_arm.urdf")
+    names = [name.strip() for name in (joints or "").split(",") if name.strip()]
+    ask = sys.stdin.isatty() and not yes
+    done = run_init(logs, robot, out, joints=names, ask=ask, force=force)
+    return DONE if done else FAULTY_LOG
+
+
+@app.command
 def robots(name: str | None = None, /) -> int:
     """List the robots of the gallery, or show one: geometry and base parameters.
 

@@ -1,0 +1,156 @@
+"""``pivident init`` on the command line: questions, the file, and what was guessed."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pivident.cli.console import Progress, note
+
+if TYPE_CHECKING:
+    from pivident.draft import Draft
+    from pivident.draft.guess import Answers, Question
+
+#: How sure a guess is, as the summary shows it, and its colour on a terminal.
+SURE = {"certain": ("seen", "green"), "likely": ("likely", "cyan"), "guess": ("GUESS", "yellow")}
+
+#: Longest value in the summary, in characters.
+LONGEST_VALUE = 60
+
+
+def run_init(
+    logs: Sequence[Path],
+    robot: str | None,
+    out: Path,
+    *,
+    joints: Sequence[str] = (),
+    ask: bool = False,
+    force: bool = False,
+) -> bool:
+    """Draft an experiment file, write it, and print what was guessed.
+
+    Args:
+        logs: files of the log.
+        robot: gallery name or a robot file; None: the only URDF beside the log.
+        out: the experiment file.
+        joints: joints to identify; all that can be otherwise.
+        ask: whether somebody is there to answer questions.
+        force: whether a file that exists may be replaced.
+
+    Returns:
+        Whether nothing stands in the way of an identification.
+
+    Raises:
+        PividentError: the log or the robot cannot be used, or the file must not be written.
+    """
+    from pivident.draft import draft_experiment
+    from pivident.files import atomic_folder
+
+    check_target(out, logs, robot, force)
+    answers: Answers = {}
+    while True:
+        with Progress() as progress:
+            draft = draft_experiment(
+                logs, robot, out=out, joints=joints, answers=answers, progress=progress.say
+            )
+        open_questions = [q for q in draft.questions if q.about not in answers] if ask else []
+        if not open_questions:
+            break
+        for question in open_questions:
+            answers[question.about] = _asked(question)
+    with atomic_folder(out.absolute().parent) as build:
+        (build / out.name).write_text(draft.text, encoding="utf-8")
+    print_draft(draft, out)
+    return not draft.troubles
+
+
+def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool) -> None:
+    """Refuse to overwrite an experiment file that exists, or one of the inputs.
+
+    Raises:
+        PividentError: says which file is in the way.
+    """
+    from pivident.errors import PividentError
+
+    if out.suffix != ".toml":
+        raise PividentError(f"--out {out} must end with .toml; choose another name")
+    inputs = [*logs, *([Path(robot)] if robot else [])]
+    if out.is_dir() or any(
+        path.exists() and out.exists() and path.samefile(out) for path in inputs
+    ):
+        raise PividentError(f"{out} is a folder or one of the inputs; choose another --out")
+    if out.exists() and not force:
+        raise PividentError(
+            f"{out} exists already; choose another --out, or replace it with --force"
+        )
+
+
+def print_draft(draft: Draft, out: Path) -> None:
+    """Every guess with how sure it is, and the next step.
+
+    Args:
+        draft: what was written.
+        out: where.
+    """
+    from rich.console import Console
+    from rich.table import Table
+    from rich.text import Text
+
+    from pivident.draft.experiment_text import value_text
+    from pivident.printable import escaped
+
+    console = Console(highlight=False)
+    rows = []
+    for guess in draft.guesses:
+        if guess.value is None:
+            continue
+        value = " ".join(value_text(guess.value, 10**9).split())
+        if len(value) > LONGEST_VALUE:
+            value = f"{value[: LONGEST_VALUE - 1]}…"
+        rows.append((guess.sure, f"{guess.table}.{guess.key}", escaped(value), escaped(guess.seen)))
+    if console.is_terminal:
+        table = Table.grid(padding=(0, 2))
+        for sure, key, value, seen in rows:
+            word, style = SURE[sure]
+            table.add_row(Text(word, style), Text(key), Text(value), Text(seen, "dim"))
+        console.print(table)
+    else:
+        for sure, key, value, seen in rows:
+            print(f"{SURE[sure][0]:<6}  {key} = {value}  ({seen})")
+    if draft.explained:
+        errors = ", ".join(f"{joint} {100 * e:.2g} %" for joint, e in draft.explained.items())
+        print(f"\nA first least squares leaves this share of the torque: {escaped(errors)}")
+    for trouble in draft.troubles:
+        note(f"to do: {trouble}")
+    guessed = sum(row[0] == "guess" for row in rows)
+    print(f"\nWritten: {escaped(str(out))}, {guessed} line(s) of it are guesses to be checked.")
+    print(f"Next:    pivident audit {escaped(str(out))}")
+    print(f"         pivident identify {escaped(str(out))}")
+
+
+def _asked(question: Question) -> str:
+    """The answer of the person at the terminal; questions go to standard error."""
+    choices = f" [{' / '.join(question.choices)}]" if question.choices else ""
+    while True:
+        print(f"{question.text}{choices} ", end="", file=sys.stderr, flush=True)
+        line = sys.stdin.readline()
+        if not line:
+            raise KeyboardInterrupt
+        answer = line.strip()
+        if question.choices:
+            fits = [c for c in question.choices if c.lower().startswith(answer.lower())]
+            if answer and len(fits) == 1:
+                return fits[0]
+        elif _is_positive(answer):
+            return answer
+        print("Please answer with one of these.", file=sys.stderr)
+
+
+def _is_positive(text: str) -> bool:
+    """Whether a text is a positive, finite number."""
+    try:
+        return 0.0 < float(text) < float("inf")
+    except ValueError:
+        return False

@@ -1,0 +1,163 @@
+"""Lines of ``[recording]``: clock, window, side, columns and units, each with its reason."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+from pivident.draft.channels import JointMap
+from pivident.draft.clock import Clock
+from pivident.draft.guess import Guess, Question
+from pivident.draft.kept_joints import KeptJoints
+from pivident.draft.position_units import UnitGuess
+from pivident.draft.torque_scale import TorqueUnit
+
+#: Time before and after the motion that is kept [s].
+MARGIN = 0.5
+
+
+def time_lines(
+    clock: Clock, window: tuple[float, float], still: float, motion: tuple[float, float]
+) -> list[Guess]:
+    """Rate, resampling and window.
+
+    Args:
+        clock: the clock.
+        window: times that are kept [s].
+        still: share of the motion's time in which no joint moves.
+        motion: first and last time at which a joint moves [s].
+    """
+    lines = []
+    if clock.by_rate:
+        question = None
+        if clock.sure == "guess":
+            question = Question("rate", "At what rate was the log taken, in Hz?")
+        lines.append(
+            Guess(
+                "recording", "rate", float(f"{clock.rate:.8g}"), clock.sure, clock.seen,
+                "In Hz; every speed and acceleration depends on it.", question,
+            )
+        )  # fmt: skip
+    if clock.resample:
+        lines.append(
+            Guess(
+                "recording", "resample", True, "certain",
+                f"the clock is irregular ({clock.seen}), so that samples are interpolated",
+            )
+        )  # fmt: skip
+    start, end = float(clock.seconds[0]), float(clock.seconds[-1])
+    if window != (start, end):
+        seen = (
+            f"the log runs from {start:.6g} to {end:.6g} s, joints move from {motion[0]:.6g} to "
+            f"{motion[1]:.6g} s ({100 * still:.0f} % standstill in between); {MARGIN:g} s are left "
+            "on both sides"
+        )
+        value = [round(window[0], 3), round(window[1], 3)]
+        lines.append(Guess("recording", "part", value, "likely", seen, "Times on the log's clock."))
+    return lines
+
+
+def side_line(torque: TorqueUnit) -> list[Guess]:
+    """The side of the gear.
+
+    Args:
+        torque: says whether the torques are those of the motors.
+    """
+    if torque.motor_side:
+        value: Any = {"q": "joint", "tau": "motor"}
+        return [Guess("recording", "side", value, "likely", torque.seen, torque.correct)]
+    seen = "positions and torques are taken for those of the joints, behind the gear"
+    return [Guess("recording", "side", "joint", "likely", seen, 'Or {q = "joint", tau = "motor"}.')]
+
+
+def column_lines(
+    joints: JointMap,
+    kept: KeptJoints,
+    clock: Clock,
+    references: Mapping[str, Any],
+    keys: Mapping[str, int],
+) -> list[Guess]:
+    """Where every channel is.
+
+    Args:
+        joints: columns by channel and joint.
+        kept: joints that are identified.
+        clock: the clock.
+        references: references that are believed, with unit and reason.
+        keys: number of each file by its key.
+    """
+    numbers = {number: key for key, number in keys.items()}
+    lines = []
+    if clock.column is not None:
+        place: Any = clock.column
+        if len(keys) > 1:
+            place = {"file": numbers[joints.channels["q"].file], "columns": clock.column}
+        lines.append(Guess("recording.columns", "t", place, clock.sure, clock.seen))
+    for name in ("q", "tau", "q_ref", "dq_ref"):
+        channel = joints.channels.get(name)
+        if channel is None or (name.endswith("_ref") and name not in references):
+            continue
+        value: Any = [channel.columns[joint] for joint in kept.names]
+        if len(keys) > 1 and numbers[channel.file] != name:
+            value = {"file": numbers[channel.file], "columns": value}
+        seen = f"told from the names; {joints.seen}"
+        if name in references:
+            seen = f"told from the names; {references[name][1]}"
+        if channel.others:
+            seen += f". Other series that could be meant begin with {', '.join(channel.others[:4])}"
+        sure = joints.sure if name == "q" or joints.sure == "guess" else "likely"
+        lines.append(Guess("recording.columns", name, value, sure, seen))
+    speed = joints.channels.get("dq")
+    if "q_ref" not in references:
+        seen = "no column follows the positions as their reference; name one if there is"
+        lines.append(
+            Guess("recording.columns", "q_ref", None, "likely", seen, example='["r1", "r2"]')
+        )
+    if speed is not None:
+        first = next(iter(speed.columns.values()), "dq")
+        lines[0] = _with_note(
+            lines[0], f"Logged speeds ({first} …) are not needed: they follow from the positions"
+        )
+    return lines
+
+
+def _with_note(guess: Guess, note: str) -> Guess:
+    """The same line with one more sentence."""
+    return replace(guess, correct=f"{guess.correct} {note}.".strip())
+
+
+def unit_lines(
+    clock: Clock,
+    unit: UnitGuess,
+    own: Sequence[int],
+    torque: TorqueUnit,
+    references: Mapping[str, tuple[Any, str]],
+) -> list[Guess]:
+    """Unit of every channel.
+
+    Args:
+        clock: the clock.
+        unit: unit of the positions of all logged joints.
+        own: which of them are identified.
+        torque: unit of the torques.
+        references: units of the references, with reasons.
+    """
+    lines = []
+    if clock.column is not None:
+        lines.append(Guess("recording.units", "t", clock.unit, clock.sure, clock.seen))
+    mine = UnitGuess(tuple(unit.units[j] for j in own), unit.sure, unit.seen)
+    question = None
+    if unit.sure == "guess":
+        question = Question("unit of q", "In what unit are the angles?", ("rad", "deg"))
+    correct = '"rad", "deg", "rev", or {unit = "counts", per_revolution = 4096}.'
+    lines.append(Guess("recording.units", "q", mine.value, mine.sure, mine.seen, correct, question))
+    lines.append(
+        Guess(
+            "recording.units", "tau", torque.value, torque.sure, torque.seen, torque.correct,
+            torque.question,
+        )
+    )  # fmt: skip
+    for name, (value, seen) in references.items():
+        lines.append(Guess("recording.units", name, value, "likely", seen))
+    return lines
