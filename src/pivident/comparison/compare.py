@@ -124,6 +124,11 @@ class Comparison:
             f"{sum(len(self.marked(k)) for k in range(len(self.entries)))} significant differences>"
         )
 
+    def _repr_html_(self) -> str:
+        from pivident.report.notebook import comparison_html
+
+        return comparison_html(self)
+
     def save(self, folder: str | PathLike[str]) -> None:
         """Write comparison.html, .csv, .json and .tex into a folder, all or nothing.
 

@@ -17,10 +17,10 @@ from pivident.comparison.compare import ComparedParameter, Comparison
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
 from pivident.comparison.text import deviations, difference_text, estimate_text
-from pivident.estimation.parameter_rows import ParameterRow
+from pivident.estimation.parameter_rows import with_spread
 from pivident.report.builder import page_environment
 from pivident.report.figures import METHOD_COLOURS, Figure, colour, empty_plot
-from pivident.report.intervals import IntervalDrawing, interval_drawing
+from pivident.report.intervals import Interval, IntervalDrawing
 
 HEADINGS = {
     "glance": "At a glance",
@@ -30,6 +30,9 @@ HEADINGS = {
     "torque": "Torque",
     "provenance": "Provenance",
 }
+
+#: Free space left and right of a drawing of intervals [% of its width].
+_MARGIN = 6.0
 
 #: Dashes that tell curves apart without colour.
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
@@ -58,7 +61,7 @@ def render_page(comparison: Comparison) -> str:
         "labels": comparison.labels,
         "findings": findings(comparison),
         "level_sentence": level_sentence(comparison),
-        "drawings": [(p, _drawing(comparison, p)) for p in comparison.parameters],
+        "drawings": [(p, interval_drawing(comparison, p)) for p in comparison.parameters],
         "figures": [friction_figure(comparison, joint) for joint in comparison.friction],
         "unrated": [joint.name for joint in comparison.friction if not joint.rated],
     }
@@ -138,23 +141,36 @@ def _band_and_line(
     return traces
 
 
-def _drawing(comparison: Comparison, p: ComparedParameter) -> IntervalDrawing:
-    """The intervals of one parameter on a common scale."""
-    made = [
-        None
-        if e is None
-        else ParameterRow(
-            name=p.name,
-            value=e.value,
-            std=0.5 * e.spread,
-            robust_std=math.nan,
-            relative_std=math.nan,
-            unit=p.unit,
-            expression=p.expression,
-        )
-        for e in p.estimates
-    ]
-    return interval_drawing(made, comparison.labels, with_zero=False)
+def interval_drawing(comparison: Comparison, p: ComparedParameter) -> IntervalDrawing:
+    """The intervals of one parameter on a common scale; ends that nothing bounds reach its edge.
+
+    Args:
+        comparison: what was found.
+        p: one of its parameters.
+    """
+    present = [(k, e) for k, e in enumerate(p.estimates) if e is not None]
+    ends = [x for _, e in present for x in (e.low, e.value, e.high) if math.isfinite(x)]
+    low, high = min(ends), max(ends)
+    extent = (high - low) or abs(high) or 1.0
+
+    def place(x: float, unknown: float) -> float:
+        x = unknown if math.isnan(x) else min(max(x, low), high)
+        return round(_MARGIN + (100.0 - 2.0 * _MARGIN) * (x - low) / extent, 2)
+
+    intervals = []
+    for k, e in present:
+        middle = place(e.value, e.value)
+        left, right = place(e.low, e.value), place(e.high, e.value)
+        intervals.append(Interval(k, middle, left, right, middle, middle))
+    words = "; ".join(f"{comparison.labels[k]} {estimate_text(e)} {p.unit}" for k, e in present)
+    return IntervalDrawing(
+        intervals=tuple(intervals),
+        zero=place(0.0, 0.0) if low <= 0.0 <= high else None,
+        truth=None,
+        low=with_spread(low, extent / 10.0)[0],
+        high=with_spread(high, extent / 10.0)[0],
+        label=f"{p.name}: {words}",
+    )
 
 
 def _packed(x: np.ndarray) -> np.ndarray:

@@ -106,7 +106,7 @@ def deviations(z: float) -> str:
     Args:
         z: the difference over its deviation.
     """
-    return f"{z + 0.0:.1f}" if abs(z) < 1e4 else significant(z, 2)
+    return f"{round(z, 1) + 0.0:.1f}" if abs(z) < 1e4 else significant(z, 2)
 
 
 def z_text(comparison: Comparison, found: Difference | None) -> str:
