@@ -45,5 +45,7 @@ def compare(
         print(comparison_text(found, WIDTH))
     if out is not None:
         found.save(out)
-        print(f"\nFiles: {out / 'comparison.html'}, comparison.csv, comparison.json, comparison.tex")
+        print(
+            f"\nFiles: {out / 'comparison.html'}, comparison.csv, comparison.json, comparison.tex"
+        )
     return 0

@@ -6,7 +6,7 @@ With the lower and upper halves l and u of the two intervals (2σ each where the
 
 The first c is for independent errors (Zou and Donner 2008 for intervals that are not symmetric).
 Estimates from the same record share its noise, and how much of it depends on both methods: their
-correlation is not known. The second c holds for any correlation, by Cauchy and Schwarz's inequality:
+correlation is not known. The second c holds for any correlation, by Cauchy's inequality:
 √(σ_a² + σ_b² - 2 ρ σ_a σ_b) ≤ σ_a + σ_b.
 """
 
@@ -81,7 +81,7 @@ def share_a_record(a: Entry, b: Entry) -> bool:
 
 
 def difference(a: Estimate, b: Estimate, *, independent: bool) -> Difference:
-    """b less a.
+    """The second estimate less the first.
 
     Args:
         a: the first estimate.

@@ -94,7 +94,7 @@ class Entry:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Base parameters of the robot that were not estimated: the estimate takes them for zero."""
+        """Base parameters of the robot that were not estimated, which the torque takes for zero."""
         return tuple(name for name in self.groups.names if name not in self.place)
 
     @property
@@ -115,9 +115,7 @@ class Entry:
         return None if self.identification is None else self.identification.converged
 
 
-def entry_of(
-    identification: Identification, label: str, source: Source | None = None
-) -> Entry:
+def entry_of(identification: Identification, label: str, source: Source | None = None) -> Entry:
     """An identification as an entry.
 
     Args:

@@ -126,9 +126,7 @@ def _source(file: Path) -> Source:
     return Source(str(file), digest, written.isoformat(timespec="seconds"))
 
 
-def _consistent(
-    model: RunnableModel, content: dict[str, Any], label: str, source: Source
-) -> Entry:
+def _consistent(model: RunnableModel, content: dict[str, Any], label: str, source: Source) -> Entry:
     """Consistent parameters: estimated base parameters with profile intervals."""
     try:
         base = [(e["name"], e["low"], e["high"]) for e in content["base"]]
@@ -164,9 +162,7 @@ def _model(model: RunnableModel, label: str, source: Source) -> Entry:
     base = base_of(model.robot, ())
     value = base.values(model.values)
     unknown = np.full(value.shape, math.nan)
-    made = _of_model(
-        model, label, source, "model", base.names, (value, unknown, unknown), math.nan
-    )
+    made = _of_model(model, label, source, "model", base.names, (value, unknown, unknown), math.nan)
     note = (
         f"{label} is a model, whose base parameters have no intervals: differences from it are "
         "not judged."

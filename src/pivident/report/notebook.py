@@ -48,10 +48,14 @@ def identification_html(result: Identification) -> str:
         rows_line=rows_line(result),
         friction_line=friction_line(result),
         rows=[
-            (row, with_spread(row.value, 2.0 * row.std), interval_drawing([row], [""], with_zero=True))
+            (
+                row,
+                with_spread(row.value, 2.0 * row.std),
+                interval_drawing([row], [result.method], with_zero=True),
+            )
             for row in rows
         ],
-    )  # fmt: skip
+    )
 
 
 def robot_html(robot: Robot) -> str:

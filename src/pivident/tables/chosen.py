@@ -101,6 +101,4 @@ def _entry(thing: Any) -> tuple[str, str, tuple[str, ...]]:
         if entry is not None:
             return entry
     known = ", ".join(key.rpartition(".")[2] for key in TABLES)
-    raise TableError(
-        f"there is no table of a {type(thing).__name__}; there are tables of {known}"
-    )
+    raise TableError(f"there is no table of a {type(thing).__name__}; there are tables of {known}")

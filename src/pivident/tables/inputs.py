@@ -156,9 +156,7 @@ def problem_signals(problem: Problem) -> Table:
     channels = dict.fromkeys(name for t in tables for name in t.columns)
     joined: dict[str, np.ndarray | tuple[str, ...]] = {
         "recording": tuple(
-            r.name
-            for r, t in zip(problem.recordings, tables, strict=True)
-            for _ in range(len(t))
+            r.name for r, t in zip(problem.recordings, tables, strict=True) for _ in range(len(t))
         ),
     }
     for name in channels:

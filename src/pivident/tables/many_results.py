@@ -135,9 +135,7 @@ def study_parameters(summary: Summary) -> Table:
         for p in found.parameters:
             low, high = p.coverage_interval
             own = {f.name: getattr(p, f.name) for f in fields(p) if f.name != "coverage_interval"}
-            rows.append(
-                {"method": method} | own | {"coverage_low": low, "coverage_high": high}
-            )
+            rows.append({"method": method} | own | {"coverage_low": low, "coverage_high": high})
     meanings = {
         "spread": "empirical standard deviation of the estimates",
         "predicted": "mean of the reported deviations",

@@ -139,9 +139,7 @@ class Table:
         from pivident.validation.plain_table import plain_table
 
         shown = self.shown(_SHOWN)
-        text = plain_table(
-            [(name, "." if number else "<", cells) for name, number, cells in shown]
-        )
+        text = plain_table([(name, "." if number else "<", cells) for name, number, cells in shown])
         more = len(self) - _SHOWN
         return f"{text}\n… and {more} more rows" if more > 0 else text
 
