@@ -136,12 +136,14 @@ def record_text(entry: Entry) -> str:
     return " ".join(digest[:HASH] for digest in entry.inputs.values()) or "not known"
 
 
-def _table(title: str, columns: Sequence[tuple[str, str]]) -> Table:
-    """An empty table: titles, and ``left`` or ``right``; the first column does not wrap."""
+def _titled(title: str, table: Table) -> RenderableType:
+    """A table under its title, which may be wider."""
+    return Group(Text(escaped(title), style="bold"), table)
+
+
+def _table(columns: Sequence[tuple[str, str]]) -> Table:
+    """An empty table: titles, and ``left`` or ``right``; numbers, names and units do not wrap."""
     table = Table(
-        title=Text(title),
-        title_justify="left",
-        title_style="bold",
         box=box.SIMPLE_HEAD,
         pad_edge=False,
         show_edge=False,
@@ -159,10 +161,10 @@ def _add(table: Table, cells: Sequence[str], style: str = "") -> None:
     table.add_row(*(Text(escaped(cell)) for cell in cells), style=style or None)
 
 
-def _fit_table(comparison: Comparison) -> Table:
+def _fit_table(comparison: Comparison) -> RenderableType:
     """How well each result fits its own record."""
     titles = ("parameters", "torque error", "condition", "rows", "converged")
-    table = _table("Results", [("result", "left"), *((t, "right") for t in titles)])
+    table = _table([("result", "left"), *((t, "right") for t in titles)])
     for entry in comparison.entries:
         rows = "–" if entry.samples is None else f"{entry.samples:,}".replace(",", " ")
         cells = [
@@ -174,22 +176,22 @@ def _fit_table(comparison: Comparison) -> Table:
             ending_text(entry),
         ]
         _add(table, cells, "red" if entry.converged is False else "")
-    return table
+    return _titled("Results", table)
 
 
-def _source_table(comparison: Comparison) -> Table:
+def _source_table(comparison: Comparison) -> RenderableType:
     """What each result came from."""
     titles = ("result", "method", "record", "pivident", "file", "written")
-    table = _table("Where they come from (hashes shortened)", [(t, "left") for t in titles])
+    table = _table([(t, "left") for t in titles])
     for e in comparison.entries:
         source = ("–", "–")
         if e.source is not None:
             source = (e.source.sha256[:HASH], e.source.modified.split("T")[0])
         _add(table, [e.label, e.method, record_text(e), e.version or "–", *source])
-    return table
+    return _titled("Where they come from (hashes shortened)", table)
 
 
-def _pair_table(comparison: Comparison, width: int) -> Table:
+def _pair_table(comparison: Comparison, width: int) -> RenderableType:
     """Two results: values, their difference where there is room for it, and how sure it is."""
     heads = ["", "unit", *comparison.labels, "difference", "z"]
     lines = []
@@ -203,11 +205,11 @@ def _pair_table(comparison: Comparison, width: int) -> Table:
     if sum(widths) + _GAP * (len(heads) - 1) > width:
         columns.remove(heads.index("difference"))
     sides = ("left", "left", "right", "right", "right", "right")
-    table = _table("Parameters ± 2σ", [(heads[k], sides[k]) for k in columns])
+    table = _table([(heads[k], sides[k]) for k in columns])
     for p, cells in zip(comparison.parameters, lines, strict=True):
         marked = comparison.is_marked(p.differences[1])
         _add(table, [cells[k] for k in columns], "bold" if marked else "")
-    return table
+    return _titled("Parameters ± 2σ", table)
 
 
 def _narrow(text: str) -> str:
@@ -227,11 +229,11 @@ def _value_tables(comparison: Comparison, width: int) -> list[RenderableType]:
     for chosen in _fitting(widths, width - fixed):
         title = "Parameters ± 2σ" if not tables else "Parameters ± 2σ, continued"
         columns = [("", "left"), ("unit", "left")]
-        table = _table(title, columns + [(comparison.labels[k], "right") for k in chosen])
+        table = _table(columns + [(comparison.labels[k], "right") for k in chosen])
         for p, row in zip(comparison.parameters, cells, strict=True):
             marked = any(comparison.is_marked(p.differences[k]) for k in chosen)
             _add(table, [p.name, p.unit, *(row[k] for k in chosen)], "bold" if marked else "")
-        tables += [table, Text()]
+        tables += [_titled(title, table), Text()]
     return tables[:-1]
 
 
@@ -255,7 +257,7 @@ def _fitting(widths: Sequence[int], room: int) -> list[list[int]]:
     return groups
 
 
-def _difference_table(comparison: Comparison) -> Table | None:
+def _difference_table(comparison: Comparison) -> RenderableType | None:
     """The significant differences of three results or more, the clearest first."""
     found = [
         (abs(d.z), k, p, d)
@@ -271,12 +273,12 @@ def _difference_table(comparison: Comparison) -> Table | None:
         title += f", the {_MOST_LISTED} clearest of {len(found)}"
     names = (("parameter", "left"), ("result", "left"), ("difference", "right"))
     further = (("unit", "left"), ("%", "right"), ("z", "right"))
-    table = _table(title, [*names, *further])
+    table = _table([*names, *further])
     for _, k, p, d in found[:_MOST_LISTED]:
         percent = significant(d.relative, 2) if abs(d.relative) < _MOST_PERCENT else "–"
         z = deviations(d.z)
         _add(table, [p.name, comparison.labels[k], _narrow(difference_text(d)), p.unit, percent, z])
-    return table
+    return _titled(title, table)
 
 
 def _torque_tables(comparison: Comparison, width: int) -> list[RenderableType]:
@@ -289,10 +291,10 @@ def _torque_tables(comparison: Comparison, width: int) -> list[RenderableType]:
     for chosen in _chunks(widths, room):
         title = "Torque error on the record of …" + (", continued" if tables else "")
         heads = [("parameters of", "left"), *((names[k], "right") for k in chosen)]
-        table = _table(title, heads)
+        table = _table(heads)
         for j, label in enumerate(comparison.labels):
             _add(table, [label, *(share_text(float(records[k].error[j])) for k in chosen)])
-        tables += [table, Text()]
+        tables += [_titled(title, table), Text()]
     return tables[:-1]
 
 

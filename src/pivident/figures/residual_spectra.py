@@ -1,8 +1,8 @@
 """Spectra of the whitened residuals, against what white noise may have.
 
 Averaged over windows of Hann with half overlap that have no gap, P(f)·rate/2 of a white residual of
-unit variance is 1 at every frequency. With K windows it is χ² with ν degrees of freedom over ν, where
-ν = 2K/(1 + (K-1)/(18 K)) allows for the overlap, in which the correlation of neighbours is 1/6
+unit variance is 1 at every frequency. With K windows it is χ² with ν degrees of freedom over ν;
+ν = 2K/(1 + (K-1)/(18 K)) allows for the overlap, in which neighbours are correlated by 1/6
 (Welch 1967).
 """
 
