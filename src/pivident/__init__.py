@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     from pivident.robot import Robot, load_robot
     from pivident.simulation.controllers import PD, PID, Cascade, PythonController
     from pivident.simulation.virtual_pd import virtual_pd
-    from pivident.tables import table
+    from pivident.tables.chosen import table
     from pivident.validation.cross_validation import cross_validate
     from pivident.validation.essential_parameters import essential_parameters
     from pivident.validation.examination import examine
@@ -85,7 +85,7 @@ _HOME = {
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
     "make_consistent": "pivident.consistency.consistent_model",
-    "table": "pivident.tables",
+    "table": "pivident.tables.chosen",
     "verdict": "pivident.validation.verdict",
     "virtual_pd": "pivident.simulation.virtual_pd",
     "write_report": "pivident.report.builder",

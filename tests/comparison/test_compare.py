@@ -164,7 +164,7 @@ def test_consistent_parameters_and_models(folder, tmp_path, capsys):
     capsys.readouterr()
     found = compare([place, place / "consistent.json", model])
     assert [e.kind for e in found.entries] == ["identification", "consistent", "model"]
-    free, consistent, stored = found.entries
+    consistent = found.entries[1]
     assert consistent.method == "PC-IDIM-PIV" and consistent.covariance is None
     assert (consistent.low <= consistent.value).all() and (
         consistent.value <= consistent.high

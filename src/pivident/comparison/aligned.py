@@ -51,7 +51,7 @@ def aligned_by_name(
         entries: the results.
     """
     first, *others = entries
-    rows = []
+    rows: list[tuple[Quantity, tuple[Estimate | None, ...]]] = []
     groups = first.groups
     columns = zip(groups.names, groups.units, groups.expressions, groups.rows, strict=True)
     for name, unit, expression, row in columns:

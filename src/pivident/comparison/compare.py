@@ -245,8 +245,10 @@ def _judged(
         first, *others = estimates
         line: list[Difference | None] = [None]
         for other, same in zip(others, same_record[1:], strict=True):
-            known = first is not None and other is not None
-            line.append(difference(first, other, independent=not same) if known else None)
+            if first is None or other is None:
+                line.append(None)
+            else:
+                line.append(difference(first, other, independent=not same))
         table.append(line)
     single = np.array([[math.nan if d is None else d.p_value for d in line] for line in table])
     adjusted = holm(single.ravel()).reshape(single.shape)

@@ -26,12 +26,15 @@ SCHEMA = 1
 #: Names of the files.
 PAGE, TABLE, JSON, LATEX = (f"comparison.{kind}" for kind in ("html", "csv", "json", "tex"))
 
-#: Columns of the table: one row for each parameter and result. Ends of intervals are at 2σ; the
-#: difference is from the first result.
+#: Columns of a difference, which is from the first result. Ends of intervals are at 2σ.
+_OF_DIFFERENCE = (
+    "difference", "difference_low", "difference_high", "relative_percent", "z", "p_value",
+    "p_adjusted", "significant",
+)  # fmt: skip
+
+#: Columns of the table: one row for each parameter and result.
 CSV_COLUMNS = (
-    "parameter", "unit", "group", "result", "value", "low", "high", "difference",
-    "difference_low", "difference_high", "relative_percent", "z", "p_value", "p_adjusted",
-    "significant",
+    "parameter", "unit", "group", "result", "value", "low", "high", *_OF_DIFFERENCE,
 )  # fmt: skip
 
 
@@ -260,14 +263,8 @@ def _estimate_values(estimate: Estimate) -> dict[str, Any]:
 
 
 def _difference_values(comparison: Comparison, found: Difference | None) -> dict[str, Any]:
-    nothing = found is None
-    return {
-        "difference": None if nothing else found.value,
-        "difference_low": None if nothing else found.low,
-        "difference_high": None if nothing else found.high,
-        "relative_percent": None if nothing else found.relative,
-        "z": None if nothing else found.z,
-        "p_value": None if nothing else found.p_value,
-        "p_adjusted": None if nothing else found.p_adjusted,
-        "significant": None if nothing else comparison.is_marked(found),
-    }
+    if found is None:
+        return dict.fromkeys(_OF_DIFFERENCE)
+    values = (found.value, found.low, found.high, found.relative, found.z, found.p_value)
+    marked = comparison.is_marked(found)
+    return dict(zip(_OF_DIFFERENCE, (*values, found.p_adjusted, marked), strict=True))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,7 @@ from pivident.estimation.tables import error_rows, is_decimated
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import Comparison
+    from pivident.comparison.entry import Entry
 
 #: Names that are listed in one sentence.
 LISTED = 12
@@ -56,7 +58,7 @@ def findings(comparison: Comparison) -> list[str]:
     first, found = comparison.labels[0], []
     for k, label in enumerate(comparison.labels[1:], start=1):
         tested = sum(
-            p.differences[k] is not None and p.differences[k].p_value == p.differences[k].p_value
+            (d := p.differences[k]) is not None and not math.isnan(d.p_value)
             for p in comparison.parameters
         )
         marked = comparison.marked(k)
@@ -175,10 +177,13 @@ def _rows(comparison: Comparison) -> Iterator[str]:
         )
 
 
-def rows_text(entry: object) -> str:
-    """The rows that a result's relative error is taken over, in a few words."""
-    identification = getattr(entry, "identification", None)
-    return "–" if identification is None else error_rows(identification)
+def rows_text(entry: Entry) -> str:
+    """The rows that a result's relative error is taken over, in a few words.
+
+    Args:
+        entry: the result.
+    """
+    return "–" if entry.identification is None else error_rows(entry.identification)
 
 
 def share_text(value: float) -> str:

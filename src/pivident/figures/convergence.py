@@ -23,6 +23,8 @@ def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure
     Raises:
         FigureError: it was solved in one step.
     """
+    from matplotlib.ticker import MaxNLocator
+
     history = result.history
     if len(history) < 2:
         raise FigureError(
@@ -49,6 +51,6 @@ def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure
             values_percent[~np.isfinite(values_percent)] = np.nan
             bottom.semilogy(steps, values_percent, label=name, **line_style(k, marker=True))
         bottom.set(xlabel="iteration", ylabel="criterion [%]")
-        bottom.xaxis.get_major_locator().set_params(integer=True)
+        bottom.xaxis.set_major_locator(MaxNLocator(integer=True))
         bottom.legend()
     return figure

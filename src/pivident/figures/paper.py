@@ -86,7 +86,7 @@ def paper_style() -> Iterator[None]:
         from matplotlib import rc_context
     except ImportError:
         raise FigureError("matplotlib is not installed; `pip install matplotlib`") from None
-    with rc_context(STYLE):
+    with rc_context(STYLE):  # type: ignore[arg-type]
         yield
 
 

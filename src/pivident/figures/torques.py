@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -57,11 +57,12 @@ def figure_of_torques(
             tau, model = record.tau[:, j], record.tau_model[:, j]
             for start, stop in stretches(np.asarray(record.mask, dtype=bool)[:, j], t):
                 ax.axvspan(start, stop, color="#000000", alpha=0.07, linewidth=0)
-            for y, style, name in (
+            lines: tuple[tuple[np.ndarray, dict[str, Any], str], ...] = (
                 (tau, {"color": MEASURED, "linewidth": 1.8}, "measured"),
                 (model, {"color": "#000000", "linewidth": 0.8}, "reconstructed"),
                 (tau - model, {"color": ERROR, "linewidth": 0.8, "linestyle": ":"}, "error"),
-            ):
+            )
+            for y, style, name in lines:
                 kept = kept_samples(np.asarray(y, dtype=float), POINTS)
                 ax.plot(t[kept], y[kept], label=name, **style)
             quantity = "torque" if fit.torque_unit == "N m" else "force"

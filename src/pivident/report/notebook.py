@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pivident.estimation.problem import Problem
     from pivident.recording.recording import Recording
     from pivident.robot.description import Robot
-    from pivident.tables.table import Table
+    from pivident.tables.columns import Table
     from pivident.validation.verdict import Verdict
 
 #: Rows of a table that are shown; a notebook keeps what it shows.

@@ -7,6 +7,6 @@ share is in the column's name (``t_s``, ``rate_hz``, ``relative_std_percent``); 
 """
 
 from pivident.tables.chosen import table, table_names
-from pivident.tables.table import Table, TableError
+from pivident.tables.columns import Table, TableError
 
 __all__ = ["Table", "TableError", "table", "table_names"]

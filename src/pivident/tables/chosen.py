@@ -7,7 +7,7 @@ from importlib import import_module
 from typing import Any
 
 from pivident.robot.naming import nearest
-from pivident.tables.table import Table, TableError
+from pivident.tables.columns import Table, TableError
 
 #: By class: the module below ``pivident.tables`` that has its tables, and their names, the first of
 #: which is taken where none is named. A table ``x`` of a class ``Y`` is made by ``y_x``.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pivident.tables.table import Table
+from pivident.tables.columns import Table
 from pivident.validation.autocorrelation import LjungBoxTest
 from pivident.validation.cross_validation import CrossValidation
 from pivident.validation.residual_tests import ResidualTests

@@ -6,7 +6,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.tables.table import Table, TableError
+from pivident.tables.columns import Table, TableError
 
 #: Meanings that the columns of estimates share.
 ESTIMATES = {

@@ -12,7 +12,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.tables.table import Table
+from pivident.tables.columns import Table
 
 
 def recording_signals(recording: Recording) -> Table:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from pivident.comparison.compare import Comparison
 from pivident.comparison.files import rows as comparison_rows
-from pivident.tables.table import Table
+from pivident.tables.columns import Table
 
 if TYPE_CHECKING:
     import polars as pl

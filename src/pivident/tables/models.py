@@ -6,7 +6,7 @@ import numpy as np
 
 from pivident.consistency.consistent_model import ConsistentModel
 from pivident.consistency.profile_intervals import ProfileIntervals
-from pivident.tables.table import Table
+from pivident.tables.columns import Table, Values
 
 _ENDS = {
     "low": "lower end, -∞ where nothing bounds it, NaN where the solver found none",
@@ -20,7 +20,7 @@ def profile_intervals(found: ProfileIntervals) -> Table:
     Args:
         found: the intervals.
     """
-    columns = {
+    columns: dict[str, Values] = {
         "quantity": tuple(found.names),
         "value": np.asarray(found.values, dtype=float),
         "low": np.asarray(found.low, dtype=float),
@@ -40,7 +40,11 @@ def consistent_parameters(model: ConsistentModel) -> Table:
     made = profile_intervals(model.intervals(of="standard")).columns
     joints = [model.robot.joints[p.joint].name for p in model.parameters]
     links = [model.robot.links[p.joint].name for p in model.parameters]
-    head = {"parameter": made["quantity"], "joint": tuple(joints), "link": tuple(links)}
+    head: dict[str, Values] = {
+        "parameter": made["quantity"],
+        "joint": tuple(joints),
+        "link": tuple(links),
+    }
     rest = {name: values for name, values in made.items() if name != "quantity"}
     return Table("parameters", head | rest, _ENDS)
 
@@ -80,7 +84,7 @@ def consistent_moved(model: ConsistentModel) -> Table:
     Args:
         model: the consistent model.
     """
-    columns = {
+    columns: dict[str, Values] = {
         "parameter": tuple(model.names),
         "free": np.asarray(model.free.theta, dtype=float),
         "free_std": np.asarray(model.free.std, dtype=float),
