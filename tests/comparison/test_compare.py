@@ -271,7 +271,7 @@ def test_the_command(folder, tmp_path, capsys):
     ("arguments", "says"),
     [
         (lambda f: [f / "monday"], "two or more"),
-        (lambda f: [f.parent / "nothing", f], "check the path"),
+        (lambda f: [f / "nothing" / "identification.json", f], "check the path"),
         (lambda f: [f / "monday" / "parameters.csv", f], "not JSON"),
         (lambda f: [f / "monday", f / "friday", "--names", "a"], "1 names for 2 results"),
         (lambda f: [f / "monday", f / "friday", "--names", "a,a"], "given twice"),
