@@ -31,7 +31,8 @@ def load_entries(paths: Iterable[str | PathLike[str]]) -> list[Entry]:
 
     Args:
         paths: ``identification.json``, ``consistent.json``, ``model.json``, folders that hold an
-            identification, or folders of several methods, whose results are all taken.
+            identification, or folders of several methods, whose results are all taken, least
+            squares first.
 
     Raises:
         ComparisonError: a folder holds no result.
@@ -90,7 +91,13 @@ def _files(path: Path) -> list[Path]:
         return [path]
     if (path / RESULT).is_file():
         return [path / RESULT]
-    found = sorted(path.glob(f"*/{RESULT}"))
+    from pivident.estimation.methods import METHODS
+
+    refinement = {name: k for k, name in enumerate(METHODS)}
+    found = sorted(
+        path.glob(f"*/{RESULT}"),
+        key=lambda file: (refinement.get(file.parent.name, len(refinement)), file),
+    )
     if not found:
         raise ComparisonError(
             f"{path} holds no {RESULT}, nor does a folder in it; name the folder that "

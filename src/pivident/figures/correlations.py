@@ -41,7 +41,7 @@ def figure_of_correlations(result: Identification, *, columns: int = 1) -> Figur
         ax.grid(visible=False)
         step = -(-n // _READABLE.get(columns, 30))
         places = np.arange(0, n, step)
-        size = float(np.clip(200.0 * columns / n, 3.5, 7.0))
+        size = float(np.clip(200.0 * columns * step / n, 4.5, 7.0))
         names = [plain(result.names[k]) for k in places]
         ax.set_xticks(places, names, rotation=90, fontsize=size)
         ax.set_yticks(places, names, fontsize=size)
