@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from pivident.comparison.compare import compare
     from pivident.consistency.consistent_model import make_consistent
     from pivident.dynamics.base_parameters import base_parameters
     from pivident.errors import PividentError
@@ -41,6 +42,7 @@ if TYPE_CHECKING:
     from pivident.robot import Robot, load_robot
     from pivident.simulation.controllers import PD, PID, Cascade, PythonController
     from pivident.simulation.virtual_pd import virtual_pd
+    from pivident.tables.chosen import table
     from pivident.validation.cross_validation import cross_validate
     from pivident.validation.essential_parameters import essential_parameters
     from pivident.validation.examination import examine
@@ -68,6 +70,7 @@ _HOME = {
     "Robot": "pivident.robot",
     "base_parameters": "pivident.dynamics.base_parameters",
     "build_regression": "pivident.estimation.identify",
+    "compare": "pivident.comparison.compare",
     "complete_loop": "pivident.estimation.unknown_loop",
     "choose_laws": "pivident.validation.law_choice",
     "cross_validate": "pivident.validation.cross_validation",
@@ -82,6 +85,7 @@ _HOME = {
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
     "make_consistent": "pivident.consistency.consistent_model",
+    "table": "pivident.tables.chosen",
     "verdict": "pivident.validation.verdict",
     "virtual_pd": "pivident.simulation.virtual_pd",
     "write_report": "pivident.report.builder",
@@ -109,6 +113,7 @@ __all__ = [
     "base_parameters",
     "build_regression",
     "choose_laws",
+    "compare",
     "complete_loop",
     "cross_validate",
     "essential_parameters",
@@ -122,6 +127,7 @@ __all__ = [
     "load_recording",
     "load_robot",
     "make_consistent",
+    "table",
     "verdict",
     "virtual_pd",
     "write_report",

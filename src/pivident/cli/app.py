@@ -18,6 +18,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
+from pivident.cli.compare import compare
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.export import export
@@ -52,6 +53,7 @@ app.command(friction)
 app.command(flexibility)
 app.command(gains)
 app.command(laws)
+app.command(compare)
 app.command(consistent)
 app.command(payload)
 app.command(export)

@@ -219,6 +219,16 @@ class Identification:
     def __str__(self) -> str:
         return self.summary()
 
+    def __repr__(self) -> str:
+        from pivident.estimation.tables import headline
+
+        return f"<Identification: {len(self.names)} parameters by {headline(self)}>"
+
+    def _repr_html_(self) -> str:
+        from pivident.report.notebook import identification_html
+
+        return identification_html(self)
+
     def summary(self) -> str:
         """The result as a table: name, value, σ, relative σ, unit, group."""
         from pivident.estimation.tables import identification_table

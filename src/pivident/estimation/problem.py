@@ -156,6 +156,18 @@ class Problem:
     selection: tuple[int, ...] = field(init=False, repr=False)
     regressor: Regressor = field(init=False, repr=False)
 
+    def __repr__(self) -> str:
+        records = f"{len(self.recordings)} recording{'s' * (len(self.recordings) != 1)}"
+        law = "no loop" if self.loop is None else f"loop with {type(self.loop.controller).__name__}"
+        return (
+            f"<Problem of {self.robot.name!r}: {len(self.selection)} parameters, {records}, {law}>"
+        )
+
+    def _repr_html_(self) -> str:
+        from pivident.report.notebook import problem_html
+
+        return problem_html(self)
+
     @cached_property
     def names(self) -> tuple[str, ...]:
         """Names of the estimated parameters."""

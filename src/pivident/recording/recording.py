@@ -151,6 +151,18 @@ class Recording:
                     f"{', '.join(get_args(choices))}"
                 )
 
+    def __repr__(self) -> str:
+        joints = f"{self.joints} joint{'s' * (self.joints != 1)}"
+        return (
+            f"<Recording {self.name!r}: {self.samples} samples of {joints} at {self.rate:.6g} Hz, "
+            f"{self.duration:.4g} s, channels {', '.join(self.channels())}>"
+        )
+
+    def _repr_html_(self) -> str:
+        from pivident.report.notebook import recording_html
+
+        return recording_html(self)
+
     def channels(self) -> dict[str, np.ndarray]:
         """All arrays that are there, by name: q, tau, references, then inputs."""
         named = {channel: getattr(self, channel) for channel in CHANNELS}

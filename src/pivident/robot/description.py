@@ -165,6 +165,15 @@ class Robot:
     def __post_init__(self) -> None:
         check_robot(self)
 
+    def __repr__(self) -> str:
+        names = ", ".join(self.joint_names)
+        return f"<Robot {self.name!r}: {self.size} joint{'s' * (self.size != 1)} ({names})>"
+
+    def _repr_html_(self) -> str:
+        from pivident.report.notebook import robot_html
+
+        return robot_html(self)
+
     @property
     def size(self) -> int:
         """Number of joints."""

@@ -100,6 +100,14 @@ class Verdict:
     def __str__(self) -> str:
         return "\n".join(["Verdict: " + self.headline, *(f"  {s}" for s in self.statements)])
 
+    def __repr__(self) -> str:
+        return f"<Verdict: {self.headline}>"
+
+    def _repr_html_(self) -> str:
+        from pivident.report.notebook import verdict_html
+
+        return verdict_html(self)
+
 
 def verdict(examination: Examination | Identification) -> Verdict:
     """Put what was found out into words.

@@ -1,0 +1,51 @@
+"""The command ``pivident compare``: results of methods, days or robots side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+
+def compare(
+    *results: Path,
+    names: Annotated[str | None, Parameter(show_default=False)] = None,
+    level: float = 0.05,
+    out: Path | None = None,
+) -> int:
+    """Put results side by side, and say which parameters differ significantly from the first.
+
+    Parameters
+    ----------
+    results
+        Folders that `pivident identify` wrote, or the files identification.json, consistent.json
+        or model.json in them; a folder of several methods stands for all of them.
+    names
+        Names of the results, with commas between them. Default: the methods, or parts of the paths.
+    level
+        Probability of one false mark or more.
+    out
+        Folder for comparison.html, .csv, .json and .tex. Default: only the terminal.
+    """
+    from rich.console import Console
+
+    from pivident.cli.workflow import check_output
+    from pivident.comparison.compare import compare as compare_results
+    from pivident.comparison.text import WIDTH, comparison_tables, comparison_text
+
+    if out is not None:
+        check_output(out)
+    labels = None if names is None else names.split(",")
+    found = compare_results(results, labels, level=level)
+    console = Console(highlight=False)
+    if console.is_terminal:
+        console.print(comparison_tables(found, console.width))
+    else:
+        print(comparison_text(found, WIDTH))
+    if out is not None:
+        found.save(out)
+        print(
+            f"\nFiles: {out / 'comparison.html'}, comparison.csv, comparison.json, comparison.tex"
+        )
+    return 0

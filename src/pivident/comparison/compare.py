@@ -1,0 +1,269 @@
+"""Results of several methods, days or robots side by side.
+
+All are compared with the first. A difference is marked where it is significant after correction for
+the number of differences that are looked at, so that the probability of marking one or more that
+are none is at most the level.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from os import PathLike
+from typing import Any
+
+import numpy as np
+
+from pivident.comparison.aligned import aligned_by_group, aligned_by_name
+from pivident.comparison.cross_torque import CrossTorque, cross_torques
+from pivident.comparison.differences import Difference, Estimate, difference, share_a_record
+from pivident.comparison.entry import Entry, entry_of
+from pivident.comparison.errors import ComparisonError
+from pivident.comparison.friction_curves import JointFriction, friction_curves
+from pivident.comparison.groups import difference_of_geometry
+from pivident.comparison.load import distinct_labels, load_entries, relabelled
+from pivident.comparison.multiple_tests import holm
+from pivident.estimation.identification import Identification
+
+#: Probability of one false mark or more in a comparison.
+LEVEL = 0.05
+
+#: Results side by side, at most: beyond that a fleet is the better question.
+MOST = 24
+
+
+@dataclass(frozen=True)
+class ComparedParameter:
+    """One quantity in all results.
+
+    Attributes:
+        name: base parameter, as the first result that estimates it calls it.
+        unit: its unit.
+        expression: its group written out.
+        estimates: what each result says about it, None where it says nothing.
+        differences: of each result from the first, None for the first itself and where one of both
+            says nothing.
+    """
+
+    name: str
+    unit: str
+    expression: str
+    estimates: tuple[Estimate | None, ...]
+    differences: tuple[Difference | None, ...]
+
+    @property
+    def shared(self) -> bool:
+        """Whether all results have it."""
+        return all(estimate is not None for estimate in self.estimates)
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Several results side by side.
+
+    Attributes:
+        entries: the results; the others are compared with the first.
+        parameters: quantity by quantity.
+        level: probability of one false mark or more.
+        same_record: whether each result may share its record with the first.
+        one_machine: whether all robots have the same geometry.
+        torques: torques of all results on the records of those that hold them.
+        friction: friction against speed, joint by joint.
+        notes: what must be known to read the rest, whole sentences.
+    """
+
+    entries: tuple[Entry, ...]
+    parameters: tuple[ComparedParameter, ...]
+    level: float
+    same_record: tuple[bool, ...]
+    one_machine: bool
+    torques: tuple[CrossTorque, ...]
+    friction: tuple[JointFriction, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Names of the results."""
+        return tuple(entry.label for entry in self.entries)
+
+    @property
+    def tests(self) -> int:
+        """Number of differences that were tested."""
+        return sum(
+            d is not None and not math.isnan(d.p_value)
+            for p in self.parameters
+            for d in p.differences
+        )
+
+    def is_marked(self, found: Difference | None) -> bool:
+        """Whether a difference is significant at the level, among all that were tested.
+
+        Args:
+            found: a difference of this comparison.
+        """
+        return found is not None and found.p_adjusted <= self.level
+
+    def marked(self, entry: int) -> tuple[str, ...]:
+        """Names of the parameters of a result that differ significantly from the first's.
+
+        Args:
+            entry: index of the result.
+        """
+        return tuple(p.name for p in self.parameters if self.is_marked(p.differences[entry]))
+
+    def __str__(self) -> str:
+        from pivident.comparison.text import comparison_text
+
+        return comparison_text(self)
+
+    def __repr__(self) -> str:
+        return (
+            f"<Comparison of {', '.join(self.labels)}: {len(self.parameters)} parameters, "
+            f"{sum(len(self.marked(k)) for k in range(len(self.entries)))} significant differences>"
+        )
+
+    def _repr_html_(self) -> str:
+        from pivident.report.notebook import comparison_html
+
+        return comparison_html(self)
+
+    def save(self, folder: str | PathLike[str]) -> None:
+        """Write comparison.html, .csv, .json and .tex into a folder, all or nothing.
+
+        Args:
+            folder: folder to create or to write into.
+
+        Raises:
+            PividentError: it cannot be written.
+        """
+        from pivident.comparison.files import save_comparison
+
+        save_comparison(self, folder)
+
+
+def compare(
+    results: Sequence[Identification | str | PathLike[str]],
+    labels: Sequence[str] | None = None,
+    *,
+    level: float = LEVEL,
+) -> Comparison:
+    """Compare results with the first of them.
+
+    Args:
+        results: identifications, or files and folders of results (`load_entries`), in any mixture.
+        labels: a name for each; None: the methods where they differ, else parts of the paths.
+        level: probability of one false mark or more.
+
+    Raises:
+        ComparisonError: fewer than two results, or labels that do not fit.
+        IdentificationFileError: a file cannot be used.
+    """
+    entries = _named(_entries(results), labels)
+    if len(entries) < 2:
+        raise ComparisonError(
+            f"there is {'one result' if entries else 'no result'}; give two or more to compare"
+        )
+    if len(entries) > MOST:
+        raise ComparisonError(
+            f"there are {len(entries)} results, and no one reads more than {MOST} side by side; "
+            "`pivident fleet` follows parameters over many records"
+        )
+    if not 0.0 < level < 1.0:
+        raise ComparisonError(
+            f"level is {level:g}; it is a probability between 0 and 1, such as {LEVEL:g}"
+        )
+    first = entries[0]
+    geometry = [difference_of_geometry(first.robot, e.robot) for e in entries]
+    one_machine = not any(geometry)
+    rows = aligned_by_group(entries) if one_machine else aligned_by_name(entries)
+    same_record = tuple(k > 0 and share_a_record(first, e) for k, e in enumerate(entries))
+    parameters = _judged(rows, same_record)
+    comparison = Comparison(
+        entries=tuple(entries),
+        parameters=parameters,
+        level=level,
+        same_record=same_record,
+        one_machine=one_machine,
+        torques=cross_torques(entries) if one_machine else (),
+        friction=friction_curves(entries) if one_machine else (),
+        notes=(),
+    )
+    from pivident.comparison.remarks import remarks
+
+    return replace(comparison, notes=tuple(remarks(comparison, geometry)))
+
+
+def _entries(results: Any) -> list[Entry]:
+    """Results of any kind; files are read together, so that their names differ."""
+    if isinstance(results, (str, PathLike, Identification)):
+        results = [results]
+    entries: list[list[Entry]] = []
+    paths = [r for r in results if not isinstance(r, Identification)]
+    for path in paths:
+        if not isinstance(path, (str, PathLike)):
+            raise ComparisonError(
+                f"a {type(path).__name__} cannot be compared; give identifications, or files and "
+                "folders of results"
+            )
+    for result in results:
+        if isinstance(result, Identification):
+            entries.append([entry_of(result, result.method)])
+        else:
+            entries.append(load_entries([result]))
+    if paths and len(paths) == len(results):
+        return load_entries(paths)
+    return [entry for group in entries for entry in group]
+
+
+def _named(entries: list[Entry], labels: Sequence[str] | None) -> list[Entry]:
+    """The results with the names that were asked for, or with ones that differ."""
+    if labels is None:
+        names = [e.label for e in entries]
+        if len(set(names)) == len(names):
+            return entries
+        labels = distinct_labels([e.method for e in entries], [(e.label,) for e in entries])
+    labels = [str(label).strip() for label in labels]
+    if len(labels) != len(entries):
+        raise ComparisonError(
+            f"there are {len(labels)} names for {len(entries)} results "
+            f"({', '.join(e.label for e in entries)}); give one for each"
+        )
+    twice = [label for label, count in Counter(labels).items() if count > 1 or not label]
+    if twice:
+        raise ComparisonError(f"the name {twice[0]!r} is empty or given twice; names must differ")
+    return [relabelled(entry, label) for entry, label in zip(entries, labels, strict=True)]
+
+
+def _judged(
+    rows: Sequence[tuple[Any, tuple[Estimate | None, ...]]], same_record: tuple[bool, ...]
+) -> tuple[ComparedParameter, ...]:
+    """Differences from the first result, with probabilities adjusted among all of them."""
+    table: list[list[Difference | None]] = []
+    for _, estimates in rows:
+        first, *others = estimates
+        line: list[Difference | None] = [None]
+        for other, same in zip(others, same_record[1:], strict=True):
+            if first is None or other is None:
+                line.append(None)
+            else:
+                line.append(difference(first, other, independent=not same))
+        table.append(line)
+    single = np.array([[math.nan if d is None else d.p_value for d in line] for line in table])
+    adjusted = holm(single.ravel()).reshape(single.shape)
+    return tuple(
+        ComparedParameter(
+            name,
+            unit,
+            expression,
+            estimates,
+            tuple(
+                None if d is None else replace(d, p_adjusted=float(p))
+                for d, p in zip(line, adjusted[k], strict=True)
+            ),
+        )
+        for k, (((name, unit, expression, _), estimates), line) in enumerate(
+            zip(rows, table, strict=True)
+        )
+    )

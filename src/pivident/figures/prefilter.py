@@ -1,0 +1,68 @@
+"""Gain of the prefilters that an estimate was made with."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.identification import Identification
+from pivident.figures.paper import (
+    FigureError,
+    chosen_joints,
+    chosen_recording,
+    line_style,
+    new_figure,
+    paper_style,
+    plain,
+)
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Frequencies of a curve.
+_POINTS = 600
+
+
+def figure_of_prefilters(
+    result: Identification, joints: Sequence[str | int] | None = None, *, columns: int = 1
+) -> Figure:
+    """Gain |A N/D| of each joint's prefilter over that at the lowest frequency, in decibel.
+
+    Args:
+        result: an identification at the full rate that still holds its equations.
+        joints: names or numbers from 1; None: all.
+        columns: width, 1 or 2 columns of a page.
+
+    Raises:
+        FigureError: it holds no equations, has no prefilter, or there is no such joint.
+    """
+    chosen, equations = chosen_joints(result, joints), result.equations
+    if equations is None:
+        raise FigureError(
+            "the identification holds no equations, as after reading it from a file; identify again"
+        )
+    if not isinstance(equations.records[0], FullRateRecord):
+        raise FigureError(f"{result.method} filters by a band-pass and has no prefilters")
+    rate = chosen_recording(result, 0).whitened_rate
+    frequency = np.geomspace(rate / 2.0e4, 0.5 * rate, _POINTS)
+    shift = np.exp(-2j * np.pi * frequency / rate)
+    with paper_style():
+        figure, (ax,) = new_figure(1, columns=columns, row_height=2.1)
+        for k, j in enumerate(chosen):
+            own = equations.filters[j]
+            response = _of(own.numerator, shift) / _of(own.denominator, shift)
+            gain = np.abs(response * _of(own.fir, shift))
+            decibel = 20.0 * np.log10(np.maximum(gain / max(gain[0], 1e-300), 1e-300))
+            name = plain(result.robot.joint_names[j])
+            ax.semilogx(frequency, decibel, label=name, **line_style(k))
+        ax.set(xlabel="frequency [Hz]", ylabel="gain [dB], lowest frequency 0")
+        ax.legend(ncols=2)
+    return figure
+
+
+def _of(coefficients: Sequence[float] | np.ndarray, shift: np.ndarray) -> np.ndarray:
+    """A polynomial in z⁻¹ at the frequencies."""
+    return np.polyval(np.asarray(coefficients, dtype=float)[::-1], shift)

@@ -1,0 +1,178 @@
+"""Results as a notebook shows them: small HTML that stands by itself.
+
+No script, no font, no file from elsewhere. Colours come from the page: text is the notebook's own,
+lines and shades are made from it, so that light and dark themes both show it. Tables have captions
+and header cells, drawings a label in words. Everything that comes from outside is escaped.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import TYPE_CHECKING, Any
+
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from pivident.estimation.parameter_rows import known, percent, significant, with_spread
+
+if TYPE_CHECKING:
+    from pivident.comparison.compare import Comparison
+    from pivident.estimation.identification import Identification
+    from pivident.estimation.problem import Problem
+    from pivident.recording.recording import Recording
+    from pivident.robot.description import Robot
+    from pivident.tables.columns import Table
+    from pivident.validation.verdict import Verdict
+
+#: Rows of a table that are shown; a notebook keeps what it shows.
+MOST_ROWS = 60
+
+#: Points of a small curve.
+POINTS = 160
+
+
+def identification_html(result: Identification) -> str:
+    """Parameters with intervals, fit of the joints, warnings.
+
+    Args:
+        result: the identification.
+    """
+    from pivident.estimation.parameter_rows import parameter_rows
+    from pivident.estimation.tables import ending, friction_line, rows_line
+    from pivident.report.intervals import interval_drawing
+
+    rows = parameter_rows(result)
+    return _rendered(
+        "identification",
+        result=result,
+        ending=ending(result),
+        rows_line=rows_line(result),
+        friction_line=friction_line(result),
+        rows=[
+            (
+                row,
+                with_spread(row.value, 2.0 * row.std),
+                interval_drawing([row], [result.method], with_zero=True),
+            )
+            for row in rows
+        ],
+    )
+
+
+def robot_html(robot: Robot) -> str:
+    """Joints with their limits and friction laws.
+
+    Args:
+        robot: the robot.
+    """
+    return _rendered("robot", robot=robot, links=_masses(robot))
+
+
+def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()) -> str:
+    """Rates, length, joints with their ranges, and a curve of each position.
+
+    Args:
+        recording: the recording.
+        units: unit of position and torque of each joint, where the robot is known.
+    """
+    import numpy as np
+
+    rows = []
+    for j, name in enumerate(recording.joint_names):
+        q, tau = recording.q[:, j], recording.tau[:, j]
+        rows.append(
+            {
+                "name": name,
+                "low": significant(float(q.min())),
+                "high": significant(float(q.max())),
+                "rms": significant(float(np.sqrt(np.mean(tau**2)))),
+                "peak": significant(float(np.abs(tau).max())),
+                "units": units[j] if units else ("rad or m", "N m or N"),
+                "curve": _curve(q),
+            }
+        )
+    return _rendered("recording", recording=recording, rows=rows)
+
+
+def problem_html(problem: Problem) -> str:
+    """What is given, in short.
+
+    Args:
+        problem: the problem.
+    """
+    return _rendered("problem", problem=problem, left_out=len(problem.base) - len(problem.names))
+
+
+def verdict_html(verdict: Verdict) -> str:
+    """The statements with their grades.
+
+    Args:
+        verdict: should one believe it.
+    """
+    marks = {"good": "+", "note": "·", "caution": "!", "bad": "×"}
+    return _rendered("verdict", verdict=verdict, marks=marks)
+
+
+def comparison_html(comparison: Comparison) -> str:
+    """Parameters of all results side by side, significant differences marked.
+
+    Args:
+        comparison: several results.
+    """
+    from pivident.comparison.remarks import findings, level_sentence
+    from pivident.comparison.text import difference_text, estimate_text
+
+    return _rendered(
+        "comparison",
+        comparison=comparison,
+        findings=findings(comparison),
+        level_sentence=level_sentence(comparison),
+        estimate_text=estimate_text,
+        difference_text=difference_text,
+    )
+
+
+def table_html(table: Table) -> str:
+    """The first rows of a table.
+
+    Args:
+        table: any table.
+    """
+    columns = table.shown(MOST_ROWS)
+    cells = list(zip(*(column for _, _, column in columns), strict=True))
+    return _rendered("table", table=table, columns=columns, cells=cells)
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("pivident.report", "templates/notebook"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"percent": percent, "significant": significant, "known": known}
+    return environment
+
+
+def _rendered(name: str, **content: Any) -> str:
+    from pivident.printable import escaped
+
+    text = _environment().get_template(f"{name}.html").render(content)
+    return escaped(text)
+
+
+def _masses(robot: Robot) -> list[str]:
+    """Nominal mass of each link, – where none is known."""
+    return [significant(float(link.inertia[9])) if link.inertia[9] else "–" for link in robot.links]
+
+
+def _curve(x: Any) -> str:
+    """A signal as the points of a polyline, 100 wide and 20 high."""
+    import numpy as np
+
+    chosen = np.unique(np.linspace(0, x.size - 1, POINTS).astype(int))
+    low, high = float(x.min()), float(x.max())
+    u = 100.0 * np.linspace(0.0, 1.0, chosen.size)
+    v = 19.0 - 18.0 * (x[chosen] - low) / ((high - low) or 1.0)
+    return " ".join(f"{a:.4g},{b:.4g}" for a, b in zip(u, v, strict=True))

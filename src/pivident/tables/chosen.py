@@ -1,0 +1,104 @@
+"""Which tables each kind of result has; none of them is imported before it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+from pivident.robot.naming import nearest
+from pivident.tables.columns import Table, TableError
+
+#: By class: the module below ``pivident.tables`` that has its tables, and their names, the first of
+#: which is taken where none is named. A table ``x`` of a class ``Y`` is made by ``y_x``.
+TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
+    "pivident.estimation.identification.Identification": (
+        "identifications",
+        "identification",
+        ("parameters", "covariance", "joints", "iterations", "history", "signals"),
+    ),
+    "pivident.estimation.problem.Problem": (
+        "inputs",
+        "problem",
+        ("parameters", "recordings", "signals"),
+    ),
+    "pivident.recording.recording.Recording": ("inputs", "recording", ("signals",)),
+    "pivident.robot.description.Robot": ("inputs", "robot", ("joints", "parameters")),
+    "pivident.audit.audit.Audit": ("inputs", "audit", ("findings",)),
+    "pivident.validation.residual_tests.ResidualTests": ("doubts", "residual", ("tests",)),
+    "pivident.validation.cross_validation.CrossValidation": (
+        "doubts",
+        "validation",
+        ("folds", "joints"),
+    ),
+    "pivident.validation.verdict.Verdict": ("doubts", "verdict", ("statements",)),
+    "pivident.consistency.consistent_model.ConsistentModel": (
+        "models",
+        "consistent",
+        ("parameters", "links", "moved"),
+    ),
+    "pivident.consistency.profile_intervals.ProfileIntervals": (
+        "models",
+        "profile",
+        ("intervals",),
+    ),
+    "pivident.comparison.compare.Comparison": (
+        "many_results",
+        "comparison",
+        ("parameters", "results", "torques", "friction"),
+    ),
+    "pivident.study.summary.Summary": ("many_results", "study", ("parameters", "methods")),
+    "pivident.fleet.identify_fleet.Fleet": ("many_results", "fleet", ("parameters",)),
+    "pivident.fleet.judgement.Judgement": (
+        "many_results",
+        "judgement",
+        ("parameters", "alarms", "wear"),
+    ),
+    "pivident.friction.examination.FrictionExamination": (
+        "many_results",
+        "friction",
+        ("curves",),
+    ),
+}
+
+
+def table(thing: Any, name: str | None = None) -> Table:
+    """A table of a result, ready for pandas, polars or a sheet.
+
+    Args:
+        thing: an identification, problem, recording, robot, audit, comparison, study, fleet, or a
+            result of validation and consistency.
+        name: which of its tables; None: the first of `table_names`.
+
+    Raises:
+        TableError: there is no table of that thing, or none of that name.
+    """
+    module, prefix, names = _entry(thing)
+    chosen = names[0] if name is None else name
+    if chosen not in names:
+        raise TableError(
+            f"a {type(thing).__name__} has no table {chosen!r}; {nearest(str(chosen), names)}; "
+            f"there are {', '.join(names)}"
+        )
+    return getattr(import_module(f"pivident.tables.{module}"), f"{prefix}_{chosen}")(thing)
+
+
+def table_names(thing: Any) -> tuple[str, ...]:
+    """Names of the tables that a result has.
+
+    Args:
+        thing: as for `table`.
+
+    Raises:
+        TableError: it has none.
+    """
+    return _entry(thing)[2]
+
+
+def _entry(thing: Any) -> tuple[str, str, tuple[str, ...]]:
+    for cls in type(thing).__mro__:
+        entry = TABLES.get(f"{cls.__module__}.{cls.__qualname__}")
+        if entry is not None:
+            return entry
+    known = ", ".join(key.rpartition(".")[2] for key in TABLES)
+    raise TableError(f"there is no table of a {type(thing).__name__}; there are tables of {known}")

@@ -1,0 +1,202 @@
+"""Tables of an identification."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.tables.columns import Table, TableError
+
+#: Meanings that the columns of estimates share.
+ESTIMATES = {
+    "value": "estimate",
+    "low": "lower end of the interval, value - 2 std",
+    "high": "upper end of the interval, value + 2 std",
+    "std": "standard deviation by the method's covariance",
+    "robust_std": "standard deviation for residuals that are correlated and of changing variance",
+    "relative_std_percent": "100 std/|value|",
+    "group": "standard parameters that the base parameter stands for",
+}
+
+
+def identification_parameters(result: Identification) -> Table:
+    """One row for each estimated parameter.
+
+    Args:
+        result: the identification.
+    """
+    names = result.robot.joint_names
+    rows = [
+        {
+            "parameter": row.name,
+            "joint": names[p.joint],
+            "kind": p.stem,
+            "value": row.value,
+            "low": row.value - 2.0 * row.std,
+            "high": row.value + 2.0 * row.std,
+            "std": row.std,
+            "robust_std": row.robust_std,
+            "relative_std_percent": row.relative_std,
+            "unit": row.unit,
+            "group": row.expression,
+        }
+        for row, p in zip(parameter_rows(result), result.parameters, strict=True)
+    ]
+    return Table.of_rows("parameters", rows, ESTIMATES)
+
+
+def identification_covariance(result: Identification) -> Table:
+    """One row for each pair of parameters.
+
+    Args:
+        result: the identification.
+    """
+    names, units = np.array(result.names, dtype=object), np.array(result.units, dtype=object)
+    n = names.size
+    first, second = np.repeat(np.arange(n), n), np.tile(np.arange(n), n)
+    std = result.std
+    with np.errstate(divide="ignore", invalid="ignore"):
+        correlation = result.covariance / np.outer(std, std)
+    unit = [f"({units[a]})·({units[b]})" for a, b in zip(first, second, strict=True)]
+    return Table(
+        "covariance",
+        {
+            "parameter": tuple(names[first]),
+            "other": tuple(names[second]),
+            "covariance": result.covariance.ravel(),
+            "robust_covariance": result.robust_covariance.ravel(),
+            "unit": tuple(unit),
+            "correlation": correlation.ravel(),
+        },
+        {"covariance": "by the method", "correlation": "of the method's covariance, -1 to 1"},
+    )
+
+
+def identification_joints(result: Identification) -> Table:
+    """How each joint was fitted.
+
+    Args:
+        result: the identification.
+    """
+    rows = [
+        {
+            "joint": fit.name,
+            "relative_error_percent": 100.0 * fit.relative_error,
+            "rms_error": fit.rms_error,
+            "torque_unit": fit.torque_unit,
+            "noise_std": fit.noise_std,
+            "noise_unit": fit.noise_unit,
+            "ar_order": fit.ar_order,
+            "ar_at_bound": fit.ar_at_bound,
+            "rows": fit.rows,
+            "masked_percent": 100.0 * fit.masked,
+            "smoother_f50_hz": fit.f50,
+            "encoder_std": fit.encoder_std,
+            "position_unit": _position_unit(joint.kind),
+        }
+        for fit, joint in zip(result.joints, result.robot.joints, strict=True)
+    ]
+    meanings = {
+        "relative_error_percent": "‖τ - Φθ‖/‖τ‖ over the rows that voted",
+        "rms_error": "rms of τ - Φθ over the same rows [torque_unit]",
+        "noise_std": "deviation of the innovations of the filtered equation [noise_unit]",
+        "encoder_std": "measurement noise found by the smoother [position_unit]",
+        "smoother_f50_hz": "half-power frequency of the position smoother",
+    }
+    return Table.of_rows("joints", rows, meanings)
+
+
+def identification_iterations(result: Identification) -> Table:
+    """How the iteration went.
+
+    Args:
+        result: the identification.
+    """
+    rows = [
+        {
+            "iteration": k,
+            "change_percent": 100.0 * step.change,
+            "relative_error_percent": 100.0 * step.residual,
+            "halvings": step.halvings,
+        }
+        for k, step in enumerate(result.history, start=1)
+    ]
+    meanings = {"change_percent": "largest |Δθ|/max(|θ|, 2σ)"}
+    empty = ("iteration", "change_percent", "relative_error_percent", "halvings")
+    return Table.of_rows("iterations", rows, meanings, empty)
+
+
+def identification_history(result: Identification) -> Table:
+    """Every parameter after every iteration.
+
+    Args:
+        result: the identification.
+    """
+    rows = [
+        {"iteration": k, "parameter": name, "value": float(value), "unit": unit}
+        for k, step in enumerate(result.history, start=1)
+        for name, value, unit in zip(result.names, step.theta, result.units, strict=True)
+    ]
+    return Table.of_rows("history", rows, empty=("iteration", "parameter", "value", "unit"))
+
+
+def identification_signals(result: Identification) -> Table:
+    """The signals as the estimator saw them, one row for each joint of each sample.
+
+    Args:
+        result: the identification.
+
+    Raises:
+        TableError: it holds no signals, as after reading it from a file.
+    """
+    if not result.recordings:
+        raise TableError(
+            "the identification holds no signals, as after reading it from a file; identify again"
+        )
+    joints = result.robot.joints
+    parts: dict[str, list[np.ndarray]] = {}
+    for recording in result.recordings:
+        samples, count = recording.q.shape
+        nothing = np.full((samples, count), np.nan)
+        signals = {
+            "q": recording.q,
+            "dq": recording.dq,
+            "ddq": recording.ddq,
+            "q_measured": recording.q_measured,
+            "q_ref": nothing if recording.q_ref is None else recording.q_ref,
+            "tau": recording.tau,
+            "tau_model": recording.tau_model,
+            "whitened": recording.whitened,
+        }
+        named = {
+            "recording": np.full(samples * count, recording.name, dtype=object),
+            "t_s": np.repeat(recording.t, count),
+            "joint": np.tile(np.array([j.name for j in joints], dtype=object), samples),
+            **{name: np.asarray(values, dtype=float).ravel() for name, values in signals.items()},
+            "voted": ~np.asarray(recording.mask, dtype=bool).ravel(),
+            "position_unit": _tiled([_position_unit(j.kind) for j in joints], samples),
+            "torque_unit": _tiled([fit.torque_unit for fit in result.joints], samples),
+        }
+        for name, values in named.items():
+            parts.setdefault(name, []).append(values)
+    columns = {name: _joined(values) for name, values in parts.items()}
+    meanings = {
+        "q": "estimated position; dq and ddq per second and per second squared",
+        "tau_model": "reconstructed torque",
+        "whitened": "residual of the equation that was solved, of unit variance; NaN: no vote",
+    }
+    return Table("signals", columns, meanings)
+
+
+def _position_unit(kind: str) -> str:
+    return "rad" if kind == "revolute" else "m"
+
+
+def _tiled(values: list[str], samples: int) -> np.ndarray:
+    return np.tile(np.array(values, dtype=object), samples)
+
+
+def _joined(values: list[np.ndarray]) -> np.ndarray | tuple[str, ...]:
+    joined = np.concatenate(values)
+    return tuple(joined.tolist()) if joined.dtype == object else joined

@@ -1,0 +1,207 @@
+"""Tables of what is given: robot, recordings, problem, and what an audit says of a log."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pivident.audit.audit import Audit
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import nominal_values
+from pivident.estimation.problem import Problem
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.tables.columns import Table
+
+
+def recording_signals(recording: Recording) -> Table:
+    """One row for each joint of each sample; all channels side by side.
+
+    Units are those of joints, rad or m and N m or N, which a recording by itself does not tell
+    apart; inputs are in the unit of the controller's output.
+
+    Args:
+        recording: the recording.
+    """
+    samples, joints = recording.samples, recording.joints
+    columns: dict[str, np.ndarray | tuple[str, ...]] = {
+        "t_s": np.repeat(recording.t, joints),
+        "joint": tuple(recording.joint_names) * samples,
+    }
+    for name, values in recording.channels().items():
+        columns[name] = np.ascontiguousarray(values).ravel()
+    meanings = {
+        "q": "joint position [rad or m]",
+        "tau": "joint torque [N m or N]",
+        "q_ref": "reference position [rad or m]",
+        "dq_ref": "reference speed [rad/s or m/s]",
+        "ddq_ref": "reference acceleration [rad/s² or m/s²]",
+        "q_link": "position behind the gear [rad or m]",
+    }
+    return Table("signals", columns, {k: v for k, v in meanings.items() if k in columns})
+
+
+def robot_joints(robot: Robot) -> Table:
+    """One row for each joint.
+
+    Args:
+        robot: the robot.
+    """
+    rows = []
+    for joint, link, rotor in zip(robot.joints, robot.links, robot.rotor_inertia, strict=True):
+        revolute = joint.kind == "revolute"
+        low, high = joint.position_limits or (math.nan, math.nan)
+        rows.append(
+            {
+                "joint": joint.name,
+                "kind": joint.kind,
+                "moves": link.name,
+                "hangs_on": "base" if joint.parent < 0 else robot.links[joint.parent].name,
+                "position_low": float(low),
+                "position_high": float(high),
+                "position_unit": "rad" if revolute else "m",
+                "rated_speed": _known(joint.rated_speed),
+                "speed_unit": "rad/s" if revolute else "m/s",
+                "torque_limit": _known(joint.torque_limit),
+                "torque_unit": "N m" if revolute else "N",
+                "rotor_inertia": float(rotor),
+                "rotor_unit": "kg m²" if revolute else "kg",
+                "friction": str(joint.friction),
+            }
+        )
+    return Table.of_rows("joints", rows)
+
+
+def robot_parameters(robot: Robot) -> Table:
+    """The base parameters, with their nominal values.
+
+    Args:
+        robot: the robot.
+    """
+    base = base_parameters(robot)
+    nominal = base.values(nominal_values(robot, base.standard))
+    rows = [
+        {
+            "parameter": name,
+            "joint": robot.joints[p.joint].name,
+            "kind": p.stem,
+            "nominal": float(value),
+            "unit": p.unit,
+            "group": group,
+        }
+        for name, p, value, group in zip(
+            base.names, base.parameters, nominal, base.expressions, strict=True
+        )
+    ]
+    meanings = {"nominal": "value of the robot's description, zero where none is known"}
+    return Table.of_rows("parameters", rows, meanings)
+
+
+def problem_parameters(problem: Problem) -> Table:
+    """The parameters that are to be estimated.
+
+    Args:
+        problem: the problem.
+    """
+    start = problem.initial_values()
+    base = problem.base.parameters
+    rows = [
+        {
+            "parameter": name,
+            "joint": problem.robot.joints[base[k].joint].name,
+            "kind": base[k].stem,
+            "initial": float(value),
+            "unit": base[k].unit,
+            "group": group,
+        }
+        for k, name, value, group in zip(
+            problem.selection, problem.names, start, problem.expressions, strict=True
+        )
+    ]
+    return Table.of_rows("parameters", rows, {"initial": "where the iteration starts"})
+
+
+def problem_recordings(problem: Problem) -> Table:
+    """One row for each recording.
+
+    Args:
+        problem: the problem.
+    """
+    rows = [
+        {
+            "recording": r.name,
+            "samples": r.samples,
+            "rate_hz": float(r.rate),
+            "control_rate_hz": float(r.control_rate),
+            "duration_s": r.duration,
+            "channels": ", ".join(r.channels()),
+            "simulated": r.simulated,
+            "sha256": " ".join(s.sha256 for s in r.sources),
+        }
+        for r in problem.recordings
+    ]
+    return Table.of_rows("recordings", rows)
+
+
+def problem_signals(problem: Problem) -> Table:
+    """All recordings, one row for each joint of each sample, with the units of the joints.
+
+    A channel that a recording does not have is NaN there.
+
+    Args:
+        problem: the problem.
+    """
+    tables = [recording_signals(r) for r in problem.recordings]
+    channels = dict.fromkeys(name for t in tables for name in t.columns)
+    joined: dict[str, np.ndarray | tuple[str, ...]] = {
+        "recording": tuple(
+            r.name for r, t in zip(problem.recordings, tables, strict=True) for _ in range(len(t))
+        ),
+    }
+    for name in channels:
+        parts = [t.columns.get(name, np.full(len(t), math.nan)) for t in tables]
+        if name == "joint":
+            joined[name] = tuple(joint for part in parts for joint in part)
+        else:
+            joined[name] = np.concatenate([np.asarray(part, dtype=float) for part in parts])
+    samples = sum(r.samples for r in problem.recordings)
+    revolute = [joint.kind == "revolute" for joint in problem.robot.joints]
+    joined["position_unit"] = tuple("rad" if turns else "m" for turns in revolute) * samples
+    joined["torque_unit"] = tuple("N m" if turns else "N" for turns in revolute) * samples
+    return Table("signals", joined, tables[0].meanings)
+
+
+def audit_findings(audit: Audit) -> Table:
+    """What an audit found, check by check.
+
+    Args:
+        audit: of one log.
+    """
+    rows = [
+        {
+            "severity": f.severity,
+            "check": f.check,
+            "kind": f.kind,
+            "where": f.where,
+            "value": math.nan if f.value is None else float(f.value),
+            "low": math.nan if f.interval is None else float(f.interval[0]),
+            "high": math.nan if f.interval is None else float(f.interval[1]),
+            "bound": math.nan if f.bound is None else float(f.bound),
+            "unit": f.unit,
+            "t_s": math.nan if f.time is None else float(f.time),
+            "sentence": f.sentence,
+            "step": f.step,
+        }
+        for f in audit.findings
+    ]
+    empty = (
+        "severity", "check", "kind", "where", "value", "low", "high", "bound", "unit", "t_s",
+        "sentence", "step",
+    )  # fmt: skip
+    meanings = {"bound": "value from which it would be worse", "step": "what to do next"}
+    return Table.of_rows("findings", rows, meanings, empty)
+
+
+def _known(value: float | None) -> float:
+    return math.nan if value is None else float(value)
