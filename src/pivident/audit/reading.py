@@ -20,7 +20,7 @@ from pivident.recording.channel_reading import stamp_channels
 from pivident.recording.columns import array_of, assemble, locate
 from pivident.recording.files import SourceFile
 from pivident.recording.read_bag import is_bag
-from pivident.recording.read_csv import text_content
+from pivident.recording.read_csv import read_csv_forgiving
 from pivident.recording.tables import names_in, read_table
 from pivident.recording.timestamps import LIKELY_RATES, LOWEST_RATE
 from pivident.recording.units import TIME, factor_to_si
@@ -256,7 +256,7 @@ def _table(path: Path) -> dict[str, np.ndarray]:
     try:
         return read_table(path)
     except BadCell:
-        return _forgiving_table(path)
+        return read_csv_forgiving(path)
     except FileFormatError:
         table: dict[str, np.ndarray] = {}
         for name in names_in(path):  # arrays of text stand between those of numbers
@@ -267,38 +267,6 @@ def _table(path: Path) -> dict[str, np.ndarray]:
         if not table:
             raise
         return table
-
-
-def _forgiving_table(path: Path) -> dict[str, np.ndarray]:
-    """A text table with NaN where a cell is empty or no number."""
-    import polars as pl
-
-    names = names_in(path)
-    content = text_content(path)
-    try:
-        for separator in (",", ";", "\t"):
-            frame = pl.read_csv(
-                content,
-                separator=separator,
-                has_header=names[0] != "column_1",
-                infer_schema=False,
-                comment_prefix="#",
-                encoding="utf8-lossy",
-                truncate_ragged_lines=True,
-                glob=False,
-            )
-            if frame.width == len(names):
-                break
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        reason = str(error).partition("\n")[0]
-        raise FileFormatError(f"{path.name} cannot be read as a table ({reason})") from error
-    columns = [c.str.strip_chars().cast(pl.Float64, strict=False) for c in frame.get_columns()]
-    table = {
-        name: column.fill_null(float("nan")).to_numpy()
-        for name, column in zip(names, columns, strict=False)
-        if column.null_count() < len(column)
-    }
-    return {name: np.array(values, dtype=float) for name, values in table.items()}
 
 
 def _vectors(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
