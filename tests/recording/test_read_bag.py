@@ -1,4 +1,4 @@
-"""Bags: the numbers of the messages come back, whatever the container and the publishers' habits."""
+"""Bags: the numbers of messages come back, whatever the container and the publishers' habits."""
 
 import numpy as np
 import pytest
@@ -215,7 +215,7 @@ def test_several_robots_need_the_topic_in_the_name(tmp_path):
         for c, side in ((1.0, "left"), (2.0, "right"))
     ]
     path = write_bag(tmp_path, "mcap", store, both)
-    with pytest.raises(RecordingError, match="2 topics with 'position'.*/left/joint_states"):
+    with pytest.raises(RecordingError, match=r"2 topics with 'position'.*/left/joint_states"):
         load_recording(path, COLUMNS, joint_names=NAMES)
     columns = {"q": "/right/joint_states/position", "tau": "right/joint_states/effort"}
     np.testing.assert_array_equal(load_recording(path, columns, joint_names=NAMES).q, 2 * Q)
