@@ -282,7 +282,8 @@ def _spoilt_words(body: bytes, rng: random.Random) -> bytes:
 WORDS = (0, 1, 2, 3, 4, 8, 40, 255, 2**16 - 1, 2**24, 2**31 - 1, 2**31, 2**32 - 1)
 DEFINITIONS = (
     b"float64[]", b"string[] ", b"float64[99999999] x\n", b"a/B x\n", b"sensor_msgs/JointState x\n",
-    b"wstring s\n", b"MSG: std_msgs/Header\n", b"bool[] ", b"string", b"time[] ", b"=", b"Header[] h\n",
+    b"wstring s\n", b"MSG: std_msgs/Header\n", b"bool[] ", b"string", b"time[] ", b"=",
+    b"Header[] h\n",
 )  # fmt: skip
 
 

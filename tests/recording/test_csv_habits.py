@@ -122,6 +122,13 @@ def test_a_file_of_comments_above_a_long_title_is_read_from_its_header(tmp_path)
     assert csv_names(path) == ("t", "q")
 
 
+def test_a_mark_between_thousands_is_not_taken_for_a_point(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("a;b\n0,5;1.500\n0,6;1.501\n")
+    with pytest.raises(FileFormatError, match=r"'1\.500' that may be a thousand"):
+        read_csv(path)
+
+
 def test_prose_is_refused(tmp_path):
     path = tmp_path / "log.txt"
     path.write_text("This is no table.\nIt has words, and a comma.\nAnd an end.\n")

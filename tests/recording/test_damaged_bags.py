@@ -1,6 +1,7 @@
 """Bags that are cut off, broken or hostile end with an error that names them."""
 
 import bz2
+import re
 import sqlite3
 import struct
 import sys
@@ -32,7 +33,7 @@ def test_a_bag_cut_off_anywhere_is_refused_or_whole(tmp_path, kind):
     data = path.read_bytes()
     for share in (0.001, 0.2, 0.5, 0.7):
         path.write_bytes(data[: int(share * len(data))])
-        with pytest.raises(FileFormatError, match=path.name):
+        with pytest.raises(FileFormatError, match=re.escape(path.name)):
             open_bag(path)
 
 
@@ -41,7 +42,7 @@ def test_a_database_cut_off_or_not_closed_is_refused(tmp_path):
     data = path.read_bytes()
     for size in (50, 5000, len(data) - 4096):
         path.write_bytes(data[:size])
-        with pytest.raises(FileFormatError, match=path.name):
+        with pytest.raises(FileFormatError, match=re.escape(path.name)):
             open_bag(path)
     path.write_bytes(data)
     path.with_name(path.name + "-wal").write_bytes(b"rest")

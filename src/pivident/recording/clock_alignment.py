@@ -31,6 +31,9 @@ REDUCED = 1.1
 #: Cut-off of that low-pass, as share of the new rate.
 CUTOFF = 0.4
 
+#: Values above this are no measurement in any unit, and overflow a spline.
+LARGEST = 1e100
+
 #: Share of the time that regular intervals have to fill to tell the rate.
 MOSTLY = 0.8
 
@@ -171,8 +174,22 @@ def resampled(channel: ClockedChannel, grid: np.ndarray, rate: float) -> np.ndar
 
     Returns:
         Shape (instants, joints).
+
+    Raises:
+        RecordingError: values that are NaN, infinite or too large to interpolate.
     """
     t, values = channel.t, channel.values
+    if not np.isfinite(values).all():
+        k = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+        raise RecordingError(
+            f"{channel.channel} is NaN or infinite at {t[k]:.3f} s on the clock {channel.clock}, "
+            "and cannot be interpolated; cut the recording there, or name another topic"
+        )
+    if np.abs(values).max() > LARGEST:
+        raise RecordingError(
+            f"{channel.channel} reaches {np.abs(values).max():.3g}, which is no measurement; check "
+            f"the log on the clock {channel.clock}"
+        )
     if channel.channel.startswith("inputs."):
         return timestamps.resample_held(t, values, grid)
     if is_reduced(channel, rate):

@@ -33,6 +33,8 @@ LOOKED_AT = 40
 
 _DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
 
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+(?:,\d*)?")
+
 
 @dataclass(frozen=True)
 class Dialect:
@@ -97,6 +99,12 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     comma = (separator != "," or blanks) and any(
         _DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row
     )
+    thousands = [c for row in cells for c in row if comma and _THOUSANDS.fullmatch(c)]
+    if thousands:
+        raise FileFormatError(
+            f"{file} has decimal commas, and a number {quoted(thousands[0])} that may be a "
+            "thousand; export it without marks between thousands"
+        )
     above = rows[0][0] if title else 0
     separator = "\t" if blanks else separator
     if all(is_number(cell, comma) for cell in cells[0]):
@@ -138,8 +146,6 @@ def is_number(cell: str, decimal_comma: bool = False) -> bool:
         decimal_comma: whether numbers have a decimal comma.
     """
     if decimal_comma:
-        if "." in cell:
-            return False
         cell = cell.replace(",", ".", 1)
     try:
         float(cell)
