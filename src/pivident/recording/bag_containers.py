@@ -191,7 +191,9 @@ class _McapState:
             if kind == 0x05:
                 number, _, received = struct.unpack_from("<HIQ", data)
                 if len(data) < 22 or number not in self.channels or received >= 2**63:
-                    raise _damaged(self.path, f"a message of channel {number} has no channel or time")
+                    raise _damaged(
+                        self.path, f"a message of channel {number} has no channel or time"
+                    )
                 yield self.channels[number], received, data[22:]
             elif kind == 0x03:
                 (number,) = struct.unpack_from("<H", data)
