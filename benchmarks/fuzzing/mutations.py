@@ -276,3 +276,38 @@ def _spoilt_words(body: bytes, rng: random.Random) -> bytes:
         rng.getrandbits(32),
     )
     return body[:at] + rng.choice(values).to_bytes(4, "little") + body[at + 4 :]
+
+
+#: What may stand in the place of a length, a count, a number of a channel or a definition.
+WORDS = (0, 1, 2, 3, 4, 8, 40, 255, 2**16 - 1, 2**24, 2**31 - 1, 2**31, 2**32 - 1)
+DEFINITIONS = (
+    b"float64[]", b"string[] ", b"float64[99999999] x\n", b"a/B x\n", b"sensor_msgs/JointState x\n",
+    b"wstring s\n", b"MSG: std_msgs/Header\n", b"bool[] ", b"string", b"time[] ", b"=",
+    b"Header[] h\n",
+)  # fmt: skip
+
+
+def spoilt_bag(data: bytes, rng: random.Random) -> bytes:
+    """A bag with lengths, words of its definition, or single bytes changed, or an end cut off."""
+    changed = bytearray(data)
+    for _ in range(rng.choice((1, 1, 2, 5))):
+        at = rng.randrange(max(len(changed) - 8, 1))
+        match rng.randrange(6):
+            case 0:
+                word = rng.choice(WORDS).to_bytes(4, "little")
+                changed[at : at + 4] = word
+            case 1:
+                changed[at : at + 8] = rng.choice((*WORDS, 2**63, 2**64 - 1)).to_bytes(8, "little")
+            case 2:
+                changed[at] = rng.randrange(256)
+            case 3:  # the definition is text, and found by what stands in it
+                at = changed.find(rng.choice((b"float64", b"string", b"Header", b"MSG")))
+                if at >= 0:
+                    word = rng.choice(DEFINITIONS)
+                    changed[at : at + len(word)] = word
+            case 4:
+                length = rng.choice((1, 9, 100))
+                changed[at:at] = changed[at : at + length]
+            case _:
+                del changed[at : at + rng.choice((1, 4, 100, len(changed)))]
+    return bytes(changed[:LARGEST])

@@ -20,6 +20,7 @@ from fuzzing.mutations import (
     inside_gzip,
     inside_mat,
     inside_zip,
+    spoilt_bag,
     spoilt_bytes,
     spoilt_text,
 )
@@ -207,6 +208,11 @@ READERS: dict[str, Reader] = {
     "mat-v5": Reader("log.mat", inputs.mat_seeds, inside_mat, _table, guided=False),
     "mat-v7.3": Reader("log.mat", inputs.hdf5_seeds, spoilt_bytes, _table, guided=False),
     "parquet": Reader("log.parquet", inputs.parquet_seeds, spoilt_bytes, _table, guided=False),
+    "bag": Reader("log.bag", inputs.bag_seeds, spoilt_bag, _table),
+    "mcap": Reader("log.mcap", inputs.mcap_seeds, spoilt_bag, _table),
+    "db3": Reader("log.db3", inputs.db3_seeds, spoilt_bag, _table),
+    "bag-audit": Reader("log.mcap", inputs.mcap_seeds, spoilt_bag, _audited),
+    "csv-habits": Reader("log.txt", inputs.habit_seeds, _CSV, _table, None, False),
     "identification": Reader(
         "identification.json",
         lambda: inputs.result_seeds()[:1],

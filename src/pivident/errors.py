@@ -204,6 +204,70 @@ class MissingSamples(IrregularSampling):
         )
 
 
+class GapInClock(IrregularSampling):
+    """A gap in the samples of a channel over which nothing can be interpolated.
+
+    Attributes:
+        channel: name of the channel.
+        clock: name of its stamps.
+        time: last stamp before the longest gap [s].
+        interval: length of that gap [s].
+        gaps: number of gaps.
+        longest: first and last instant of the longest stretch without a gap [s].
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        clock: str,
+        time: float,
+        interval: float,
+        gaps: int,
+        longest: tuple[float, float],
+    ) -> None:
+        self.channel, self.clock, self.time, self.interval = channel, clock, time, interval
+        self.gaps, self.longest, self.kind = gaps, longest, "gap"
+        others = "" if gaps == 1 else f", the longest of {gaps} gaps"
+        RecordingError.__init__(
+            self,
+            f"{channel} has no samples for {_duration(interval)} after {time:.3f} s on the clock "
+            f"{clock}{others}; nothing is interpolated over that. Cut the recording between the "
+            f"gaps; the longest stretch is part = [{longest[0]:.3f}, {longest[1]:.3f}]",
+        )
+
+
+class ClocksDisagree(RecordingError):
+    """Channels whose stamps are not of one clock, or that were logged at different times.
+
+    Attributes:
+        one: channel, name of its clock, first and last stamp [s].
+        other: the same of another channel.
+        apart: how much the second clock is ahead of the first [s], where that is known.
+    """
+
+    def __init__(
+        self,
+        one: tuple[str, str, float, float],
+        other: tuple[str, str, float, float],
+        apart: float | None = None,
+    ) -> None:
+        self.one, self.other, self.apart = one, other, apart
+        spans = [
+            f"{c} by {clock} runs from {a:.3f} to {b:.3f} s" for c, clock, a, b in (one, other)
+        ]
+        if apart is None:
+            text = f"{spans[0]}, {spans[1]}: they share no time"
+        else:
+            text = (
+                f"{spans[0]}, {spans[1]}: these are two clocks, {abs(apart):.3f} s apart by when "
+                "the messages were received"
+            )
+        super().__init__(
+            f"{text}. Does one count from 1970 and the other from when its machine was switched "
+            'on? Name stamps of one clock; in a bag t = "receive_time" is one'
+        )
+
+
 class UnknownColumn(FileFormatError):
     """A column or array that the file does not hold.
 

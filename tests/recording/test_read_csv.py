@@ -69,7 +69,7 @@ def test_nan_is_a_number_which_the_recording_judges(tmp_path):
     [
         ("a,b\n1,2\n3,x7\n", 3, "b", "x7"),
         ("# note\na,b\n1,2\n,4\n", 4, "a", ""),
-        ("a;b\n1,5;2\n", 2, "a", "1,5"),
+        ("a,b\n1;5,2\n", 2, "a", "1;5"),
         ("a,b\n1,2\n3,4,5\n", 3, None, "3,4,5"),
         ("a,b\n1,2\n3\n4,5\n", 3, None, "3"),
         ("a,b\n1,2\n\n4,5\n", 3, None, ""),

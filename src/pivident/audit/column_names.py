@@ -22,6 +22,7 @@ REFERENCE = {"ref", "reference", "des", "desired", "cmd", "command", "target", "
 #: Words that tell nothing about the joint.
 FILLING = {
     "joint",
+    "j",
     "axis",
     "measured",
     "meas",

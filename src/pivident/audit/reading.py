@@ -11,14 +11,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pivident.audit.clocked_reading import aligned_channels, bag_log, shown
 from pivident.audit.column_names import guess_channels, is_clock
 from pivident.audit.log import CHANNELS, Log
 from pivident.errors import BadCell, FileFormatError, RecordingError
-from pivident.printable import escaped
 from pivident.recording import public_records
+from pivident.recording.channel_reading import stamp_channels
 from pivident.recording.columns import array_of, assemble, locate
 from pivident.recording.files import SourceFile
-from pivident.recording.read_csv import text_content
+from pivident.recording.read_bag import is_bag
+from pivident.recording.read_csv import read_csv_forgiving
 from pivident.recording.tables import names_in, read_table
 from pivident.recording.timestamps import LIKELY_RATES, LOWEST_RATE
 from pivident.recording.units import TIME, factor_to_si
@@ -42,13 +44,15 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
     """A log of which nothing is known but its columns' names.
 
     Args:
-        path: .csv, .txt, .tsv (also gzipped), .npz, .mat or .parquet.
+        path: .csv, .txt, .tsv (also gzipped), .npz, .mat, .parquet, or a bag.
         robot: the robot, where it is known.
 
     Raises:
         FileFormatError: the file cannot be read at all.
     """
     path = Path(path)
+    if is_bag(path):
+        return bag_log(path, robot)
     columns = read_columns(path)
     clocks, unit, notes = _clocks(columns, None)
     names, joints = guess_channels(
@@ -127,6 +131,31 @@ def described_log(
         joint_names = joint_names or robot.joint_names
     specs = {k: s for k, s in columns.items() if k in CHANNELS and s is not None}
     places = {kind: locate(kind, spec, paths) for kind, spec in specs.items()}
+    stamps_of = stamp_channels(columns.get("t"), places, paths)
+    if "t" not in stamps_of and (stamps_of or any(is_bag(paths[p.file]) for p in places.values())):
+        names = tuple(joint_names or ())
+        aligned = aligned_channels(places | stamps_of, paths, names, samples_axis, units, rate)
+        logged, clocks, notes = aligned
+        size = next(iter(logged.values())).shape[1] if logged else 0
+        names = names or tuple(f"joint_{j + 1}" for j in range(size))
+        channels, commands = _to_si(logged, units or {}, side, transmission, position_offset, robot)
+        return Log(
+            name or shown(paths[places["q" if "q" in places else next(iter(places))].file]),
+            names,
+            {},
+            clocks,
+            rate,
+            logged,
+            channels,
+            robot,
+            torque_timing or "held",
+            control_rate or 0.0,
+            delay or 0.0,
+            commands,
+            tuple(SourceFile.of(path) for path in paths.values()),
+            tuple(notes),
+            side.get("q", "joint") if isinstance(side, Mapping) else side,
+        )
     clock_place = locate("t", columns["t"], paths) if columns.get("t") is not None else None
     logged, tables, stamps = {}, {}, {}
     for key, path in paths.items():
@@ -165,11 +194,6 @@ def described_log(
         side.get("q", "joint") if isinstance(side, Mapping) else side,
         unit,
     )
-
-
-def shown(path: Path) -> str:
-    """Name of a file as it can be printed and written: it may hold any byte."""
-    return escaped(path.name.encode("utf-8", "backslashreplace").decode())
 
 
 def entry_log(
@@ -232,7 +256,7 @@ def _table(path: Path) -> dict[str, np.ndarray]:
     try:
         return read_table(path)
     except BadCell:
-        return _forgiving_table(path)
+        return read_csv_forgiving(path)
     except FileFormatError:
         table: dict[str, np.ndarray] = {}
         for name in names_in(path):  # arrays of text stand between those of numbers
@@ -243,38 +267,6 @@ def _table(path: Path) -> dict[str, np.ndarray]:
         if not table:
             raise
         return table
-
-
-def _forgiving_table(path: Path) -> dict[str, np.ndarray]:
-    """A text table with NaN where a cell is empty or no number."""
-    import polars as pl
-
-    names = names_in(path)
-    content = text_content(path)
-    try:
-        for separator in (",", ";", "\t"):
-            frame = pl.read_csv(
-                content,
-                separator=separator,
-                has_header=names[0] != "column_1",
-                infer_schema=False,
-                comment_prefix="#",
-                encoding="utf8-lossy",
-                truncate_ragged_lines=True,
-                glob=False,
-            )
-            if frame.width == len(names):
-                break
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        reason = str(error).partition("\n")[0]
-        raise FileFormatError(f"{path.name} cannot be read as a table ({reason})") from error
-    columns = [c.str.strip_chars().cast(pl.Float64, strict=False) for c in frame.get_columns()]
-    table = {
-        name: column.fill_null(float("nan")).to_numpy()
-        for name, column in zip(names, columns, strict=False)
-        if column.null_count() < len(column)
-    }
-    return {name: np.array(values, dtype=float) for name, values in table.items()}
 
 
 def _vectors(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

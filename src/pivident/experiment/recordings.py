@@ -15,6 +15,7 @@ from pivident.estimation.unknown_loop import complete_loop
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.recording import public_records
 from pivident.recording.load import load_recording
+from pivident.recording.read_bag import is_bag
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -70,7 +71,7 @@ def one_by_one(entries: Sequence[RecordingEntry], folder: Path) -> list[Recordin
         if Path(pattern).is_absolute():
             anchor = Path(Path(pattern).anchor)
             pattern = str(Path(pattern).relative_to(anchor))
-        files = sorted(path for path in anchor.glob(pattern) if path.is_file())
+        files = sorted(path for path in anchor.glob(pattern) if path.is_file() or is_bag(path))
         if not files:
             raise ExperimentError(
                 f"files = {entry.files!r}: no file fits this pattern in {folder}; check the "
@@ -204,6 +205,7 @@ def _from_files(
         resample=entry.resample,
         samples_axis=entry.samples_axis,
         position_offset=entry.position_offset,
+        part=None if entry.part is None else (entry.part[0], entry.part[1]),
         simulated=entry.simulated,
         **options,
     )

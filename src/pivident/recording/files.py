@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -16,6 +17,9 @@ HARMLESS_SIZE = 256 * 2**20
 
 #: Beyond that it may expand by this factor. Logs as text shrink four- to tenfold.
 LARGEST_EXPANSION = 200
+
+#: Names of the files that hold the messages of a ROS 2 bag.
+_BAG_PART = re.compile(r"\.(db3|mcap)(\.zstd|\.zst)?$")
 
 
 @dataclass(frozen=True)
@@ -32,8 +36,9 @@ class SourceFile:
 
     @classmethod
     def of(cls, path: str | PathLike[str]) -> SourceFile:
-        """Name and hash of a file on disk."""
-        path = existing_file(path)
+        """Name and hash of a file on disk, or of the files of a bag's folder."""
+        path = Path(path)
+        path = path if path.is_dir() else existing_file(path)
         return cls(escaped(path.name), sha256(path))
 
 
@@ -75,8 +80,32 @@ def nameable(path: Path) -> Path | bytes:
     return path.absolute()
 
 
+def bag_files(folder: Path) -> list[Path]:
+    """The files of a ROS 2 bag that hold its messages, in the order of their numbers.
+
+    Args:
+        folder: the bag, with files ``…_0.db3``, ``…_1.db3`` or ``.mcap``, packed or not.
+
+    Raises:
+        FileFormatError: it holds none, or cannot be listed.
+    """
+    try:
+        files = [file for file in folder.iterdir() if _BAG_PART.search(file.name.lower())]
+    except OSError as error:
+        raise FileFormatError(f"{folder} cannot be opened ({error.strerror})") from error
+    if not files:
+        raise FileFormatError(
+            f"{folder.name} is a folder without the .db3 or .mcap files of a ROS 2 bag; name the "
+            "file with the record in it"
+        )
+    return sorted(files, key=lambda file: [int(n) for n in re.findall(r"\d{1,9}", file.name)])
+
+
 def sha256(path: Path) -> str:
-    """SHA-256 of a file's bytes, hexadecimal."""
+    """SHA-256 of a file's bytes, or of the hashes of a bag's files by name, hexadecimal."""
+    if path.is_dir():
+        lines = [f"{escaped(file.name)} {sha256(file)}" for file in bag_files(path)]
+        return hashlib.sha256("\n".join(lines).encode("utf-8", "backslashreplace")).hexdigest()
     with path.open("rb") as stream:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 

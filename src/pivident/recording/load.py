@@ -8,7 +8,7 @@ The arguments are plain names, numbers and tables, so that an experiment file ca
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -16,11 +16,13 @@ import numpy as np
 
 from pivident.errors import RecordingError
 from pivident.printable import escaped
-from pivident.recording import checks, timestamps
-from pivident.recording.columns import Channel, ColumnSpec, array_of, assemble, locate
+from pivident.recording import checks
+from pivident.recording.channel_reading import read_channels, stamp_channels
+from pivident.recording.clock import Clock, beside_torque, on_one_clock
+from pivident.recording.clock_alignment import ClockedChannel
+from pivident.recording.columns import Channel, ColumnSpec, locate
 from pivident.recording.files import SourceFile
 from pivident.recording.recording import CHANNELS, Recording
-from pivident.recording.tables import names_in, read_table
 from pivident.recording.units import UnitSpec, check_kind, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -30,7 +32,7 @@ from pivident.scratch import working_array
 #: Its keywords that are not fields of the recording.
 _OPTIONS = {
     "units", "side", "robot", "transmission", "joint_names", "resample", "samples_axis",
-    "position_offset",
+    "position_offset", "part",
 }  # fmt: skip
 
 #: Whether a channel was measured before or behind the gear.
@@ -51,6 +53,7 @@ def load_recording(
     samples_axis: int | None = None,
     position_offset: Sequence[float] | None = None,
     name: str | None = None,
+    part: tuple[float, float] | None = None,
     **options: Any,
 ) -> Recording:
     """Read a log into a checked recording, SI and joint side.
@@ -58,9 +61,12 @@ def load_recording(
     Args:
         files: the log's file, or several by key; a file whose key is a channel's name holds that
             channel (``{"q": "positions.csv", "tau": "currents.csv"}``).
+            A ROS 2 bag is a folder, or a file like a ROS 1 bag.
         columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``,
             ``q_link`` (encoders behind the gear) where they were logged, in the notation of
-            `pivident.recording.columns`; known inputs by name under ``inputs``.
+            `pivident.recording.columns`; known inputs by name under ``inputs``. ``t`` is one
+            column for all channels, or a table with one for each channel that has a clock of its
+            own; channels from a bag have the stamps of their messages without it.
         units: unit of each channel in the notation of `pivident.recording.units`, one for all
             joints or a list with one per joint; SI where it is not given. Under ``inputs``: unit
             or factor of each input.
@@ -70,12 +76,14 @@ def load_recording(
         transmission: between motor and joint side, instead of the robot's.
         joint_names: names of the joints, instead of the robot's; ``joint_1`` … without a robot.
         rate: sampling rate [Hz]; that of the time stamps where it is not given.
-        resample: interpolate onto a uniform grid at `rate`, or at the rate of the median interval:
-            positions and references by cubic splines, torques linearly, inputs held.
+        resample: interpolate onto a uniform grid at `rate`, or at the rate of the median interval,
+            that of the slowest channel where they have clocks of their own: positions and
+            references by cubic splines, torques linearly, inputs held. Gaps are refused.
         samples_axis: which axis of two-dimensional arrays is time, if their shape leaves it open.
         position_offset: what is added to the joint positions, shape (joints,) [rad or m]; the
             transmission's offset for motor positions and zero for joint positions otherwise.
         name: name of the run; that of the file with the positions otherwise.
+        part: read only the samples with part[0] <= t < part[1], where there are time stamps [s].
         options: further fields of `Recording`, such as ``control_rate`` or ``torque_timing``.
 
     Raises:
@@ -91,21 +99,24 @@ def load_recording(
     elif transmission is not None:
         joint_names = joint_names or _numbered(len(transmission.drive_gain))
     joints = None if joint_names is None else len(joint_names)
-    logged = _read(channels, paths, joints, samples_axis, joint_names or ())
+    logged, clocked = read_channels(channels, paths, joints, samples_axis, joint_names or ())
     joint_names = tuple(joint_names or _numbered(logged["q"].shape[1]))
     _check_sizes(len(joint_names), robot, transmission)
 
     sides = _sides(side, logged, transmission)
-    _to_si(logged, units or {}, sides, robot, transmission)
+    _to_si(logged, _without_clocks(units or {}, clocked), sides, robot, transmission)
     for channel, values in logged.items():
         if channel != "t":
-            checks.check_shape(channel, values, (len(logged["q"]), len(joint_names)))
+            own = clocked[channel].t if channel in clocked else logged["q"]
+            checks.check_shape(channel, values, (len(own), len(joint_names)))
             checks.check_finite(channel, values, joint_names)
     # Limits are judged on the log itself: couplings and interpolation would blur them.
     if options.get("saturation", "refuse") == "refuse":
-        checks.check_not_saturated("tau", logged["tau"], logged["q"], joint_names)
+        moving = beside_torque(logged, clocked)
+        checks.check_not_saturated("tau", logged["tau"], moving, joint_names)
 
-    rate, start_time = _clock(logged, rate, resample, (units or {}).get("t"))
+    clock = Clock(rate, resample, "t" in (units or {}), part)
+    rate, start_time, notes = on_one_clock(logged, clocked, clock)
     _to_joint_side(logged, sides, transmission, position_offset)
     if robot is not None:
         for channel in ("q", "q_ref"):
@@ -124,7 +135,7 @@ def load_recording(
         name=name,
         joint_names=joint_names,
         rate=rate,
-        **content | {"start_time": start_time} | options,
+        **content | {"start_time": start_time, "notes": notes} | options,
     )
 
 
@@ -145,6 +156,19 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             raise RecordingError(
                 f"load_recording has no option {name!r}; {nearest(name, sorted(known | _OPTIONS))}"
             )
+
+
+def _without_clocks(
+    units: Mapping[str, Any], clocked: dict[str, ClockedChannel]
+) -> Mapping[str, Any]:
+    """The units left when stamps of single channels are in seconds; those of a bag are."""
+    if not clocked or "t" not in units:
+        return units
+    factor = factor_to_si("t", units["t"])[0]
+    for name, channel in clocked.items():
+        if channel.lead is None:
+            clocked[name] = replace(channel, t=channel.t * factor)
+    return {key: unit for key, unit in units.items() if key != "t"}
 
 
 def _numbered(joints: int) -> list[str]:
@@ -171,36 +195,14 @@ def _channels(columns: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str
         if needed not in specs:
             raise RecordingError(f"no columns are given for {needed}; name those that hold it")
     specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}
-    return {key: locate(key, spec, paths) for key, spec in specs.items()}
+    stamps = specs.pop("t", None)
+    found = {key: locate(key, spec, paths) for key, spec in specs.items()}
+    return found | stamp_channels(stamps, found, paths)
 
 
 def _in_use(channels: Mapping[str, Channel], paths: Mapping[str, Path]) -> list[Path]:
     """The files from which something is read."""
     return [paths[key] for key in dict.fromkeys(channel.file for channel in channels.values())]
-
-
-def _read(
-    channels: Mapping[str, Channel],
-    paths: Mapping[str, Path],
-    joints: int | None,
-    samples_axis: int | None,
-    joint_names: Sequence[str],
-) -> dict[str, np.ndarray]:
-    """Load the arrays that are needed, file by file, and assemble the channels from them."""
-    values: dict[str, np.ndarray] = {}
-    for key, path in paths.items():
-        here = [channel for channel in channels.values() if channel.file == key]
-        if not here:
-            continue
-        known = names_in(path)
-        needed = {array_of(column, known, path) for channel in here for column in channel.columns}
-        table = read_table(path, sorted(needed))
-        for channel in here:
-            if channel.name == "t":
-                values["t"] = assemble(channel, table, 1)[:, 0]
-            else:
-                values[channel.name] = assemble(channel, table, joints, samples_axis, joint_names)
-    return values
 
 
 def _check_sizes(joints: int, robot: Robot | None, transmission: Transmission | None) -> None:
@@ -287,38 +289,6 @@ def _to_si(
 def _scaled(values: np.ndarray, factors: np.ndarray) -> np.ndarray:
     """Each column times its factor, in a working array of its own."""
     return np.multiply(values, factors, out=working_array(values.shape))
-
-
-def _clock(
-    logged: dict[str, np.ndarray], rate: float | None, resample: bool, unit: UnitSpec | None
-) -> tuple[float, float]:
-    """Sampling rate [Hz] and time of the first sample [s]; on demand, new samples."""
-    t = logged.pop("t", None)
-    if t is None:
-        if rate is None or resample:
-            alternative = "resampling needs it" if resample else "or give the rate"
-            raise RecordingError(f"no column is named for the time t; name it, {alternative}")
-        return float(rate), 0.0
-    if len(t) != len(logged["q"]):
-        raise RecordingError(
-            f"t has {len(t)} samples, q has {len(logged['q'])}; cut them to the same samples"
-        )
-    if unit is None:
-        timestamps.check_seconds(t)
-    if not resample:
-        if rate is None:
-            return timestamps.rate_of(t), float(t[0])
-        timestamps.check_rate(rate, t)
-        return float(rate), float(t[0])
-    grid, rate = timestamps.uniform_grid(t, rate)
-    for channel, values in logged.items():
-        if channel == "tau":
-            logged[channel] = timestamps.resample_linear(t, values, grid)
-        elif channel.startswith("inputs."):
-            logged[channel] = timestamps.resample_held(t, values, grid)
-        else:
-            logged[channel] = timestamps.resample_smooth(t, values, grid)
-    return rate, float(grid[0])
 
 
 def _to_joint_side(

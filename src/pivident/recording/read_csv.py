@@ -1,40 +1,36 @@
 """Tables as text: .csv, .csv.gz, .txt, .tsv.
 
-Commas, semicolons and tabs separate; ``#`` starts a comment line. A first line of nothing but
-numbers is no header: its columns are then called column_1, column_2 … Numbers use a decimal point.
+Commas, semicolons, tabs and blanks separate; ``#`` starts a comment line. A first line of nothing
+but numbers is no header: its columns are then called column_1, column_2 … Numbers use a decimal
+point, or a comma where something else separates. A title above the header and a line of units below
+it are passed over; `pivident.recording.dialect` finds all this out.
 """
 
 from __future__ import annotations
 
-import csv
 import gzip
 import io
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
+from pivident.recording.dialect import (
+    COMMENT,
+    LONGEST_LINE,
+    Dialect,
+    cells_of,
+    dialect_of,
+    is_number,
+    quoted,
+)
 from pivident.recording.files import HARMLESS_SIZE, existing_file, nameable, refuse_bomb
-from pivident.robot.naming import repeated
 
 if TYPE_CHECKING:
     import polars as pl
-
-SEPARATORS = ",;\t"
-COMMENT = "#"
-
-#: Longest header, in characters; a file without line ends is not read into memory to find out.
-LONGEST_LINE = 2**20
-
-#: Most columns. Each costs the parser some kilobytes, and no log of a robot has so many.
-MOST_COLUMNS = 10_000
-
-#: Longest line or cell that a message repeats, in characters.
-LONGEST_QUOTE = 80
 
 
 def csv_names(path: str | Path) -> tuple[str, ...]:
@@ -71,16 +67,12 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
     chosen = set(places)
     try:
         frame = pl.read_csv(
-            text_content(path),
-            has_header=header.present,
+            _table_content(path, header),
             columns=places,
             schema_overrides=[
                 pl.Float64 if place in chosen else pl.String for place in range(len(header.names))
             ],
-            separator=header.separator,
-            comment_prefix=COMMENT,
-            encoding="utf8-lossy",
-            glob=False,
+            **_parsing(header),
         )
     except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
         _explain(path, header, wanted, str(error).partition("\n")[0])
@@ -93,45 +85,58 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
     return {name: by_place[place_of[name]].to_numpy() for name in wanted}
 
 
-@dataclass(frozen=True)
-class _Header:
-    """What the first line tells: names of the columns, separator, whether it is a header at all."""
+def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
+    """All columns of a text table that hold numbers, NaN where a cell is empty or no number.
 
-    names: tuple[str, ...]
-    separator: str
-    present: bool
+    Args:
+        path: the file.
+
+    Raises:
+        FileFormatError: the file cannot be read as a table at all.
+    """
+    import polars as pl
+
+    path = existing_file(path)
+    header = _header(path)
+    try:
+        frame = pl.read_csv(
+            _table_content(path, header),
+            infer_schema=False,
+            truncate_ragged_lines=True,
+            **(_parsing(header) | {"decimal_comma": False}),
+        )
+    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
+        reason = str(error).partition("\n")[0]
+        raise FileFormatError(f"{path.name} cannot be read as a table ({reason})") from error
+    table = {}
+    for name, column in zip(header.names, frame.get_columns(), strict=False):
+        text = column.str.strip_chars()
+        text = text.str.replace(",", ".", literal=True) if header.decimal_comma else text
+        numbers = text.cast(pl.Float64, strict=False)
+        if numbers.null_count() < len(numbers):
+            values = numbers.fill_null(float("nan")).to_numpy()
+            table[name] = np.array(values, dtype=float)
+    return table
 
 
-def _header(path: Path) -> _Header:
-    """Read the first line that is neither blank nor a comment."""
-    first = ""
+def _parsing(header: Dialect) -> dict[str, Any]:
+    """The parser's options for a dialect."""
+    return {
+        "has_header": header.present,
+        "separator": header.separator,
+        "decimal_comma": header.decimal_comma,
+        "skip_rows": 0 if header.blanks else header.above,
+        "skip_rows_after_header": int(header.units),
+        "comment_prefix": COMMENT,
+        "encoding": "utf8-lossy",
+        "glob": False,
+    }
+
+
+def _header(path: Path) -> Dialect:
+    """What the first lines tell; see `pivident.recording.dialect`."""
     with _text(path) as lines:
-        for first in _lines(path, lines):
-            if "\0" in first:
-                raise FileFormatError(f"{path.name} is a binary file, not a text table")
-            if first.strip() and not first.startswith(COMMENT):
-                break
-        else:
-            raise FileFormatError(f"{path.name} holds no table; export the log again")
-    if len(first) >= LONGEST_LINE:
-        raise FileFormatError(
-            f"{path.name} has a first line of {LONGEST_LINE} characters or more; is it a table?"
-        )
-    separator = max(SEPARATORS, key=first.count)
-    if first.count(separator) >= MOST_COLUMNS:
-        raise FileFormatError(
-            f"{path.name} has more than {MOST_COLUMNS} columns; transpose the table, or export "
-            "only those of the robot"
-        )
-    cells = _cells(first, separator)
-    if all(_is_number(cell) for cell in cells):
-        return _Header(tuple(f"column_{i + 1}" for i in range(len(cells))), separator, False)
-    twice = repeated(cells)
-    if twice:
-        raise FileFormatError(
-            f"{path.name} has more than one column {_quoted(twice[0])}; rename them in its header"
-        )
-    return _Header(tuple(cells), separator, True)
+        return dialect_of(path.name, _lines(path, lines))
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
@@ -160,7 +165,23 @@ def text_content(path: Path) -> Path | bytes:
     Raises:
         FileFormatError: it expands beyond reason, or is no whole gzip file.
     """
+    encoding = _encoding(path)
+    if encoding == "utf-16":
+        content = _unpacked(path) if _is_gzipped(path) else path.read_bytes()
+        return content.decode(encoding, "replace").encode()
     return _unpacked(path) if _is_gzipped(path) else nameable(path)
+
+
+def _table_content(path: Path, header: Dialect) -> Path | bytes:
+    """What the parser reads, with single tabs for the blanks that separate."""
+    if not header.blanks:
+        return text_content(path)
+    out = io.BytesIO()
+    with _text(path) as lines:
+        for number, line in enumerate(_lines(path, lines)):
+            if number >= header.above and (line.startswith(COMMENT) or line.strip()):
+                out.write(b"\t".join(cell.encode() for cell in line.split()) + b"\n")
+    return out.getvalue()
 
 
 def _is_gzipped(path: Path) -> bool:
@@ -171,7 +192,17 @@ def _is_gzipped(path: Path) -> bool:
 def _text(path: Path) -> io.TextIOWrapper:
     """The file as lines of text, unpacked on the way."""
     raw = gzip.open(path, "rb") if _is_gzipped(path) else path.open("rb")
-    return io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace", newline="")
+    return io.TextIOWrapper(raw, encoding=_encoding(path), errors="replace", newline="")
+
+
+def _encoding(path: Path) -> str:
+    """UTF-16 where the first bytes say so, as exports of some controllers on Windows do."""
+    try:
+        with gzip.open(path, "rb") if _is_gzipped(path) else path.open("rb") as raw:
+            mark = raw.read(2)
+    except (OSError, EOFError, zlib.error):
+        mark = b""  # said where the content is read
+    return "utf-16" if mark in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
 
 
 def _unpacked(path: Path, chunk: int = 2**22) -> bytes:
@@ -188,7 +219,7 @@ def _unpacked(path: Path, chunk: int = 2**22) -> bytes:
     return content.getvalue()
 
 
-def _explain(path: Path, header: _Header, wanted: Sequence[str], reason: str) -> NoReturn:
+def _explain(path: Path, header: Dialect, wanted: Sequence[str], reason: str) -> NoReturn:
     """Find the line at fault by reading slowly, and say so."""
     places = {name: header.names.index(name) for name in wanted}
     with _text(path) as lines:
@@ -199,43 +230,21 @@ def _explain(path: Path, header: _Header, wanted: Sequence[str], reason: str) ->
                 raise BadCell(path.name, number, None, text, reason)
             for name, place in places.items():
                 cell = cells[place]
-                if not _is_number(cell):
-                    reason = f"{_quoted(cell)} is not a number" if cell else "the cell is empty"
+                if not is_number(cell, header.decimal_comma):
+                    reason = f"{quoted(cell)} is not a number" if cell else "the cell is empty"
                     raise BadCell(path.name, number, name, cell, reason)
     raise FileFormatError(f"{path.name} cannot be read as a table of numbers ({reason})")
 
 
-def _rows(lines: Iterable[str], header: _Header) -> Iterator[tuple[int, list[str]]]:
+def _rows(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, list[str]]]:
     """Line number and cells of each line below the header that is no comment."""
-    above = header.present
+    above = int(header.present) + int(header.units)
     for number, line in enumerate(lines, start=1):
-        if line.startswith(COMMENT) or (above and not line.strip()):
+        if number <= header.above or line.startswith(COMMENT) or (above and not line.strip()):
+            continue
+        if header.blanks and not line.strip():
             continue
         if above:
-            above = False
+            above -= 1
             continue
-        yield number, _cells(line, header.separator)
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    """The cells of one line, without blanks around them and quotes."""
-    reader = csv.reader([line.rstrip("\r\n")], delimiter=separator, skipinitialspace=True)
-    try:
-        cells = next(reader, [])
-    except csv.Error:  # a quote that does not end, before a cell longer than the module takes
-        cells = line.split(separator)
-    return [cell.strip() for cell in cells]
-
-
-def _quoted(cell: str) -> str:
-    """A cell as a message repeats it."""
-    return repr(cell if len(cell) <= LONGEST_QUOTE else f"{cell[: LONGEST_QUOTE - 1]}…")
-
-
-def _is_number(cell: str) -> bool:
-    """Whether a cell reads as a number, NaN and infinity included."""
-    try:
-        float(cell)
-    except ValueError:
-        return False
-    return True
+        yield number, line.split() if header.blanks else cells_of(line, header.separator)

@@ -61,6 +61,7 @@ class Recording:
         sources: the files it was read from.
         allow_constant: whether a joint may stand still, or its torque be constant.
         saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
+        notes: how the samples were brought onto one clock, in sentences.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
@@ -91,6 +92,7 @@ class Recording:
     sources: tuple[SourceFile, ...] = ()
     allow_constant: bool = False
     saturation: Saturation = "refuse"
+    notes: tuple[str, ...] = field(default=(), kw_only=True)  # how clocks were brought together
 
     def __post_init__(self) -> None:
         settle = object.__setattr__

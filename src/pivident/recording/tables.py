@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.errors import FileFormatError, UnknownColumn
 from pivident.printable import is_printable
+from pivident.recording.read_bag import bag_names, is_bag, read_bag
 from pivident.recording.read_csv import csv_names, read_csv
 from pivident.recording.read_mat import mat_names, read_mat
 from pivident.recording.read_npz import npy_names, npz_names, read_npy, read_npz
@@ -29,6 +30,9 @@ READERS: dict[str, tuple[Names, Read]] = {
     ".npy": (npy_names, read_npy),
     ".mat": (mat_names, read_mat),
     ".parquet": (parquet_names, read_parquet),
+    ".bag": (bag_names, read_bag),
+    ".db3": (bag_names, read_bag),
+    ".mcap": (bag_names, read_bag),
 }
 
 
@@ -55,7 +59,8 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
     """Columns or arrays of a file by name.
 
     Args:
-        path: a .csv, .csv.gz, .txt, .tsv, .npz, .npy, .mat or .parquet file.
+        path: a .csv, .csv.gz, .txt, .tsv, .npz, .npy, .mat, .parquet, .bag, .db3 or .mcap file, or
+            the folder of a ROS 2 bag.
         names: those wanted; all where it is not given.
 
     Raises:
@@ -72,6 +77,8 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
 
 def _reader(path: Path) -> tuple[Names, Read]:
     """The two functions for a kind of file, which its name tells."""
+    if is_bag(path):
+        return bag_names, read_bag
     name = path.name.lower()
     suffix = Path(name.removesuffix(".gz")).suffix
     text_only = name.endswith(".gz")

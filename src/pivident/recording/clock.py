@@ -1,0 +1,130 @@
+"""The clock of a recording: as it was logged, or new samples on a uniform one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.errors import RecordingError
+from pivident.recording import timestamps
+from pivident.recording.clock_alignment import ClockedChannel, have_one_clock, onto_one_clock
+
+
+@dataclass(frozen=True)
+class Clock:
+    """What the user said about time.
+
+    Attributes:
+        rate: declared or wanted rate [Hz], or None.
+        resample: whether new samples may be made.
+        unit_given: whether their unit was given; it is checked otherwise.
+        part: times to keep to [s], or None.
+    """
+
+    rate: float | None
+    resample: bool
+    unit_given: bool
+    part: tuple[float, float] | None
+
+
+def beside_torque(
+    logged: Mapping[str, np.ndarray], clocked: Mapping[str, ClockedChannel]
+) -> np.ndarray:
+    """Positions at the instants of the torques, where these have a clock of their own.
+
+    Args:
+        logged: channels by name.
+        clocked: those that have stamps of their own.
+    """
+    if "tau" not in clocked or "q" not in clocked or have_one_clock([clocked["q"], clocked["tau"]]):
+        return logged["q"]
+    t = clocked["q"].t
+    order = np.argsort(t, kind="stable")
+    return timestamps.resample_linear(t[order], logged["q"][order], clocked["tau"].t)
+
+
+def on_one_clock(
+    logged: dict[str, np.ndarray], clocked: Mapping[str, ClockedChannel], clock: Clock
+) -> tuple[float, float, tuple[str, ...]]:
+    """Rate [Hz], time of the first sample [s], and what was done; on demand, new samples.
+
+    Args:
+        logged: channels by name, and ``t`` where all share it, which is taken out. New samples
+            take the place of those that were logged.
+        clocked: channels that have stamps of their own.
+        clock: what the user said about time.
+
+    Raises:
+        IrregularSampling: stamps that are no regular clock, or have gaps.
+        RecordingError: stamps that are missing, or that contradict the rate.
+    """
+    t = logged.pop("t", None)
+    if t is None and not clocked:
+        if clock.rate is None or clock.resample:
+            alternative = "resampling needs it" if clock.resample else "or give the rate"
+            raise RecordingError(f"no column is named for the time t; name it, {alternative}")
+        return float(clock.rate), 0.0, ()
+    if clocked:
+        _check_clocks(logged, clocked)
+        channels = [replace(clocked[name], values=logged[name]) for name in logged]
+    else:
+        assert t is not None, "without it there are clocks"
+        if len(t) != len(logged["q"]):
+            raise RecordingError(
+                f"t has {len(t)} samples, q has {len(logged['q'])}; cut them to the same samples"
+            )
+        channels = [ClockedChannel(name, "t", t, values) for name, values in logged.items()]
+    one = have_one_clock(channels)
+    if not clock.unit_given:
+        for channel in channels[:1] if one else channels:
+            timestamps.check_seconds(channel.t)
+    if not one and not clock.resample:
+        listed = ", ".join(f"{c.channel} by {c.clock} ({len(c.t)} samples)" for c in channels)
+        raise RecordingError(
+            f"the channels have clocks of their own: {listed}; set resample = true to bring them "
+            "onto one"
+        )
+    if one and not clock.resample:
+        return _as_it_is(logged, channels, clock)
+    return _resampled(logged, channels, clock, one)
+
+
+def _check_clocks(logged: Mapping[str, np.ndarray], clocked: Mapping[str, ClockedChannel]) -> None:
+    """Refuse channels without stamps beside those with stamps of their own."""
+    without = [name for name in logged if name not in clocked]
+    if without:
+        raise RecordingError(
+            f"{without[0]} has no time stamps, the other channels have; name its column of t: "
+            f't = {{{without[0]} = "time"}}'
+        )
+
+
+def _as_it_is(
+    logged: dict[str, np.ndarray], channels: Sequence[ClockedChannel], clock: Clock
+) -> tuple[float, float, tuple[str, ...]]:
+    """The samples as they were logged, where their one clock is regular."""
+    t, notes = channels[0].t, tuple(dict.fromkeys(note for c in channels for note in c.notes))
+    if clock.part is not None:
+        inside = (t >= clock.part[0]) & (t < clock.part[1])
+        if inside.sum() > 2:  # an empty part is refused where it is cut
+            t = t[inside]
+            for name in logged:
+                logged[name] = logged[name][inside]
+    if clock.rate is None:
+        return timestamps.rate_of(t), float(t[0]), notes
+    timestamps.check_rate(clock.rate, t)
+    return float(clock.rate), float(t[0]), notes
+
+
+def _resampled(
+    logged: dict[str, np.ndarray], channels: Sequence[ClockedChannel], clock: Clock, one: bool
+) -> tuple[float, float, tuple[str, ...]]:
+    """New samples on a uniform clock."""
+    rate = clock.rate
+    if one:
+        rate = timestamps.uniform_grid(channels[0].t, clock.rate)[1]
+    aligned = onto_one_clock(channels, rate, clock.part)
+    logged.update(aligned.values)
+    return aligned.rate, float(aligned.t[0]), aligned.notes
