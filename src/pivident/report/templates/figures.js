@@ -49,7 +49,8 @@ const figures = (() => {
       responsive: true,
       displaylogo: false,
       displayModeBar: touch.matches ? false : "hover",
-      modeBarButtonsToRemove: ["select2d", "lasso2d", "autoScale2d"],
+      // A log may be confidential: nothing on the page offers to send it anywhere.
+      modeBarButtonsToRemove: ["sendChartToCloud", "select2d", "lasso2d", "autoScale2d"],
     });
     if (first) drawers.forEach((drawer) => drawer(plot));
     return done;

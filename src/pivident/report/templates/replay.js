@@ -46,7 +46,7 @@
     distance = home();
     instant = 0;
   }
-  const home = () => 2.9 * reach;
+  const home = () => 2.2 * reach;
 
   // Drawing: the floor, the path of the tip, then faces from far to near.
   const shade = (hex, light) => {

@@ -42,10 +42,11 @@ const time = (() => {
   }
 
   /** Shows a window of time in all figures of a recording; null: all of it. */
-  function show(name, window) {
+  function show(name, window, origin) {
     const group = groups.get(name);
     if (!group || same(window, group.window)) return;
     group.window = window;
+    group.origin = origin ?? group.origin; // methods begin at different rows: counted as on the figure
     group.plots.filter((plot) => figures.near.has(plot)).forEach(bring);
     fill(group);
   }
@@ -102,7 +103,7 @@ const time = (() => {
     if (!groupOf(plot)) return;
     plot.on("plotly_relayout", () => {
       // What the reader changed here, the other figures show too.
-      if (figures.near.has(plot)) show(plot.dataset.time, windowOf(plot));
+      if (figures.near.has(plot)) show(plot.dataset.time, windowOf(plot), start(plot));
     });
     plot.on("plotly_afterplot", () => point(plot));
     plot.on("plotly_click", ({ points }) =>
