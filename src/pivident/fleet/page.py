@@ -69,7 +69,6 @@ def render_page(judgement: Judgement) -> str:
         title=f"{fleet.template.experiment.title}: {len(fleet.robots)} robots, "
         f"{len(fleet.logs)} logs",
         sections=sections,
-        colours=METHOD_COLOURS,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )

@@ -47,7 +47,6 @@ def render_page(examination: FrictionExamination, title: str | None = None) -> s
     return environment.get_template("page.html").render(
         title=title or f"{examination.robot}: friction",
         sections=sections,
-        colours=METHOD_COLOURS,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )

@@ -78,7 +78,6 @@ def render_page(
     return environment.get_template("page.html").render(
         title=f"Study {summary.scenario}: {summary.runs} runs",
         sections=sections,
-        colours=METHOD_COLOURS,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
