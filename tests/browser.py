@@ -120,7 +120,7 @@ def told(page, folder, width, seconds=90.0):
 
 
 def framed(text, folder, probe, width):
-    """Files of a page with a script in its head, and of one around it that is as wide as it says."""
+    """A page with a script in its head, as a file, and one around it that gives it its width."""
     (folder / "report.html").write_text(text.replace("</head>", probe, 1), encoding="utf-8")
     frame = folder / "frame.html"
     frame.write_text(FRAME.format(width=width), encoding="utf-8")

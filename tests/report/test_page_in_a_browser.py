@@ -1,6 +1,7 @@
 """The page as a reader has it: drawn, linked in time, legible, usable from the keyboard."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,6 @@ from pivident.audit.page import render_page
 from pivident.report.builder import render_report
 from tests.audit.logs import planar
 from tests.browser import PHONE, asked, needs_browser
-from tests.report import questions
 from tests.synthetic_identification import (
     synthetic_identification,
     synthetic_loop,
@@ -29,22 +29,22 @@ def text():
     return render_report(results, true_parameters())
 
 
+def question(name):
+    """Body of a function that runs in the page."""
+    return (Path(__file__).parent / "questions" / f"{name}.js").read_text(encoding="utf-8")
+
+
 def all_of(*scripts):
     """One question out of several: each has a scope of its own, and one browser answers all."""
-    return f"return [{','.join(f'await (async () => {{ {s} }})()' for s in scripts)}];"
+    return f"return [{','.join(f'await (async () => {{\n{s}\n}})()' for s in scripts)}];"
 
 
 @pytest.fixture(scope="module")
 def answers(text, tmp_path_factory):
-    scripts = {
-        "replay": questions.REPLAY,
-        "tables": questions.TABLES,
-        "time": questions.TIME,
-        "structure": questions.STRUCTURE,
-        "contrast": questions.CONTRAST,
-    }
-    found = asked(text, tmp_path_factory.mktemp("page"), all_of(*scripts.values()))
-    return dict(zip(scripts, found, strict=True))
+    names = ("replay", "tables", "time", "structure", "contrast")
+    scripts = [question(name) for name in names]
+    found = asked(text, tmp_path_factory.mktemp("page"), all_of(*scripts))
+    return dict(zip(names, found, strict=True))
 
 
 def test_texts_stand_out_in_both_themes(answers):
@@ -107,12 +107,12 @@ def test_tables_sort_and_filter(answers):
 
 
 def test_narrow_windows_show_the_same(text, tmp_path):
-    assert_accessible(asked(text, tmp_path, questions.STRUCTURE, PHONE))
+    assert_accessible(asked(text, tmp_path, question("structure"), PHONE))
 
 
 def test_the_audit_has_the_same_frame(tmp_path):
     page = render_page([audit_log(planar())])
-    structure, contrast = asked(page, tmp_path, all_of(questions.STRUCTURE, questions.CONTRAST))
+    structure, contrast = asked(page, tmp_path, all_of(question("structure"), question("contrast")))
     assert_accessible(structure)
     assert contrast["low"] == []
 

@@ -17,8 +17,8 @@ from pivident.estimation.parameter_rows import percent, significant
 from pivident.report.downsampling import kept_samples, stretches
 from pivident.validation.residual_tests import JointResidualTests
 
-#: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito (2008),
-#: so that people with any colour vision tell them apart; vermilion is kept for errors.
+#: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
+#: (2008), so that people with any colour vision tell them apart; vermilion is kept for errors.
 METHOD_COLOURS = ("#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430")
 
 MEASURED, ERROR, SHADE = "#7f8999", "#d55e00", "rgba(138, 147, 163, 0.22)"

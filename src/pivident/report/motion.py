@@ -1,4 +1,4 @@
-"""The arm and its recorded motion for the moving picture of a page: small, and the same at any rate."""
+"""The arm and its recorded motion for the moving picture of a page, small at any rate."""
 
 from __future__ import annotations
 
@@ -112,7 +112,7 @@ def _recording_values(recording: FittedRecording, most: int) -> dict[str, Any]:
 
 
 def _tip(robot: Robot, index: int) -> list[float] | None:
-    """Where a last link is drawn to: its centre of mass, else a short way along its joint's axis."""
+    """Where a last link is drawn to: its centre of mass, else a little along its joint's axis."""
     if any(joint.parent == index for joint in robot.joints):
         return None
     reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints) or 1.0

@@ -15,7 +15,7 @@ from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.report.builder import page_environment
-from pivident.report.figures import ERROR, METHOD_COLOURS, SHADE, Figure, colour
+from pivident.report.figures import ERROR, SHADE, Figure, colour
 from pivident.report.figures import empty_plot as empty_plot
 from pivident.study.bench import Bench
 from pivident.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary

@@ -1,6 +1,6 @@
 // Figures are drawn when they come near the window, so that long reports open at once.
 const figures = (() => {
-  const PAPER = 660; // width of a printed figure [px], A4 and letter
+  const PAPER = 325; // width of a printed figure [px]: two beside each other on A4 and letter
   const touch = matchMedia("(pointer: coarse)");
   const plots = [...document.querySelectorAll(".plot")];
   const near = new Set();
