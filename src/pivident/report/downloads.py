@@ -139,8 +139,8 @@ def signals_csv(identification: Identification, recording: FittedRecording, step
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(heads)
     for time, *values in zip(*columns, strict=True):
-        # The clock may count from 1970: six digits would not tell its samples apart.
-        writer.writerow([f"{time:.12g}", *(f"{x:.6g}" if math.isfinite(x) else "" for x in values)])
+        # The clock may count from 1970: six digits do not tell its samples apart.
+        writer.writerow([f"{time:.15g}", *(f"{x:.6g}" if math.isfinite(x) else "" for x in values)])
     return stream.getvalue()
 
 

@@ -49,8 +49,9 @@ class VerdictSection(Section):
         identification = material.identifications[best]
         relative = 2.0 * identification.relative_std
         well = int((relative <= WELL).sum())
+        compared_with = f"of {len(material.labels)} compared" if material.several else ""
         figures = [
-            ("Estimate to take", material.labels[best], f"of {len(material.labels)}"),
+            ("Estimate to take", material.labels[best], compared_with),
             (
                 "Parameters known to 10 % or better (2σ)".replace("10", f"{WELL:g}"),
                 f"{well} of {relative.size}",

@@ -71,9 +71,11 @@ const figures = (() => {
     },
     { rootMargin: "400px" },
   );
-  // The page itself is painted first.
+  // The page itself is painted first; then the script is made ready while the reader reads.
   const watch = () => plots.forEach((plot) => observer.observe(plot));
   requestAnimationFrame(() => setTimeout(watch));
+  const idle = window.requestIdleCallback ?? setTimeout;
+  if (plots.length) addEventListener("load", () => idle(load));
 
   const bring = (plot) => comers.forEach((comer) => comer(plot));
   theme.follow(() => {
