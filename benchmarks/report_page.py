@@ -15,9 +15,10 @@ import tempfile
 import time
 from pathlib import Path
 
-from pivident.report.builder import render_report
 from tests.browser import BROWSER, told
 from tests.synthetic_identification import synthetic_identification
+
+from pivident.report.builder import render_report
 
 SAMPLES, RATE, METHODS = 45_000, 5000.0, ("IDIM-LS", "IDIM-IV", "IDIM-PIV")
 

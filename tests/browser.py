@@ -93,7 +93,7 @@ def seen(text, folder, probe, width):
     return checked(json.loads(html.unescape(posted.group(1))), done.stderr, width)
 
 
-def told(page, folder, width, seconds=90.0):
+def told(page, folder, width, seconds=240.0):
     """What a page writes to its console behind ``ANSWER``, in real time, and all that went before.
 
     Frames are painted as for a reader, which virtual time does not promise.
