@@ -92,7 +92,7 @@ const figures = (() => {
     plots.filter((plot) => !isDrawn(plot)).forEach(draw);
     plots.forEach(bring);
     // A printed page is narrower than the window that was drawn for.
-    if (matchMedia("print").matches) plots.forEach((plot) => Plotly.relayout(plot, { width: PAPER, autosize: false }));
+    plots.forEach((plot) => Plotly.relayout(plot, { width: PAPER, autosize: false }));
   });
   addEventListener("afterprint", () => {
     folded.forEach((part) => { part.open = false; });
