@@ -1,10 +1,14 @@
 """A page on a phone, as headless Chromium shows it."""
 
+import base64
 import html
 import json
+import os
 import re
 import shutil
+import signal
 import subprocess
+import threading
 
 import pytest
 
@@ -34,16 +38,98 @@ addEventListener("load", () => {
 </script></head>"""
 
 FRAME = """<body style="margin:0"><iframe src="report.html" width="{width}" height="800"></iframe>
-<script>addEventListener("message", (event) => {{ document.body.dataset.probe = event.data; }});
-</script></body>"""
+<script>addEventListener("message", (event) => {{
+  document.body.dataset.probe = event.data;
+  console.log("ANSWER" + btoa(String.fromCharCode(...new TextEncoder().encode(event.data))));
+}});</script></body>"""
+
+
+#: Runs the body of an asynchronous function in the page once it is loaded, and tells the answer.
+QUESTION = """<script>
+const errors = [];
+addEventListener("error", (event) => errors.push(event.message));
+addEventListener("unhandledrejection", (event) => errors.push(String(event.reason)));
+addEventListener("securitypolicyviolation", (event) => errors.push(event.blockedURI));
+const frame = () => new Promise(requestAnimationFrame);
+async function wait(milliseconds) {
+  await new Promise((done) => setTimeout(done, milliseconds));
+  for (let k = 0; k < 3; k += 1) await frame();
+}
+addEventListener("load", async () => {
+  let answer;
+  try { answer = await (async () => { QUESTION })(); } catch (error) { errors.push(String(error)); }
+  parent.postMessage(JSON.stringify(
+    { errors, answer, width: innerWidth, content: document.documentElement.scrollWidth }), "*");
+});
+</script></head>"""
 
 
 def seen_on_a_phone(text, folder):
     """What the page reports of itself; fails on errors and on sideways scrolling."""
-    (folder / "report.html").write_text(text.replace("</head>", PROBE, 1), encoding="utf-8")
+    return seen(text, folder, PROBE, PHONE)
+
+
+def asked(text, folder, script, width=1280):
+    """What a script answers that runs in the page; fails on errors and on sideways scrolling.
+
+    Args:
+        text: the page.
+        folder: for files.
+        script: body of an asynchronous function; ``await wait(milliseconds)`` lets time pass.
+        width: of the window [px].
+    """
+    frame = framed(text, folder, QUESTION.replace("QUESTION", script), width)
+    answer, errors = told(frame, folder, width)
+    return checked(answer, errors, width)["answer"]
+
+
+def seen(text, folder, probe, width):
+    """What a script in the head of the page posts to the page around it, in virtual time."""
+    frame = framed(text, folder, probe, width)
+    command = [*browser(folder, width), "--virtual-time-budget=20000", "--dump-dom", frame.as_uri()]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
+    posted = re.search(r'data-probe="([^"]*)"', done.stdout)
+    assert posted, done.stderr
+    return checked(json.loads(html.unescape(posted.group(1))), done.stderr, width)
+
+
+def told(page, folder, width, seconds=240.0):
+    """What a page writes to its console behind ``ANSWER``, in real time, and all that went before.
+
+    Frames are painted as for a reader, which virtual time does not promise.
+    """
+    command = [*browser(folder, width), page.as_uri()]
+    process = subprocess.Popen(
+        command, stderr=subprocess.PIPE, stdout=subprocess.DEVNULL, start_new_session=True
+    )
+    stop = threading.Timer(seconds, os.killpg, (process.pid, signal.SIGKILL))
+    stop.start()
+    lines = []
+    try:
+        for line in process.stderr:
+            lines.append(line.decode("utf-8", "replace"))
+            found = re.search(r"ANSWER([A-Za-z0-9+/=]+)", lines[-1])
+            if found:
+                return json.loads(base64.b64decode(found.group(1))), "".join(lines[:-1])
+        raise AssertionError("the page did not answer:\n" + "".join(lines))
+    finally:
+        stop.cancel()
+        os.killpg(process.pid, signal.SIGKILL)
+        process.wait()
+        process.stderr.close()
+
+
+def framed(text, folder, probe, width):
+    """A page with a script in its head, as a file, and one around it that gives it its width."""
+    (folder / "report.html").write_text(text.replace("</head>", probe, 1), encoding="utf-8")
     frame = folder / "frame.html"
-    frame.write_text(FRAME.format(width=PHONE), encoding="utf-8")
-    command = [
+    frame.write_text(FRAME.format(width=width), encoding="utf-8")
+    return frame
+
+
+def browser(folder, width):
+    """Command line of the browser, without what it should do."""
+    return [
         BROWSER,
         "--headless",
         "--no-sandbox",
@@ -51,17 +137,15 @@ def seen_on_a_phone(text, folder):
         "--disable-background-networking",
         "--hide-scrollbars",
         "--enable-logging=stderr",
-        "--virtual-time-budget=20000",
+        f"--window-size={width + 20},900",
         f"--user-data-dir={folder / 'profile'}",
-        "--dump-dom",
-        frame.as_uri(),
     ]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=True)
-    probe = re.search(r'data-probe="([^"]*)"', done.stdout)
-    assert probe, done.stderr
-    seen = json.loads(html.unescape(probe.group(1)))
-    assert seen["errors"] == []
-    assert not re.search(r"CONSOLE.*(error|refused|uncaught)", done.stderr, re.IGNORECASE)
-    assert seen["width"] == PHONE
-    assert seen["content"] <= PHONE
-    return seen
+
+
+def checked(found, log, width):
+    """The answer, once it is known that nothing went wrong and nothing scrolls sideways."""
+    assert found["errors"] == []
+    assert not re.search(r"CONSOLE.*(error|refused|uncaught)", log, re.IGNORECASE)
+    assert found["width"] == width
+    assert found["content"] <= width
+    return found

@@ -13,7 +13,7 @@ from pivident.audit import figures
 from pivident.audit.audit import Audit
 from pivident.audit.finding import Finding, gravest_first, grouped
 from pivident.report.builder import page_environment
-from pivident.report.figures import METHOD_COLOURS, Figure
+from pivident.report.figures import Figure
 
 #: Checks in the order of the page, with their headings.
 CHECKS = {
@@ -53,10 +53,12 @@ def render_page(audits: Sequence[Audit]) -> str:
             if found or drawn:
                 body = template.render(findings=found, figures=drawn, position=position)
                 sections.append((f"{check}{tag}", f"{name}{heading}", Markup(body)))
+    # What was found in a single log heads the page, before the list of contents.
+    head = {"head": sections.pop(0)} if len(audits) == 1 else {}
     return environment.get_template("page.html").render(
         title=f"Audit of {', '.join(audit.log.name for audit in audits)}",
         sections=sections,
-        colours=METHOD_COLOURS,
+        **head,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )

@@ -14,7 +14,6 @@ from pivident.fleet.figures import chart_figure, overview_figure
 from pivident.fleet.judgement import Judgement, promise
 from pivident.fleet.wear import Rate
 from pivident.report.builder import page_environment
-from pivident.report.figures import METHOD_COLOURS
 
 #: Charts that are drawn: those with alarms first; more would only make the page heavy.
 MOST_CHARTS = 40
@@ -69,7 +68,6 @@ def render_page(judgement: Judgement) -> str:
         title=f"{fleet.template.experiment.title}: {len(fleet.robots)} robots, "
         f"{len(fleet.logs)} logs",
         sections=sections,
-        colours=METHOD_COLOURS,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )

@@ -48,7 +48,6 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
     return environment.get_template("page.html").render(
         title="Flexible joints",
         sections=sections,
-        colours=METHOD_COLOURS,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )

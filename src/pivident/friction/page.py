@@ -14,7 +14,6 @@ from pivident.friction.figures import gain_figure, joint_figures
 from pivident.friction.findings import Finding, headline
 from pivident.friction.ripple_figures import ripple_figures
 from pivident.report.builder import page_environment
-from pivident.report.figures import METHOD_COLOURS
 
 
 def render_page(examination: FrictionExamination, title: str | None = None) -> str:
@@ -47,7 +46,6 @@ def render_page(examination: FrictionExamination, title: str | None = None) -> s
     return environment.get_template("page.html").render(
         title=title or f"{examination.robot}: friction",
         sections=sections,
-        colours=METHOD_COLOURS,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )

@@ -24,10 +24,22 @@ from pivident.estimation.parameter_rows import (
     with_spread,
 )
 from pivident.files import atomic_folder
-from pivident.report.figures import METHOD_COLOURS, Figure
+from pivident.report.figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.material import Material
 from pivident.report.sections import SECTIONS
 from pivident.validation.examination import Examination, examine_alone
+
+#: Scripts of the page, in the order in which they build on each other.
+PAGE_SCRIPTS = (
+    "theme.js",
+    "contents.js",
+    "figures.js",
+    "time.js",
+    "tables.js",
+    "downloads.js",
+    "arm.js",
+    "replay.js",
+)
 
 
 def write_report(
@@ -88,8 +100,8 @@ def render_report(
             sections.append((section.anchor, section.title, Markup(body)))
     return environment.get_template("page.html").render(
         title=title,
-        sections=sections,
-        colours=METHOD_COLOURS,
+        head=sections[0],
+        sections=sections[1:],
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
@@ -111,7 +123,15 @@ def page_environment() -> Environment:
         "script_json": _script_json,
         "powers": _powers,
     }
-    environment.globals |= {"with_spread": with_spread, "method_class": _method_class}
+    environment.globals |= {
+        "with_spread": with_spread,
+        "method_class": _method_class,
+        "page_scripts": PAGE_SCRIPTS,
+        "method_colours": METHOD_COLOURS,
+        "dark_colours": DARK_COLOURS,
+        "measured_colour": MEASURED,
+        "error_colour": ERROR,
+    }
     return environment
 
 

@@ -17,10 +17,23 @@ from pivident.estimation.parameter_rows import percent, significant
 from pivident.report.downsampling import kept_samples, stretches
 from pivident.validation.residual_tests import JointResidualTests
 
-#: Colours of the methods, legible on white and on black; then they repeat.
-METHOD_COLOURS = ("#2f7fd1", "#e07b00", "#1f9d72", "#9a5fd0", "#c2528b", "#7d8a1e")
+#: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
+#: (2008), so that people with any colour vision tell them apart; vermilion is kept for errors.
+METHOD_COLOURS = ("#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430")
 
-MEASURED, ERROR, SHADE = "#8a93a3", "#d64545", "rgba(138, 147, 163, 0.22)"
+MEASURED, ERROR, SHADE = "#7f8999", "#d55e00", "rgba(138, 147, 163, 0.22)"
+
+#: What each of these colours becomes on a dark page.
+DARK_COLOURS = {
+    "#0072b2": "#4ba3dd",
+    "#b87a00": "#e69f00",
+    "#009e73": "#2fc79a",
+    "#b5568f": "#e08fbf",
+    "#2f8fc7": "#7cc7f2",
+    "#7a7430": "#b9b25a",
+    MEASURED: "#98a2b3",
+    ERROR: "#ff8a3d",
+}
 
 
 @dataclass(frozen=True)
@@ -33,6 +46,8 @@ class Figure:
         title: what stands above it, plain text.
         label: the drawing in words, for those who do not see it.
         note: what stands below it, plain text, may be empty.
+        recording: where the x axis is time: whose. Figures of one recording show the same window.
+        start: instant at which that axis is zero, on the recording's clock [s].
     """
 
     plot: go.Figure
@@ -40,6 +55,8 @@ class Figure:
     title: str
     label: str
     note: str = ""
+    recording: str = ""
+    start: float = 0.0
 
 
 def colour(method: int) -> str:
@@ -79,6 +96,8 @@ def torque_figure(
         label=f"Measured and reconstructed torque of {fit.name} over {significant(t[-1])} s: "
         f"{error}, {rms}",
         note=f"{error}, {rms}",
+        recording=recording.name,
+        start=_start(recording),
     )
 
 
@@ -101,7 +120,9 @@ def law_figure(found: ControllerIdentification, joint: int, method: int, points:
     note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
     span = f"over {significant(t[-1])} s"
     label = f"Measured {found.compared} of {law.name} and its law {span}: {note}"
-    return Figure(plot, height=250, title=law.name, label=label, note=note)
+    # The law's rows begin at another instant than the fitted ones: it has a window of its own.
+    own = f"law of {', '.join(found.recordings)}"
+    return Figure(plot, 250, law.name, label, note, recording=own)
 
 
 def reference_figure(
@@ -132,7 +153,9 @@ def reference_figure(
     rms = significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
     label = f"Measured position of {name} and its reference over {significant(t[-1])} s"
     note = f"measured less reference: rms {rms} {unit}"
-    return Figure(plot, height=320, title=name, label=f"{label}; {note}", note=note)
+    return Figure(
+        plot, 320, name, f"{label}; {note}", note, recording.name, _start(recording)
+    )  # fmt: skip
 
 
 def residual_figure(tests: JointResidualTests, method: int) -> Figure:
@@ -199,7 +222,7 @@ def signal_figure(
     _shade(plot, _mask(recording, joint), t)
     note = f"smoother: half power at {significant(fit.f50)} Hz" if math.isfinite(fit.f50) else ""
     label = f"Position, speed and acceleration of {fit.name} over {significant(t[-1])} s"
-    return Figure(plot, height=420, title=fit.name, label=label, note=note)
+    return Figure(plot, 420, fit.name, label, note, recording.name, _start(recording))
 
 
 def distance_figure(identification: Identification) -> Figure:
@@ -341,6 +364,11 @@ def _mask(recording: FittedRecording, joint: int) -> np.ndarray:
 def _time(recording: FittedRecording) -> np.ndarray:
     """Time since the first row [s]: a clock's absolute time has too many digits to draw."""
     return recording.t - recording.t[0]
+
+
+def _start(recording: FittedRecording) -> float:
+    """Instant of the first row on the recording's clock [s]."""
+    return float(recording.t[0])
 
 
 def _packed(x: np.ndarray) -> np.ndarray:

@@ -9,10 +9,12 @@ from functools import cached_property
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.estimation.problem import Loop
+from pivident.report.downloads import Download, downloads
 from pivident.validation.examination import Examination
+from pivident.validation.verdict import Verdict, verdict
 
 #: Points of all signals together; a point takes 11 bytes, plotly itself 5 MB.
-TOTAL_POINTS = 160_000
+TOTAL_POINTS = 120_000
 
 #: A trace has at most so many points, which is more than a screen has columns …
 MOST_POINTS = 3000
@@ -52,6 +54,23 @@ class Material:
     def several(self) -> bool:
         """Whether there is something to compare."""
         return len(self.identifications) > 1
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Which estimate to take, and what speaks for and against it."""
+        return verdict(self.examination)
+
+    @property
+    def recommended(self) -> int:
+        """Index of the estimate to take."""
+        return list(self.examination.identifications).index(self.verdict.name)
+
+    @cached_property
+    def downloads(self) -> tuple[Download, ...]:
+        """Files that the page carries; signals are those of the estimate to take."""
+        best = self.recommended
+        recordings = self.drawn(self.identifications[best].recordings)
+        return downloads(self.identifications, self.labels, recordings, best)
 
     @cached_property
     def loops(self) -> tuple[tuple[Loop, tuple[int, ...]], ...]:

@@ -15,7 +15,7 @@ from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.report.builder import page_environment
-from pivident.report.figures import ERROR, METHOD_COLOURS, SHADE, Figure, colour
+from pivident.report.figures import ERROR, SHADE, Figure, colour
 from pivident.report.figures import empty_plot as empty_plot
 from pivident.study.bench import Bench
 from pivident.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
@@ -78,7 +78,6 @@ def render_page(
     return environment.get_template("page.html").render(
         title=f"Study {summary.scenario}: {summary.runs} runs",
         sections=sections,
-        colours=METHOD_COLOURS,
         plotly=Markup(get_plotlyjs()),
         version=__version__,
     )

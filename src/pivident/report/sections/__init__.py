@@ -5,10 +5,12 @@ from pivident.report.sections.comparison import ComparisonSection
 from pivident.report.sections.consistency import ConsistencySection
 from pivident.report.sections.control_loop import ControlLoopSection
 from pivident.report.sections.convergence import ConvergenceSection
+from pivident.report.sections.downloads import DownloadsSection
 from pivident.report.sections.held_out import HeldOutSection
 from pivident.report.sections.joints import JointsSection
 from pivident.report.sections.parameters import ParametersSection
 from pivident.report.sections.provenance import ProvenanceSection
+from pivident.report.sections.replay import ReplaySection
 from pivident.report.sections.residuals import ResidualsSection
 from pivident.report.sections.signals import SignalsSection
 from pivident.report.sections.summary import SummarySection
@@ -23,6 +25,7 @@ SECTIONS: tuple[type[Section], ...] = (
     ParametersSection,
     HeldOutSection,
     ConsistencySection,
+    ReplaySection,
     TorqueSection,
     JointsSection,
     ResidualsSection,
@@ -30,5 +33,6 @@ SECTIONS: tuple[type[Section], ...] = (
     ControlLoopSection,
     ConvergenceSection,
     SignalsSection,
+    DownloadsSection,
     ProvenanceSection,
 )

@@ -19,14 +19,8 @@ class SummarySection(Section):
     def context(self) -> dict[str, Any]:
         """Methods at a glance and remarks."""
         material = self.material
-        robots = {i.robot.name: i.robot for i in material.identifications}
-        recordings = {r.name: r for i in material.identifications for r in i.recordings}
         apart = disagreements(material.identifications, material.labels)
         return {
-            "robots": list(robots.values()),
-            "recordings": [
-                (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()
-            ],
             "methods": [
                 (label, i, ending(i))
                 for label, i in zip(material.labels, material.identifications, strict=True)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from pivident.estimation.parameter_rows import percent, significant
+from pivident.estimation.tables import rows_kind
 from pivident.report.sections.base import Section
-from pivident.validation.verdict import verdict
+from pivident.validation.verdict import WELL
 
 
 class VerdictSection(Section):
@@ -16,11 +18,55 @@ class VerdictSection(Section):
     template = "verdict.html"
 
     def context(self) -> dict[str, Any]:
-        """The verdict, and the colour of the method that it recommends."""
-        found = verdict(self.material.examination)
-        names = list(self.material.examination.identifications)
+        """What was identified, the verdict with its reservations first, and its key figures."""
+        material = self.material
+        found, best = material.verdict, material.recommended
+        recordings = {r.name: r for i in material.identifications for r in i.recordings}
+        against = [s for s in found.statements if s.grade in ("bad", "caution")]
         return {
             "verdict": found,
-            "method": names.index(found.name),
-            "label": self.material.labels[names.index(found.name)],
+            "robots": list({i.robot.name: i.robot for i in material.identifications}.values()),
+            "recordings": [
+                (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()
+            ],
+            "labels": material.labels,
+            "several": material.several,
+            "key_figures": self._key_figures(best),
+            "groups": [
+                (title, statements)
+                for title, statements in (
+                    ("Reservations", against),
+                    ("What else was found", [s for s in found.statements if s not in against]),
+                )
+                if statements
+            ],
+            "files": [file for file in material.downloads if file.method == best],
         }
+
+    def _key_figures(self, best: int) -> list[tuple[str, str, str]]:
+        """What it is, its value, and a remark, of the estimate to take."""
+        material = self.material
+        identification = material.identifications[best]
+        relative = 2.0 * identification.relative_std
+        well = int((relative <= WELL).sum())
+        compared_with = f"of {len(material.labels)} compared" if material.several else ""
+        figures = [
+            ("Estimate to take", material.labels[best], compared_with),
+            (
+                "Parameters known to 10 % or better (2σ)".replace("10", f"{WELL:g}"),
+                f"{well} of {relative.size}",
+                f"best {percent(float(relative.min()))}" if relative.size else "",
+            ),
+        ]
+        compared = material.examination.out_of_sample
+        name = list(material.examination.identifications)[best]
+        if compared is None or name not in compared.results:
+            error = percent(100.0 * identification.relative_error)
+            return [*figures, ("Torque error, fitted motion", error, rows_kind(identification))]
+        result = compared.results[name]
+        below = f"below {significant(result.prediction.band)} Hz"
+        return [
+            *figures,
+            ("Torque error, motion not fitted", percent(result.prediction.total_in_band), below),
+            ("Torque error, fitted motion", percent(result.training.total_in_band), below),
+        ]

@@ -1,0 +1,124 @@
+"""The arm and its recorded motion for the moving picture of a page, small at any rate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pivident.estimation.identification import FittedRecording, Identification
+from pivident.robot.description import Robot
+
+#: Positions of all joints and recordings together; one takes 7 bytes of the page.
+MOST_POSITIONS = 36_000
+
+#: Instants per second that suffice: positions between them are interpolated.
+RATE = 60.0
+
+#: Digits of a position [rad or m]: 0.006 degrees.
+DIGITS = 4
+
+
+@dataclass(frozen=True)
+class JointRange:
+    """What one joint did in a recording.
+
+    Attributes:
+        name: joint.
+        unit: rad or m.
+        low: lowest position [unit].
+        high: highest position [unit].
+        speed: highest speed, as estimated [unit/s].
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    speed: float
+
+
+def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[str, Any]:
+    """Robot and positions as plain values, for the script that draws them.
+
+    Args:
+        robot: the robot.
+        recordings: recordings whose motion is replayed.
+
+    Returns:
+        ``joints``: name, kind, parent, rotation by rows and translation of each; ``tip``: point of
+        each link that is drawn where nothing hangs on it [m]; ``up``: direction against gravity;
+        ``recordings``: name, start and duration [s], and ``q``, a list for each joint at equal
+        distances of time.
+    """
+    most = max(2, MOST_POSITIONS // max(1, robot.size * len(recordings)))
+    size = np.linalg.norm(robot.gravity)
+    up = -robot.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
+    return {
+        "joints": [
+            {
+                "name": joint.name,
+                "kind": joint.kind,
+                "parent": joint.parent,
+                "rotation": [round(float(x), 9) for x in joint.rotation.ravel()],
+                "translation": [round(float(x), 6) for x in joint.translation],
+            }
+            for joint in robot.joints
+        ],
+        "tip": [_tip(robot, index) for index in range(robot.size)],
+        "up": [round(float(x), 6) for x in up],
+        "recordings": [_recording_values(recording, most) for recording in recordings],
+    }
+
+
+def joint_ranges(
+    identification: Identification, recording: FittedRecording
+) -> tuple[JointRange, ...]:
+    """Range and highest speed of each joint, which is the motion in words.
+
+    Args:
+        identification: the result.
+        recording: one of its recordings.
+    """
+    return tuple(
+        JointRange(
+            name=joint.name,
+            unit="rad" if joint.kind == "revolute" else "m",
+            low=float(np.nanmin(recording.q_measured[:, j])),
+            high=float(np.nanmax(recording.q_measured[:, j])),
+            speed=float(np.nanmax(np.abs(recording.dq[:, j]))),
+        )
+        for j, joint in enumerate(identification.robot.joints)
+    )
+
+
+def _recording_values(recording: FittedRecording, most: int) -> dict[str, Any]:
+    """Positions at equal distances of time; gaps of a joint are bridged by straight lines."""
+    t = recording.t - recording.t[0]
+    instants = np.linspace(0.0, t[-1], int(np.clip(np.ceil(t[-1] * RATE) + 1, 2, most)))
+    columns = []
+    for q in np.asarray(recording.q_measured, dtype=float).T:
+        seen = np.isfinite(q)
+        values = np.interp(instants, t[seen], q[seen]) if seen.any() else np.zeros(instants.size)
+        columns.append([round(float(x), DIGITS) for x in values])
+    return {
+        "name": recording.name,
+        "start": float(recording.t[0]),
+        "duration": float(t[-1]),
+        "q": columns,
+    }
+
+
+def _tip(robot: Robot, index: int) -> list[float] | None:
+    """Where a last link is drawn to: its centre of mass, else a little along its joint's axis."""
+    if any(joint.parent == index for joint in robot.joints):
+        return None
+    reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints) or 1.0
+    inertia = robot.links[index].inertia
+    if inertia[9] > 0.0:
+        center = inertia[6:9] / inertia[9]
+        if 0.02 * reach < np.linalg.norm(center) < reach:
+            return [round(float(x), 6) for x in center]
+    return [0.0, 0.0, round(0.1 * reach, 6)]

@@ -1,0 +1,32 @@
+"""The recorded motion as a moving picture of the arm, on the same clock as the figures."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.report.motion import joint_ranges, motion_values
+from pivident.report.sections.base import Section
+
+
+class ReplaySection(Section):
+    """The arm in three dimensions, and the range of each joint for those who do not see it."""
+
+    title = "The motion, replayed"
+    anchor = "replay"
+    template = "replay.html"
+
+    @property
+    def applies(self) -> bool:
+        """Only where an identification kept its signals."""
+        return any(i.recordings for i in self.material.identifications)
+
+    def context(self) -> dict[str, Any]:
+        """Robot and motion of the last identification that has signals."""
+        shown = [i for i in self.material.identifications if i.recordings][-1]
+        recordings = self.material.drawn(shown.recordings)
+        return {
+            "robot": shown.robot,
+            "motion": motion_values(shown.robot, recordings),
+            "ranges": [(r.name, joint_ranges(shown, r)) for r in recordings],
+            "left_out_names": self.material.left_out,
+        }

@@ -1,0 +1,45 @@
+// Texts whose contrast with their background is too low, in both themes: WCAG 2.2, 1.4.3.
+const numbers = (colour) => {
+  const found = colour.match(/[\d.]+/g).map(Number);
+  return found.length < 4 ? [...found.slice(0, 3), 1] : found;
+};
+const over = ([r, g, b, a], under) => [r, g, b].map((x, k) => a * x + (1 - a) * under[k]);
+function background(element) {
+  const layers = [];
+  for (let own = element; own; own = own.parentElement) {
+    const colour = numbers(getComputedStyle(own).backgroundColor);
+    layers.unshift(colour);
+  }
+  return layers.reduce((under, colour) => over(colour, under), [255, 255, 255]);
+}
+const luminance = (rgb) => {
+  const [r, g, b] = rgb.map((x) => (x /= 255) <= 0.04045 ? x / 12.92 : ((x + 0.055) / 1.055) ** 2.4);
+  return 0.2126 * r + 0.7152 * g + 0.0722 * b;
+};
+const low = new Set();
+let texts = 0;
+dispatchEvent(new Event("beforeprint"));
+dispatchEvent(new Event("afterprint"));
+document.querySelectorAll("details").forEach((part) => { part.open = true; });
+for (const theme of ["light", "dark"]) {
+  document.querySelector(`[data-theme-choice=${theme}]`).click();
+  await wait(600);
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const element = walker.currentNode.parentElement;
+    if (!walker.currentNode.data.trim() || element.closest("script, noscript, style, .heatmap-label")) continue;
+    if (!element.checkVisibility({ visibilityProperty: true, opacityProperty: true })) continue;
+    const style = getComputedStyle(element);
+    const drawn = element.closest("svg");
+    const under = background(drawn ?? element);
+    const ink = over(numbers(drawn ? style.fill : style.color), under);
+    const [light, dark] = [luminance(ink), luminance(under)].sort((a, b) => b - a);
+    const ratio = (light + 0.05) / (dark + 0.05);
+    const size = parseFloat(style.fontSize), bold = Number(style.fontWeight) >= 700;
+    texts += 1;
+    if (ratio < (size >= 24 || (bold && size >= 18.66) ? 3 : 4.5))
+      low.add(`${theme} ${element.tagName}.${element.className?.baseVal ?? element.className} ` +
+        `"${walker.currentNode.data.trim().slice(0, 30)}" ${ratio.toFixed(2)}`);
+  }
+}
+return { texts, low: [...low] };

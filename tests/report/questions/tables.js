@@ -1,0 +1,24 @@
+// A table sorted and filtered with nothing but buttons and a field.
+const table = [...document.querySelectorAll("#parameters table.sortable")].at(-1);
+const filter = table.closest(".scroll").previousElementSibling;
+const heads = [...table.tHead.rows[0].cells];
+const column = (words) => heads.findIndex((head) => head.textContent.trim() === words);
+const values = (k) => [...table.tBodies[0].rows].filter((row) => !row.hidden).map((row) => Number(row.cells[k].dataset.value));
+const names = () => [...table.tBodies[0].rows].filter((row) => !row.hidden).map((row) => row.cells[0].textContent);
+const found = { original: names() };
+const button = heads[column("Value")].querySelector("button");
+button.focus();
+found.focused = document.activeElement === button;
+button.click();
+found.up = values(column("Value"));
+found.sort = heads[column("Value")].getAttribute("aria-sort");
+button.click();
+found.down = values(column("Value"));
+button.click();
+found.again = names();
+const field = filter.querySelector("input");
+field.value = "fv";
+field.dispatchEvent(new Event("input"));
+found.filtered = names();
+found.count = filter.querySelector("output").textContent;
+return found;
