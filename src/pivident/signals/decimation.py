@@ -126,9 +126,7 @@ def decimation_offsets(
     return tuple(offsets)
 
 
-def decimation_gain(
-    frequency: np.ndarray, rate: float, factor: int | Sequence[int]
-) -> np.ndarray:
+def decimation_gain(frequency: np.ndarray, rate: float, factor: int | Sequence[int]) -> np.ndarray:
     """Gain of all stages for a component of the record, Π |H_r(f)|², without phase.
 
     A stage runs at the rate that the stages before it left. A component above half the last rate

@@ -89,9 +89,7 @@ class JointFeedback:
         return numerator, np.convolve(self.pole, difference)
 
 
-def joint_feedbacks(
-    controller: Controller, rate: float, joints: int
-) -> tuple[JointFeedback, ...]:
+def joint_feedbacks(controller: Controller, rate: float, joints: int) -> tuple[JointFeedback, ...]:
     """The feedback of each joint of a control law.
 
     Args:
