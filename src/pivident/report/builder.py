@@ -25,6 +25,7 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.files import atomic_folder
 from pivident.report.figures import METHOD_COLOURS, Figure
+from pivident.report.intervals import marker
 from pivident.report.material import Material
 from pivident.report.sections import SECTIONS
 from pivident.validation.examination import Examination, examine_alone
@@ -111,7 +112,11 @@ def page_environment() -> Environment:
         "script_json": _script_json,
         "powers": _powers,
     }
-    environment.globals |= {"with_spread": with_spread, "method_class": _method_class}
+    environment.globals |= {
+        "with_spread": with_spread,
+        "method_class": _method_class,
+        "method_marker": marker,
+    }
     return environment
 
 

@@ -20,7 +20,8 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
     plot = empty_plot("")
     plot.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1)
     plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
-    below = {"title": {"text": "whitened, re white", "standoff": 4}, "type": "log", "dtick": 1}
+    below = {"title": {"text": "re white", "standoff": 4}, "type": "log", "dtick": 1}
+    below["exponentformat"] = "power"
     both = spectra.model is not None
     if both:
         plot.update_layout(
@@ -60,7 +61,7 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
         f"{percent(outside)} of the bins outside the 95 % band of a white residual (5 % expected); "
         f"largest {significant(white.density[most] / level, 2)} times white at "
         f"{significant(white.frequency[most])} Hz; {white.stretches} stretches of "
-        f"{white.length} samples"
+        f"{white.length} samples" + (", gaps filled with zeros" if white.filled else "")
     )
     what = "before and after whitening, with its noise model" if both else "re white noise"
     label = f"Spectrum of the residual of {spectra.name} {what}: {note}"

@@ -284,17 +284,18 @@ def _notes(identification: Identification) -> tuple[str, ...]:
     return tuple(notes)
 
 
-def disagreement(used: float, wanted: float, tolerance: float = 1.5) -> int:
+def disagreement(used: float, wanted: float, spread: float = 0.0, tolerance: float = 1.5) -> int:
     """-1 where a frequency is clearly lower than a rule of thumb wants, 1 clearly higher, else 0.
 
     Args:
         used: frequency that was used [Hz].
         wanted: frequency of the rule [Hz].
+        spread: half the interval of that [Hz]; nothing within it is clear.
         tolerance: factor within which they agree.
     """
-    if used * tolerance < wanted:
+    if used * tolerance < wanted - spread:
         return -1
-    return 1 if used > wanted * tolerance else 0
+    return 1 if used > (wanted + spread) * tolerance else 0
 
 
 def too_slow_smoothers(

@@ -11,13 +11,15 @@ half-overlapping stretches and n neighbouring frequencies of Hann's window are w
     ν = 2 K²/(K + (K - 1)/18) · n²/(n + 2 (n - 1) (2/3)² + 2 (n - 2) (1/6)²)
 
 degrees of freedom (Percival and Walden 1993), from which the band follows. Samples that did not
-vote are gaps: stretches lie between them, and are shorter where gaps are close.
+vote are gaps: stretches lie between them, and are shorter where gaps are close. Where gaps are so
+close that hardly anything lies between them, as after decimation, they are filled with zeros and
+Σw² counts the other samples: right for white noise, and blurred for other.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,6 +35,9 @@ _FEWEST = 8
 
 #: … that hold this share of the samples.
 _SHARE = 0.6
+
+#: Share of a stretch that must have voted where gaps are filled.
+_PRESENT = 0.5
 
 #: Bins per octave.
 _PER_OCTAVE = 12
@@ -51,6 +56,7 @@ class Spectrum:
         freedom: degrees of freedom ν of each bin, shape (bins,).
         stretches: number of stretches averaged.
         length: their length [samples].
+        filled: whether there were gaps in them, filled with zeros.
     """
 
     frequency: np.ndarray
@@ -58,6 +64,7 @@ class Spectrum:
     freedom: np.ndarray
     stretches: int
     length: int
+    filled: bool = False
 
     def band(self, level: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Within what 95 % of the bins lie if the true density is ``level`` [unit²/Hz]."""
@@ -158,26 +165,37 @@ def welch_spectrum(pieces: Sequence[np.ndarray], rate: float) -> Spectrum | None
     Returns:
         The spectrum, None where not even short stretches are long enough.
     """
-    lengths, parts = [], []
-    for piece in pieces:
-        for start, stop in unmasked_stretches(~np.isfinite(piece)):
-            lengths.append(stop - start)
-            parts.append(piece[start:stop])
-    length = _stretch_length(np.array(lengths, dtype=int))
+    parts = [
+        piece[start:stop]
+        for piece in pieces
+        for start, stop in unmasked_stretches(~np.isfinite(piece))
+    ]
+    length = _stretch_length(np.array([part.size for part in parts], dtype=int))
+    filled = length is None
+    if filled:
+        parts = list(pieces)
+        length = _stretch_length(np.array([part.size for part in parts], dtype=int))
     if length is None:
         return None
-    mean = np.concatenate(parts).mean()
+    mean = np.nanmean(np.concatenate(parts))
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(length) + 0.5) / length)
-    total, count = np.zeros(length // 2 + 1), 0
+    total, weight, count = np.zeros(length // 2 + 1), 0.0, 0
     for part in parts:
         for start in range(0, len(part) - length + 1, length // 2):
-            transformed = np.fft.rfft(window * (part[start : start + length] - mean))
+            stretch = part[start : start + length] - mean
+            present = np.isfinite(stretch)
+            if present.mean() < _PRESENT:
+                continue
+            transformed = np.fft.rfft(window * np.where(present, stretch, 0.0))
             total += transformed.real**2 + transformed.imag**2
+            weight += float(np.dot(window**2, present))
             count += 1
-    density = 2.0 / (rate * np.dot(window, window)) * total / count
+    if count < _FEWEST:
+        return None
+    density = 2.0 / (rate * weight) * total
     frequency = np.arange(density.size) * rate / length
     # zero frequency has lost the mean, and it and the Nyquist frequency have half the freedom
-    return _in_bins(frequency[2:-1], density[2:-1], count, length)
+    return replace(_in_bins(frequency[2:-1], density[2:-1], count, length), filled=filled)
 
 
 def _stretch_length(lengths: np.ndarray) -> int | None:

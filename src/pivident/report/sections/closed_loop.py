@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.methods import Bandpass
-from pivident.estimation.parameter_rows import significant
+from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.report.frequency_figures import bandwidth_text, loop_figure
 from pivident.report.recipes import sampling_rate, signal_recipe
 from pivident.report.sections.base import Gallery, Section
@@ -117,12 +117,13 @@ def _band_pass_remarks(
     )
     remarks = []
     for what, option, used, factor, too_low, too_high in consequences:
-        wanted = factor * joint.bandwidth
+        wanted, spread = factor * joint.bandwidth, 2.0 * factor * joint.bandwidth_std
+        value = " ± ".join(with_spread(wanted, spread)) if spread > 0 else significant(wanted)
         rule = (
-            f"{factor:g} bandwidths are {significant(wanted)} Hz for {joint.name}, the fastest joint; "
-            f"used were {significant(used)} Hz"
+            f"{factor:g} bandwidths are {value} Hz for {joint.name}, the fastest joint; used were "
+            f"{significant(used)} Hz"
         )
-        side = disagreement(used, wanted)
+        side = disagreement(used, wanted, spread)
         if side == 0:
             remarks.append((True, f"{what}: {rule}, which agrees within a factor of 1.5."))
             continue
@@ -142,13 +143,15 @@ def _smoother_remark(own: IdentifiedLoop, f50: Sequence[float], order: int) -> t
     slow = too_slow_smoothers(own, f50, order)
     if not slow:
         return True, (
-            "Smoother: takes less than a thousandth of the motion up to the bandwidth on every joint."
+            "Smoother: takes less than a thousandth of the motion up to the bandwidth on every "
+            "joint."
         )
     listed = ", ".join(
         f"{name} ({significant(used)} Hz, wanted {significant(wanted)} Hz)"
         for name, used, wanted in slow
     )
     return False, (
-        f"Smoother: takes more than a thousandth of the motion at the bandwidth on {listed}. That is no "
-        "harm where the motion itself is slower; compare with an estimate that has f50_max at none."
+        f"Smoother: takes more than a thousandth of the motion at the bandwidth on {listed}. That "
+        "does no harm where the motion itself is slower. Where f50_max is set, raise it and see "
+        "whether the estimate moves."
     )
