@@ -16,7 +16,7 @@ from pivident.validation.consistent_estimate import NoConsistentEstimate
 from pivident.validation.examination import Examination
 
 #: Points of all signals together; a point takes 11 bytes, plotly itself 5 MB.
-TOTAL_POINTS = 160_000
+TOTAL_POINTS = 130_000
 
 #: A trace has at most so many points, which is more than a screen has columns …
 MOST_POINTS = 3000

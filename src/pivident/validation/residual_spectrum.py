@@ -175,7 +175,7 @@ def welch_spectrum(pieces: Sequence[np.ndarray], rate: float) -> Spectrum | None
     if filled:
         parts = list(pieces)
         length = _stretch_length(np.array([part.size for part in parts], dtype=int))
-    if length is None:
+    if length is None or not any(np.isfinite(part).any() for part in parts):
         return None
     mean = np.nanmean(np.concatenate(parts))
     window = 0.5 - 0.5 * np.cos(2.0 * np.pi * (np.arange(length) + 0.5) / length)
