@@ -156,7 +156,7 @@ def prefilter_figure(
     for title, values, line in curves:
         _gain(plot, frequency, np.abs(values), title, line)
         _curve(plot, frequency, np.degrees(np.unwrap(np.angle(values))), title, line, "y2")
-    decibel = 20 * np.log10(np.abs(response))
+    decibel = _decibel(np.abs(response))
     largest, smallest = int(decibel.argmax()), int(decibel.argmin())
     poles = np.roots(np.trim_zeros(np.asarray(prefilter.denominator, float), "b"))
     note = (
@@ -190,11 +190,11 @@ def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:
         ("S", "sensitivity", METHOD_COLOURS[1], "y"),
         ("plant", "plant", colour(method), "y2"),
     ):
-        low, high = (20 * np.log10(x) for x in joint.band(quantity, frequency))
+        low, high = (_decibel(x) for x in joint.band(quantity, frequency))
         if (high - low).max() > 0.02:
             _band(plot, frequency, low, high, own, axis)
         gain = np.abs(getattr(loop, quantity)(frequency))
-        _curve(plot, frequency, 20 * np.log10(gain), title, {"color": own, "width": 1.8}, axis)
+        _curve(plot, frequency, _decibel(gain), title, {"color": own, "width": 1.8}, axis)
     plot.add_shape(
         type="line", xref="paper", x0=0, x1=1, y0=-3.01, y1=-3.01, yref="y",
         line={"color": MEASURED, "width": 1, "dash": "dot"},
@@ -231,6 +231,11 @@ _LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
 
 def _interval(value: float, std: float) -> str:
     return " ± ".join(with_spread(value, 2.0 * std)) if std > 0 else significant(value)
+
+
+def _decibel(gain: np.ndarray) -> np.ndarray:
+    """A gain in dB, finite also where it is zero."""
+    return 20 * np.log10(np.maximum(gain, 1e-20))
 
 
 def _frequencies(lowest: float, rate: float) -> np.ndarray:
@@ -281,7 +286,7 @@ def _gain(
     legend: bool = True,
 ) -> None:
     """A gain as a line in dB, without what lies below the floor."""
-    decibel = 20 * np.log10(np.maximum(gain, 1e-300))
+    decibel = _decibel(gain)
     shown = np.where(decibel < FLOOR, np.nan, decibel)
     _curve(plot, frequency, shown, name, line, "y", legend)
 

@@ -150,7 +150,7 @@ def interval_drawing(
     return IntervalDrawing(
         intervals=(
             *(
-                Interval(k, place(row.value), *(place(end) for end in _ends(row)), text)
+                _estimate(k, row, place, text)
                 for (k, row), text in zip(present, words, strict=True)
             ),
             *(
@@ -172,6 +172,12 @@ def known_interval(own: ConsistentValue) -> str:
     """Value and interval in words; an end that nothing bounds is open."""
     ends = ["open" if not math.isfinite(end) else known(end) for end in (own.low, own.high)]
     return f"{known(own.value)} (95 %: {' to '.join(ends)})"
+
+
+def _estimate(method: int, row: ParameterRow, place, words: str) -> Interval:
+    """An estimate with both of its intervals."""
+    left, right, robust_left, robust_right = (place(end) for end in _ends(row))
+    return Interval(method, place(row.value), left, right, robust_left, robust_right, words)
 
 
 def _consistent(own: ConsistentValue, place, words: str) -> Interval:

@@ -234,7 +234,6 @@ def _joint(
     along_inertia, along_viscous = loop.bandwidth_slopes()
     slope = along_inertia * inertia.slope + along_viscous * viscous_slope
     lowest, highest = _widened(inertia)
-    ends = [_with_inertia(loop, value).bandwidth for value in (highest, lowest)]
     return IdentifiedJointLoop(
         joint.name,
         unit,
@@ -243,7 +242,8 @@ def _joint(
         viscous_std,
         loop,
         _deviation(identification, slope),
-        *ends,
+        slowest=_with_inertia(loop, highest).bandwidth,
+        fastest=_with_inertia(loop, lowest).bandwidth,
     )
 
 

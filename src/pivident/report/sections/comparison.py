@@ -25,7 +25,7 @@ class ComparisonSection(Section):
     def context(self) -> dict[str, Any]:
         """One entry per parameter with its rows, difference and drawing."""
         labels = self.material.labels
-        entries = []
+        entries: list[dict[str, Any]] = []
         for name, rows in aligned_rows(self.material.identifications, self.material.truth).items():
             distance, i, j = largest_difference(rows)
             entries.append(
