@@ -75,8 +75,8 @@ def page(methods):
 def test_one_result_has_all_sections_but_the_comparison():
     page = Page(render_report([synthetic_identification()]))
     assert page.anchors == (
-        "verdict summary parameters replay torque joints residuals tests convergence signals "
-        "downloads provenance".split()
+        "verdict summary parameters correlations replay torque joints residuals spectra tests "
+        "convergence signals downloads provenance".split()
     )
     assert page.count("h1") == 1
 
@@ -103,8 +103,8 @@ def test_every_parameter_has_its_value_unit_and_truth(page):
 
 def test_every_figure_has_words(page):
     plots = [a for tag, a in page.tags if tag == "div" and a.get("class") == "plot"]
-    drawings = [a for tag, a in page.tags if tag == "svg"]
-    assert len(plots) == 3 * 2 * 3 + 2 * 2
+    drawings = [a for tag, a in page.tags if tag == "svg" and not a.get("aria-hidden")]
+    assert len(plots) == 3 * 2 * 4 + 3 + 2 * 2
     for attributes in plots + drawings:
         assert attributes["role"] == "img"
         assert len(attributes["aria-label"]) > 10

@@ -25,6 +25,7 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.files import atomic_folder
 from pivident.report.figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
+from pivident.report.intervals import marker
 from pivident.report.material import Material
 from pivident.report.sections import SECTIONS
 from pivident.validation.examination import Examination, examine_alone
@@ -131,6 +132,7 @@ def page_environment() -> Environment:
         "dark_colours": DARK_COLOURS,
         "measured_colour": MEASURED,
         "error_colour": ERROR,
+        "method_marker": marker,
     }
     return environment
 

@@ -1,6 +1,8 @@
 """Estimates with their ±2σ intervals as small drawings, in percent of their width.
 
-Parameters differ by orders of magnitude and by unit, so each one gets a scale of its own.
+Parameters differ by orders of magnitude and by unit, so each one gets a scale of its own. Methods
+are told apart by colour and by the shape of their marker; consistent estimates have rows of their
+own below, with hollow markers.
 """
 
 from __future__ import annotations
@@ -14,18 +16,38 @@ from pivident.estimation.parameter_rows import ParameterRow, known, with_spread
 #: Free space left and right of the drawing [% of its width].
 _MARGIN = 6.0
 
+#: A nominal value farther away than this, in widths of all intervals, is only pointed at.
+_FAR = 1.5
+
+#: Outlines of the methods' markers about their middle [px]: dot, square, diamond, triangles, cross.
+MARKERS = (
+    "M-3.2 0a3.2 3.2 0 1 0 6.4 0a3.2 3.2 0 1 0-6.4 0z",
+    "M-2.9-2.9h5.8v5.8h-5.8z",
+    "M0-4.2l4.2 4.2l-4.2 4.2l-4.2-4.2z",
+    "M0-3.9l3.9 6.6h-7.8z",
+    "M0 3.9l3.9-6.6h-7.8z",
+    "M-1.3-4h2.6v2.7h2.7v2.6h-2.7v2.7h-2.6v-2.7h-2.7v-2.6h2.7z",
+)
+
+
+def marker(method: int) -> str:
+    """Outline of a method's marker, by the method's index; they repeat with the colours."""
+    return MARKERS[method % len(MARKERS)]
+
 
 @dataclass(frozen=True)
 class Interval:
     """One estimate on the drawing's scale, 0 to 100.
 
     Attributes:
-        method: index of the method, which is its colour.
+        method: index of the method, which is its colour and its marker.
         middle: estimate.
-        left: estimate - 2σ.
-        right: estimate + 2σ.
+        left: estimate - 2σ, or the lower end of a consistent estimate's interval.
+        right: the other end.
         robust_left: estimate - 2 robust σ.
         robust_right: estimate + 2 robust σ.
+        words: name, value, interval and unit.
+        consistent: whether it is a consistent estimate.
     """
 
     method: int
@@ -34,6 +56,8 @@ class Interval:
     right: float
     robust_left: float
     robust_right: float
+    words: str = ""
+    consistent: bool = False
 
 
 @dataclass(frozen=True)
@@ -41,12 +65,15 @@ class IntervalDrawing:
     """Intervals of one parameter.
 
     Attributes:
-        intervals: one per method that estimates it.
+        intervals: one per method that estimates it, then one per consistent estimate.
         zero: place of zero, None where it lies outside.
         truth: place of the known value, None where it is not known.
         low: what stands at the left edge of the scale.
         high: what stands at the right edge.
         label: the drawing in words.
+        nominal: place of the nominal (CAD) value, at an edge where it lies outside; None where
+            it is not known.
+        beyond: -1 or 1 where the nominal value lies outside, to the left or to the right.
     """
 
     intervals: tuple[Interval, ...]
@@ -55,6 +82,27 @@ class IntervalDrawing:
     low: str
     high: str
     label: str
+    nominal: float | None = None
+    beyond: int = 0
+
+
+@dataclass(frozen=True)
+class ConsistentValue:
+    """A consistent estimate of one parameter.
+
+    Attributes:
+        method: index of the method whose estimate was made consistent.
+        label: name in tables.
+        value: the value.
+        low: lower end of its interval; infinite where nothing bounds it, NaN where it is unknown.
+        high: upper end.
+    """
+
+    method: int
+    label: str
+    value: float
+    low: float
+    high: float
 
 
 def interval_drawing(
@@ -62,6 +110,8 @@ def interval_drawing(
     labels: Sequence[str],
     *,
     with_zero: bool,
+    consistent: Sequence[ConsistentValue] = (),
+    nominal: float = math.nan,
 ) -> IntervalDrawing:
     """Place the intervals of one parameter on a common scale.
 
@@ -69,29 +119,72 @@ def interval_drawing(
         rows: estimates of one parameter, one per method, None where there is none.
         labels: names of the methods.
         with_zero: whether the scale reaches to zero.
+        consistent: consistent estimates of it.
+        nominal: its nominal value, NaN where it is not known.
     """
     present = [(k, row) for k, row in enumerate(rows) if row is not None]
-    ends = [end for _, row in present for end in _ends(row)]
-    truth = present[0][1].truth
+    unit, truth = present[0][1].unit, present[0][1].truth
+    ends = [end for _, row in present for end in _ends(row)] + [own.value for own in consistent]
     marks = ([0.0] if with_zero else []) + ([truth] if math.isfinite(truth) else [])
     low, high = min(ends + marks), max(ends + marks)
+    width = (high - low) or abs(high) or 1.0
+    if low - _FAR * width <= nominal <= high + _FAR * width:
+        low, high = min(low, nominal), max(high, nominal)
     extent = (high - low) or abs(high) or 1.0
 
     def place(x: float) -> float:
-        return round(_MARGIN + (100.0 - 2.0 * _MARGIN) * (x - low) / extent, 2)
+        if math.isnan(x):
+            return _MARGIN
+        x = min(max(x, low - extent), high + extent)
+        share = _MARGIN + (100.0 - 2.0 * _MARGIN) * (x - low) / extent
+        return round(min(max(share, 0.0), 100.0), 2)
 
-    words = "; ".join(f"{labels[k]} {_in_words(row)}" for k, row in present)
-    true_value = f"; true value {known(truth)}" if math.isfinite(truth) else ""
+    words = [f"{labels[k]} {_in_words(row)}" for k, row in present]
+    own_words = [f"{own.label} {known_interval(own)} {unit}" for own in consistent]
+    known_values = [
+        f"{name} {known(x)} {unit}"
+        for name, x in (("true value", truth), ("nominal", nominal))
+        if math.isfinite(x)
+    ]
+    beyond = 0 if low <= nominal <= high or math.isnan(nominal) else 1 if nominal > high else -1
     return IntervalDrawing(
-        intervals=tuple(
-            Interval(k, place(row.value), *(place(end) for end in _ends(row))) for k, row in present
+        intervals=(
+            *(
+                _estimate(k, row, place, text)
+                for (k, row), text in zip(present, words, strict=True)
+            ),
+            *(
+                _consistent(own, place, text)
+                for own, text in zip(consistent, own_words, strict=True)
+            ),
         ),
         zero=place(0.0) if low <= 0.0 <= high else None,
         truth=place(truth) if math.isfinite(truth) else None,
         low=with_spread(low, extent / 10.0)[0],
         high=with_spread(high, extent / 10.0)[0],
-        label=f"{present[0][1].name}: {words}{true_value}",
+        label=f"{present[0][1].name}: {'; '.join([*words, *own_words, *known_values])}",
+        nominal=(0.0, place(nominal), 100.0)[beyond + 1] if math.isfinite(nominal) else None,
+        beyond=beyond,
     )
+
+
+def known_interval(own: ConsistentValue) -> str:
+    """Value and interval in words; an end that nothing bounds is open."""
+    ends = ["open" if not math.isfinite(end) else known(end) for end in (own.low, own.high)]
+    return f"{known(own.value)} (95 %: {' to '.join(ends)})"
+
+
+def _estimate(method: int, row: ParameterRow, place, words: str) -> Interval:
+    """An estimate with both of its intervals."""
+    left, right, robust_left, robust_right = (place(end) for end in _ends(row))
+    return Interval(method, place(row.value), left, right, robust_left, robust_right, words)
+
+
+def _consistent(own: ConsistentValue, place, words: str) -> Interval:
+    """A consistent estimate; an end that is open or unknown is left at the value or the edge."""
+    left, right = (own.value if math.isnan(end) else end for end in (own.low, own.high))
+    middle, left, right = place(own.value), place(left), place(right)
+    return Interval(own.method, middle, left, right, left, right, words, consistent=True)
 
 
 def _ends(row: ParameterRow) -> tuple[float, float, float, float]:

@@ -6,10 +6,14 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.estimation.problem import Loop
 from pivident.report.downloads import Download, downloads
+from pivident.report.intervals import ConsistentValue
+from pivident.validation.consistent_estimate import NoConsistentEstimate
 from pivident.validation.examination import Examination
 from pivident.validation.verdict import Verdict, verdict
 
@@ -80,6 +84,35 @@ class Material:
             (loop, tuple(k for k, i in enumerate(self.identifications) if i.loop is loop))
             for loop in loops.values()
         )
+
+    @cached_property
+    def nominal(self) -> dict[str, float]:
+        """Nominal (CAD) values of base parameters by name, where they are known and not zero."""
+        found: dict[str, float] = {}
+        for robot in {id(i.robot): i.robot for i in self.identifications}.values():
+            base = base_parameters(robot)
+            values = base.values(nominal_values(robot, base.standard))
+            pairs = zip(base.names, values.tolist(), strict=True)
+            found |= {name: value for name, value in pairs if value != 0.0}
+        return found
+
+    @cached_property
+    def consistent(self) -> dict[str, tuple[ConsistentValue, ...]]:
+        """Consistent estimates by parameter."""
+        names = list(self.examination.identifications)
+        found: dict[str, tuple[ConsistentValue, ...]] = {}
+        for name, made in self.examination.consistent.items():
+            if isinstance(made, NoConsistentEstimate):
+                continue
+            columns = zip(
+                made.model.names, made.model.theta, made.base.low, made.base.high, strict=True
+            )
+            for parameter, value, low, high in columns:
+                own = ConsistentValue(
+                    names.index(name), made.label, float(value), float(low), float(high)
+                )
+                found[parameter] = (*found.get(parameter, ()), own)
+        return found
 
     @cached_property
     def shown_recordings(self) -> int:

@@ -105,6 +105,35 @@ def central_difference(x: np.ndarray, rate: float) -> np.ndarray:
     return np.gradient(x, 1 / rate, axis=0)
 
 
+def bandpass_response(
+    frequency: np.ndarray, rate: float, cutoff: float, order: int = 4, derivative: int = 0
+) -> np.ndarray:
+    """Frequency response from the measured position to a filtered derivative, away from the ends.
+
+    With H of the Butterworth filter, forwards and backwards, and a central difference n times,
+
+        |H(f)|² (j rate sin(2π f/rate))ⁿ,     n = 0, 1, 2
+
+    so q̂ has no phase, dq̂ leads by 90° and ddq̂ by 180°, as derivatives do.
+
+    Args:
+        frequency: frequencies [Hz], shape (points,).
+        rate: sampling rate [Hz].
+        cutoff: cut-off frequency of one run of the filter [Hz].
+        order: order of one run.
+        derivative: n.
+
+    Returns:
+        Complex response [1/sⁿ], shape (points,).
+    """
+    from scipy.signal import butter, freqz_sos
+
+    sections = butter(order, cutoff, fs=rate, output="sos")
+    _, once = freqz_sos(sections, worN=np.asarray(frequency, dtype=float), fs=rate)
+    difference = 1j * rate * np.sin(2.0 * np.pi * np.asarray(frequency) / rate)
+    return np.abs(once) ** 2 * difference**derivative
+
+
 def median_filter(x: np.ndarray, length: int = 3) -> np.ndarray:
     """Moving median along axis 0, the end samples repeated outwards.
 

@@ -126,6 +126,30 @@ def decimation_offsets(
     return tuple(offsets)
 
 
+def decimation_gain(frequency: np.ndarray, rate: float, factor: int | Sequence[int]) -> np.ndarray:
+    """Gain of all stages for a component of the record, Π |H_r(f)|², without phase.
+
+    A stage runs at the rate that the stages before it left. A component above half the last rate
+    appears at another frequency after decimation; this is the gain with which it gets there.
+
+    Args:
+        frequency: frequencies before decimation [Hz], shape (points,).
+        rate: sampling rate before decimation [Hz].
+        factor: total factor, or the factors of the stages.
+
+    Returns:
+        Gain, shape (points,).
+    """
+    from scipy.signal import freqz_sos
+
+    gain = np.ones(np.shape(frequency))
+    for stage in decimation_stages(factor):
+        omega = 2.0 * np.pi * np.asarray(frequency, dtype=float) / rate
+        gain *= np.abs(freqz_sos(_sections(stage), worN=omega)[1]) ** 2
+        rate = rate / stage
+    return gain
+
+
 def decimation_overlap(factor: int | Sequence[int]) -> int:
     """Samples after which an end of the record is forgotten, to 1e-12 of a unit step.
 

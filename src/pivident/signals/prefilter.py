@@ -65,6 +65,20 @@ class Prefilter:
         taps = np.asarray(self.fir, dtype=float) / math.sqrt(self.variance)
         return StreamingFilter(self.numerator, self.denominator, taps, rows, threads)
 
+    def response(self, frequency: np.ndarray, rate: float) -> np.ndarray:
+        """L(e^{jω}) = λ^(-1/2) A N/D, ω = 2π f/rate, complex, shape (points,).
+
+        Args:
+            frequency: frequencies [Hz], shape (points,).
+            rate: sampling rate [Hz].
+        """
+        back = np.exp(-2j * np.pi * np.asarray(frequency, dtype=float) / rate)
+        fir, numerator, denominator = (
+            np.polyval(np.asarray(p, dtype=float)[::-1], back)
+            for p in (self.fir, self.numerator, self.denominator)
+        )
+        return fir * numerator / denominator / math.sqrt(self.variance)
+
     def transient(self, tolerance: float = 1e-4) -> int:
         """Samples until the filter has forgotten its start, see :func:`transient_length`."""
         return transient_length(

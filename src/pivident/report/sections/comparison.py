@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 from pivident.estimation.parameter_rows import CONTRADICTION, aligned_rows, largest_difference
@@ -24,7 +25,7 @@ class ComparisonSection(Section):
     def context(self) -> dict[str, Any]:
         """One entry per parameter with its rows, difference and drawing."""
         labels = self.material.labels
-        entries = []
+        entries: list[dict[str, Any]] = []
         for name, rows in aligned_rows(self.material.identifications, self.material.truth).items():
             distance, i, j = largest_difference(rows)
             entries.append(
@@ -35,11 +36,21 @@ class ComparisonSection(Section):
                     "distance": distance,
                     "pair": f"{labels[i]} – {labels[j]}",
                     "contradicts": distance > CONTRADICTION,
-                    "drawing": interval_drawing(rows, labels, with_zero=False),
+                    "drawing": interval_drawing(
+                        rows,
+                        labels,
+                        with_zero=False,
+                        consistent=self.material.consistent.get(name, ()),
+                        nominal=self.material.nominal.get(name, math.nan),
+                    ),
                 }
             )
         return {
             "labels": labels,
+            "consistent": sorted(
+                {(c.method, c.label) for own in self.material.consistent.values() for c in own}
+            ),
+            "nominal": any(entry["drawing"].nominal is not None for entry in entries),
             "entries": entries,
             "truth": bool(self.material.truth),
             "contradiction": CONTRADICTION,

@@ -26,7 +26,13 @@ class ParametersSection(Section):
             rows = parameter_rows(identification, material.truth)
             others = [None] * k
             drawings = [
-                interval_drawing([*others, row], material.labels, with_zero=True) for row in rows
+                interval_drawing(
+                    [*others, row],
+                    material.labels,
+                    with_zero=True,
+                    consistent=[c for c in material.consistent.get(row.name, ()) if c.method == k],
+                )
+                for row in rows
             ]
             tables.append(
                 {

@@ -1,0 +1,28 @@
+"""The signal recipe of a result, as its method was given it."""
+
+from __future__ import annotations
+
+from pivident.estimation.identification import Identification
+from pivident.estimation.methods import Bandpass, RandomWalk
+
+
+def signal_recipe(identification: Identification) -> Bandpass | RandomWalk | None:
+    """How positions became derivatives, from the options of the result.
+
+    Args:
+        identification: the result, as ``identify`` returned it.
+
+    Returns:
+        The recipe; None where the equations are not there (loaded from a file), since the options
+        of a file were checked by nobody.
+    """
+    signals = identification.options.get("signals")
+    if identification.equations is None or not isinstance(signals, dict):
+        return None
+    return Bandpass(**signals) if "cutoff" in signals else RandomWalk(**signals)
+
+
+def sampling_rate(identification: Identification) -> float:
+    """Rate of the recording before any decimation [Hz]; the equations must be there."""
+    assert identification.equations is not None
+    return float(identification.equations.records[0].kinematics.recording.rate)

@@ -1,0 +1,49 @@
+"""Which parameters the record does not tell apart."""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import Any
+
+from pivident.report.correlation_figure import correlation_figure
+from pivident.report.sections.base import Gallery, Section
+from pivident.validation.parameter_correlation import (
+    STRONG_CORRELATION,
+    ParameterCorrelation,
+    parameter_correlation,
+)
+
+
+class CorrelationSection(Section):
+    """One map per method."""
+
+    title = "Correlations of the parameters"
+    anchor = "correlations"
+    template = "correlations.html"
+
+    @cached_property
+    def correlations(self) -> tuple[ParameterCorrelation | None, ...]:
+        """Of each result, None where its deviations are not known."""
+        return tuple(parameter_correlation(i) for i in self.material.identifications)
+
+    @property
+    def applies(self) -> bool:
+        """Only where deviations are known."""
+        return any(own is not None for own in self.correlations)
+
+    def context(self) -> dict[str, Any]:
+        """One gallery per method."""
+        return {
+            "galleries": [
+                Gallery(
+                    self.material.labels[k],
+                    k,
+                    self.opened(k),
+                    (("", (correlation_figure(own),)),),
+                )
+                for k, own in enumerate(self.correlations)
+                if own is not None
+            ],
+            "several": self.material.several,
+            "strong": STRONG_CORRELATION,
+        }

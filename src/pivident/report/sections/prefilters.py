@@ -1,0 +1,51 @@
+"""The prefilters that the noise models made: L_j of IDIM-PIV."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pivident.report.figures import Figure
+from pivident.report.frequency_figures import prefilter_figure
+from pivident.report.recipes import sampling_rate
+from pivident.report.sections.base import Gallery, Section
+from pivident.validation.residual_spectrum import scaled_prefilters
+
+
+class PrefiltersSection(Section):
+    """One Bode plot per joint of each method that prefilters."""
+
+    title = "Prefilters"
+    anchor = "prefilters"
+    template = "prefilters.html"
+
+    @property
+    def applies(self) -> bool:
+        """Only with a method that prefilters."""
+        return any(scaled_prefilters(i) is not None for i in self.material.identifications)
+
+    def context(self) -> dict[str, Any]:
+        """One gallery per method."""
+        prefiltering = [
+            k
+            for k, i in enumerate(self.material.identifications)
+            if scaled_prefilters(i) is not None
+        ]
+        return {
+            "galleries": [
+                Gallery(
+                    self.material.labels[k], k, k == prefiltering[-1], (("", self._figures(k)),)
+                )
+                for k in prefiltering
+            ],
+            "several": len(prefiltering) > 1,
+        }
+
+    def _figures(self, method: int) -> tuple[Figure, ...]:
+        identification = self.material.identifications[method]
+        filters = scaled_prefilters(identification)
+        assert filters is not None
+        rate = sampling_rate(identification)
+        return tuple(
+            prefilter_figure(fit.name, fit.torque_unit, own, rate, method)
+            for fit, own in zip(identification.joints, filters, strict=True)
+        )

@@ -1,0 +1,85 @@
+"""Spectra of a residual before and after whitening, with what a white one would look like."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.estimation.parameter_rows import percent, significant
+from pivident.report.figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
+from pivident.validation.residual_spectrum import ResidualSpectra, Spectrum
+
+
+def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
+    """Torque residual with its noise model above, whitened residual in its band below.
+
+    Args:
+        spectra: of one joint.
+        method: index of the method, for its colour.
+    """
+    white, level = spectra.white, spectra.white_level
+    plot = empty_plot("")
+    plot.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1)
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    below = {"title": {"text": "re white", "standoff": 4}, "type": "log", "dtick": 1}
+    below["exponentformat"] = "power"
+    both = spectra.model is not None
+    if both:
+        plot.update_layout(
+            yaxis={"domain": [0.44, 1.0], "type": "log", "exponentformat": "power"},
+            yaxis2={"domain": [0.0, 0.36], **below},
+        )
+        plot.update_yaxes(
+            title_text=f"residual [({spectra.torque_unit})²/Hz]",
+            title_standoff=4,
+            selector={"domain": (0.44, 1.0)},
+        )
+        plot.update_xaxes(anchor="y2")
+        _line(plot, spectra.torque, spectra.torque.density, "residual", MEASURED, 1.4, "y")
+        assert spectra.model is not None
+        _line(plot, spectra.torque, spectra.model, "noise model", colour(method), 1.8, "y")
+    else:
+        plot.update_layout(yaxis=below | {"title": {"text": "residual, re white", "standoff": 4}})
+    axis = "y2" if both else "y"
+    low, high = white.band(1.0)
+    plot.add_scatter(
+        x=_packed(np.r_[white.frequency, white.frequency[::-1]]),
+        y=_packed(np.r_[high, low[::-1]]),
+        yaxis=axis,
+        mode="lines",
+        fill="toself",
+        fillcolor=SHADE,
+        line={"width": 0, "color": MEASURED},
+        hoverinfo="skip",
+        name="95 % of a white residual",
+    )
+    name = "whitened" if both else "residual"
+    own = ERROR if both else colour(method)
+    _line(plot, white, white.density / level, name, own, 1.4, axis)
+    outside = 100.0 * white.outside(level)
+    most = int(np.argmax(white.density))
+    note = (
+        f"{percent(outside)} of the bins outside the 95 % band of a white residual (5 % expected); "
+        f"largest {significant(white.density[most] / level, 2)} times white at "
+        f"{significant(white.frequency[most])} Hz; {white.stretches} stretches of "
+        f"{white.length} samples" + (", gaps filled with zeros" if white.filled else "")
+    )
+    what = "before and after whitening, with its noise model" if both else "re white noise"
+    label = f"Spectrum of the residual of {spectra.name} {what}: {note}"
+    return Figure(plot, 400 if both else 260, spectra.name, label, note)
+
+
+def _line(
+    plot, spectrum: Spectrum, values: np.ndarray, name: str, own: str, width: float, axis: str
+) -> None:
+    plot.add_scatter(
+        x=_packed(spectrum.frequency),
+        y=_packed(values),
+        yaxis=axis,
+        mode="lines",
+        name=name,
+        line={"color": own, "width": width},
+    )
+
+
+def _packed(x: np.ndarray) -> np.ndarray:
+    return np.asarray(x, dtype=np.float32)
