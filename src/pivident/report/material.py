@@ -18,7 +18,7 @@ from pivident.validation.examination import Examination
 from pivident.validation.verdict import Verdict, verdict
 
 #: Points of all signals together; a point takes 11 bytes, plotly itself 5 MB.
-TOTAL_POINTS = 120_000
+TOTAL_POINTS = 90_000
 
 #: A trace has at most so many points, which is more than a screen has columns …
 MOST_POINTS = 3000
