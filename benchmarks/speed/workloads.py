@@ -47,7 +47,7 @@ def whole_job() -> tuple[str, Problem]:
 
 @cache
 def simulated_record(samples: int, parameters: int = 28) -> Problem:
-    """A record of the scenario *fine*, of any length, with the channels of a log.
+    """A record of the scenario *fine*, of any length.
 
     Args:
         samples: length at 5 kHz.
@@ -55,11 +55,10 @@ def simulated_record(samples: int, parameters: int = 28) -> Problem:
             base parameters.
     """
     problem, _ = scenarios.tx40_fine(samples=samples)
-    recording = replace(problem.recordings[0], dq_ref=None, ddq_ref=None)
     first = (*scenarios.TX40_ESSENTIAL, *(f"off{j}" for j in range(1, 7)))
     others = [p.name for p in base_parameters(problem.robot).parameters]
     names = [*first, *(n for n in others if n not in first)]
-    return replace(problem, recordings=(recording,), parameters=tuple(names[:parameters]))
+    return replace(problem, parameters=tuple(names[:parameters]))
 
 
 def arm(joints: int, branches: int = 1, seed: int = 7) -> Robot:
