@@ -9,7 +9,7 @@ above each other:
 ``<!-- needs: module NAME -->``    skipped where the Python package is missing
 ``<!-- before: NAME -->``          a function of ``preparations.py`` is called first
 ``<!-- file: NAME -->``            the block is written to this file in the page's folder
-``<!-- exit: CODE -->``            the commands end with this exit code, not 0
+``<!-- exit: CODE -->``            the commands end with this exit code (``0 or 4``), not 0
 ``<!-- smaller: A => B -->``       the test replaces A by B, so that it is over soon
 ``<!-- output -->``                the block is what the block before it prints; ``…`` or ``...``
                                    stands for anything, numbers may differ by 5 %
