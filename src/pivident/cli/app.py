@@ -18,6 +18,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
+from pivident.cli.completion import completion
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.export import export
@@ -56,6 +57,7 @@ app.command(consistent)
 app.command(payload)
 app.command(export)
 app.command(symbolic)
+app.command(completion)
 
 
 @app.command
