@@ -26,6 +26,7 @@ extensions = [
     "sphinx.ext.napoleon",
     "sphinx.ext.viewcode",
     "command_pages",
+    "docstring_formulas",
     "equation_code",
     "mathml_equations",
 ]
