@@ -85,17 +85,23 @@ def missing_in(function, doc: str) -> list[str]:
     hints = {key: str(value.annotation) for key, value in signature.parameters.items()}
     names = [name for name in signature.parameters if name not in ("self", "cls")]
     told = entries(section(doc, "Args") or "")
+    if "self" in signature.parameters and not told and all(said_in(n, doc) for n in names):
+        return []  # a method whose summary says it all
     lacks = [f"argument {name!r}" for name in names if name not in told]
     lacks += [f"argument {name!r}, which does not exist" for name in told if name not in names]
     for name in names:
         if "ndarray" in hints[name] and name in told and not UNIT_OR_SHAPE.search(told[name]):
             lacks.append(f"shape or unit of {name!r}")
     returns = str(signature.return_annotation)
-    one_liner = len(doc.strip().splitlines()) == 1 and not names
-    if returns not in ("None", "<class 'inspect._empty'>") and not one_liner:
-        if section(doc, "Returns", "Yields") is None and names:
+    if names and returns not in ("None", "<class 'inspect._empty'>"):
+        if section(doc, "Returns", "Yields") is None and "self" not in signature.parameters:
             lacks.append("what it returns")
     return lacks
+
+
+def said_in(name: str, doc: str) -> bool:
+    """Whether the first line of a docstring names an argument."""
+    return re.search(rf"\b{name}\b", doc.partition("\n")[0]) is not None
 
 
 def raised_by(function) -> set[str]:
@@ -149,7 +155,7 @@ def test_fields_of_public_classes_are_documented(name):
     assert doc, name
     fields = getattr(found, "__dataclass_fields__", {})
     told = entries(section(doc, "Attributes", "Args") or "")
-    own = [field for field in fields if not field.startswith("_")]
+    own = [field for field in fields if fields[field].init and not field.startswith("_")]
     assert not [field for field in own if field not in told], f"{name}: fields not documented"
     hints = {field: str(fields[field].type) for field in own}
     vague = [f for f in own if hints[f] == "np.ndarray" and not UNIT_OR_SHAPE.search(told[f])]

@@ -78,6 +78,9 @@ def load_recording(
         name: name of the run; that of the file with the positions otherwise.
         options: further fields of `Recording`, such as ``control_rate`` or ``torque_timing``.
 
+    Returns:
+        The recording.
+
     Raises:
         FileFormatError: a file, a column or a cell that cannot be read.
         RecordingError: channels, units, sides or time stamps that do not fit together.
