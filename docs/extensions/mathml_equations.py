@@ -18,7 +18,8 @@ def translated(self, node, as_block: bool) -> str:
     try:
         return tex2mathml(node.astext().strip(), as_block=as_block)
     except MathError as error:
-        raise SphinxError(f"{node.source}:{node.line}: {error} in the formula {node.astext()!r}")
+        place = f"{node.source}:{node.line}"
+        raise SphinxError(f"{place}: {error} in the formula {node.astext()!r}") from error
 
 
 def visit_inline(self, node) -> None:

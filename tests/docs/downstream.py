@@ -15,7 +15,9 @@ def deviations(log: Path) -> dict[str, float]:
     recording: pv.Recording = pv.load_recording(log, columns, robot=robot)
     loop = pv.Loop(pv.PD(kp=[6000, 2500], kd=[180, 60]))
     problem = pv.Problem(robot, (recording,), loop)
-    found: pv.Identification = pv.identify(problem, pv.PrefilteredIV(signals=pv.RandomWalk(order=3)))
+    found: pv.Identification = pv.identify(
+        problem, pv.PrefilteredIV(signals=pv.RandomWalk(order=3))
+    )
     torque: np.ndarray = found.predict(recording.q, recording.q, recording.q)
     assert torque.shape == recording.q.shape
     verdict = pv.verdict(found)

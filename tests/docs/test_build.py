@@ -11,7 +11,7 @@ from tests.docs.page_blocks import DOCS
 
 sys.path.insert(0, str(DOCS / "extensions"))
 
-from equation_code import MissingObject, object_named, tied_names  # noqa: E402
+from equation_code import MissingObject, object_named, tied_names
 
 THEORY = DOCS / "theory"
 
@@ -51,7 +51,7 @@ def test_commands_are_on_their_page(built):
 
 def test_equations_are_drawn_without_a_script(built):
     text = (built / "theory" / "prefiltered_iv.html").read_text("utf-8")
-    assert text.count("<math") > 10 and "mathjax" not in text.lower()
+    assert text.count("<math") > 10 and "mathjax.js" not in text.lower()
     assert 'id="equation-eq-prefilter"' in text
     assert "cdn." not in text and 'src="http' not in text
 
@@ -90,10 +90,12 @@ def test_a_tie_to_nothing_is_refused():
 
 
 def test_cited_sources_are_in_the_bibliography():
-    listed = (THEORY / "bibliography.md").read_text("utf-8")
-    for page in THEORY.glob("*.md"):
-        for names, year in re.findall(r"\(?([A-Z][\w–]+(?:[ ,\n]+(?:and |van |den |Van |Hof|[A-Z]\w+)[\w ]*)*),? \(?((?:19|20)\d\d)\)", page.read_text("utf-8")):
-            first = re.match(r"\w+", names)[0]
-            if first in ("Code",):
-                continue
-            assert year in listed, f"{page.name}: {names} {year}"
+    entries = re.split(r"^: ", (THEORY / "bibliography.md").read_text("utf-8"), flags=re.MULTILINE)
+    cited = [
+        pair
+        for page in THEORY.glob("*.md")
+        for pair in re.findall(r"([A-Z][a-z]+)[\s(]+((?:19|20)\d\d)\)", page.read_text("utf-8"))
+    ]
+    assert len(cited) > 8
+    for name, year in cited:
+        assert any(name in entry and year in entry for entry in entries), (name, year)

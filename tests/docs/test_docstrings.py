@@ -53,7 +53,9 @@ def methods() -> list[tuple[str, str]]:
         found = resolved(name)
         if isinstance(found, type):
             for attribute, value in vars(found).items():
-                function = value.__func__ if isinstance(value, (classmethod, staticmethod)) else value
+                function = (
+                    value.__func__ if isinstance(value, (classmethod, staticmethod)) else value
+                )
                 if not attribute.startswith("_") and inspect.isfunction(function):
                     pairs.append((name, attribute))
     return pairs
@@ -146,9 +148,7 @@ def test_public_method_is_documented(owner, name):
     assert not undocumented_errors(function, doc), f"{owner}.{name}: missing under Raises"
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in public_names() if isinstance(resolved(n), type)]
-)
+@pytest.mark.parametrize("name", [n for n in public_names() if isinstance(resolved(n), type)])
 def test_fields_of_public_classes_are_documented(name):
     found = resolved(name)
     doc = inspect.getdoc(found)

@@ -169,7 +169,7 @@ class Problem:
         return tuple(expressions[k] for k in self.selection)
 
     def speed_limits(self, recording: Recording) -> np.ndarray:
-        """Speed below which a joint of a recording does not vote [rad/s or m/s], shape (joints,)."""
+        """Speed below which joints of a recording do not vote [rad/s or m/s], shape (joints,)."""
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED

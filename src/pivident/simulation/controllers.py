@@ -124,7 +124,7 @@ def _faded(x: np.ndarray, fade: float) -> np.ndarray:
 
 
 def PD(kp: Gains, kd: Gains, derivative_time: float = 0.0) -> PID:
-    """Proportional-derivative law u = kp (q_ref - q) + kd (dq_ref - dq̂), a `PID` without integrator.
+    """Proportional-derivative law u = kp (q_ref - q) + kd (dq_ref - dq̂): a `PID` without ki.
 
     Args:
         kp: proportional gains, shape (joints,) or one for all [u per rad or m].
@@ -203,7 +203,7 @@ class PythonController:
             self.linear.check(joints)
 
     def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
-        """The linear law that the prefilter inverts, at ``rate`` [Hz], for ``q_ref`` and ``dq_ref``.
+        """The linear law that the prefilter inverts, at ``rate`` [Hz], for ``q_ref``, ``dq_ref``.
 
         Raises:
             ExperimentError: if there is none.
