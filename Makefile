@@ -2,6 +2,7 @@
 # make test   set up and run all checks
 # make bench  set up and print the table of speeds, with the peers run beside us
 # make truth  coverage and errors on simulated records, errors on held-out motion (some hours)
+# make docs   build the documentation (build/docs/index.html); a warning is an error
 # make lint   style and types only
 #
 # Everything lives in .venv; PYTHON names the interpreter (3.11 or newer).
@@ -10,7 +11,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test bench truth lint clean
+.PHONY: demo test bench truth docs lint clean
 
 demo: .venv/.pivident
 	$(BIN)/pivident demo --out pivident-demo
@@ -22,6 +23,10 @@ lint: .venv/.pivident-test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+
+docs: .venv/.pivident-docs
+	$(BIN)/sphinx-build -W --keep-going -q docs build/docs
+	@echo build/docs/index.html
 
 bench: .venv/.pivident-test
 	$(BIN)/python benchmarks/bench.py
@@ -57,5 +62,9 @@ truth: .venv/.pivident
 	$(BIN)/python -m pip install --quiet --editable . --group test
 	@touch $@
 
+.venv/.pivident-docs: .venv/.pivident pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable . --group docs
+	@touch $@
+
 clean:
-	rm -rf .venv pivident-demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks
+	rm -rf .venv build pivident-demo .pytest_cache .mypy_cache .ruff_cache .hypothesis .benchmarks

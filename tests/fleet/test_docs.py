@@ -12,7 +12,7 @@ TEXT = (Path(__file__).resolve().parents[2] / "docs" / "fleet.md").read_text("ut
 
 
 def test_all_keys_are_listed_with_their_defaults():
-    body = TEXT.partition("### Keys of `[fleet]`\n")[2].partition("\n\nIn a pattern")[0]
+    body = TEXT.partition("## Keys of `[fleet]`\n")[2].partition("\n\nIn a pattern")[0]
     rows = [line.strip("| ").split(" | ") for line in body.splitlines() if line.startswith("|")]
     listed = {cells[0].strip("`"): cells[2] for cells in rows[2:]}
     assert list(listed) == list(FleetEntry.model_fields)

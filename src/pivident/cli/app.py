@@ -19,6 +19,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
 from pivident.cli.compare import compare
+from pivident.cli.completion import completion
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.export import export
@@ -58,6 +59,7 @@ app.command(consistent)
 app.command(payload)
 app.command(export)
 app.command(symbolic)
+app.command(completion)
 
 
 @app.command

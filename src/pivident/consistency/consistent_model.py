@@ -144,8 +144,8 @@ class ConsistentModel:
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
         """
         from pivident.dynamics.regressor import Regressor
 
@@ -235,12 +235,15 @@ def make_consistent(
         margin: diameter of the steel ball that every link must be at least as large as [m]: in mass
             and in second moments about its own centre of mass; smaller in links that weigh less
             than ten such balls.
-        reference: description with the same joints, or standard parameters, that the prior pulls
-            to; None: the robot's nominal ones.
+        reference: description with the same joints, or standard parameters, shape (standard,),
+            that the prior pulls to; None: the robot's nominal ones.
         room: growth of the squared distance [σ²] that the prior may spend, where the estimate is
             not consistent; the nearest point itself has links that are points, lines or plates.
             A tenth or a hundredth of it is taken where it would cost torque.
         accept_far: give the model even where the estimate is too poor.
+
+    Returns:
+        The consistent model, beside the free estimate it came from.
 
     Raises:
         NoConsistentModelNear: the step is improbable and costs much torque; it carries the model.

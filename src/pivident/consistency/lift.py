@@ -32,8 +32,8 @@ def lift(
     Args:
         base: base parameters of the robot.
         values: β, shape (base,).
-        reference: description or standard parameters to be near to; None: the nominal ones, and a
-            plain guess for links of which nothing is known.
+        reference: description or standard parameters, shape (standard,), to be near to; None:
+            the nominal ones, and a plain guess for links of which nothing is known.
 
     Returns:
         φ, shape (standard,), with B φ = β up to rounding.

@@ -163,6 +163,9 @@ def identify_controller(
             is visibly cut off.
         terms: terms of the law; None: ``kp`` and ``kd``, and those others that an F-test wants.
 
+    Returns:
+        The law of each joint with its gains, their deviations and its fit.
+
     Raises:
         ExperimentError: a recording has no reference.
         IdentificationError: a joint has no error to identify from, or its law pushes away from

@@ -75,6 +75,9 @@ def identify_free_law(
         orders: degrees of numerator and denominator in z⁻¹, without the integrator.
         integrator: whether the law has a pole at one besides.
 
+    Returns:
+        The law as a transfer function for each joint, with its fit.
+
     Raises:
         ExperimentError: no reference, or orders above two.
         IdentificationError: samples are saturated and the method cannot leave them out.

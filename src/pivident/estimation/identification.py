@@ -118,7 +118,7 @@ class Identification:
         covariance: covariance of the estimate, shape (parameters, parameters): the sandwich with
             IDIM-PIV, the formula with the others.
         robust_covariance: sandwich over windows of time, which holds for residuals that are
-            correlated and of changing variance.
+            correlated and of changing variance, of the shape of ``covariance``.
         formula_covariance: (P-31) summed over samples, which holds for white ones.
         converged: whether the iteration met both criteria (a single solution always has).
         history: iterations, the last one first to hold the estimate.
@@ -209,8 +209,8 @@ class Identification:
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
         """
         from pivident.dynamics.regressor import Regressor
 

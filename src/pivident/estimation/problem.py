@@ -181,14 +181,14 @@ class Problem:
         return tuple(expressions[k] for k in self.selection)
 
     def speed_limits(self, recording: Recording) -> np.ndarray:
-        """Speed of each joint below which its rows do not vote [rad/s or m/s], shape (joints,)."""
+        """Speed below which joints of a recording do not vote [rad/s or m/s], shape (joints,)."""
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED
         return float(share or 0.0) * self._rated_speeds(recording)
 
     def low_speeds(self, recording: Recording) -> np.ndarray:
-        """Speed of each joint that passes for standstill [rad/s or m/s], shape (joints,)."""
+        """Speed in a recording that passes for standstill [rad/s or m/s], shape (joints,)."""
         return LOW_SPEED * self._rated_speeds(recording)
 
     def _rated_speeds(self, recording: Recording) -> np.ndarray:

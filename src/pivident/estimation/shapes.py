@@ -182,6 +182,9 @@ def identify_shapes(
             does not bound.
         progress: called with one line at each stage.
 
+    Returns:
+        The constants with their deviations, the problem with them, and its estimate.
+
     Raises:
         ExperimentError: an unknown joint or constant, or nothing to identify.
         IdentificationError: the method fails, or has no equations for constants (DIDIM).

@@ -132,7 +132,10 @@ def complete_loop(
         controller: the law; None: it is identified.
         reconstruct: whether the reference is reconstructed, recorded or not.
         drive_gain: joint torque per controller output, shape (joints,) or a scalar.
-        limit: largest controller output.
+        limit: largest controller output, shape (joints,) or one for all [unit of the output].
+
+    Returns:
+        The recordings with a reference, and the loop with a law.
 
     Raises:
         ExperimentError: a recording has no reference and it is not to be reconstructed.

@@ -225,6 +225,9 @@ def load_experiment(path: str | Path) -> Experiment:
     Args:
         path: the file.
 
+    Returns:
+        The experiment, checked; its records are read when they are asked for.
+
     Raises:
         ExperimentError: it cannot be read, has an unknown key, a bad value or contradictory
             options; names the file, the key, the value and the next step.

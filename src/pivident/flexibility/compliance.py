@@ -120,6 +120,9 @@ def identify_compliance(
         gamma: slope of the smoothed sign of friction [s/rad]; None: it changes within 2 % of the
             highest speed.
 
+    Returns:
+        Stiffness, damping and losses with deviations, and how well they explain the deflection.
+
     Raises:
         IdentificationError: there is no link encoder, or too little motion.
     """

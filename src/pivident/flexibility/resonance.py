@@ -95,6 +95,9 @@ def find_resonance(
         highest: highest frequency [Hz]; None: a fifth of the sampling rate.
         gamma: slope of the smoothed sign of friction [s/rad].
 
+    Returns:
+        Antiresonance, resonance and what follows from them, with deviations.
+
     Raises:
         IdentificationError: there is no reference.
     """

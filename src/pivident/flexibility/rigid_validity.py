@@ -94,6 +94,9 @@ def rigid_validity(
         bandwidth: of the control loop [Hz], where it is known.
         gamma: slope of the smoothed sign of friction [s/rad].
 
+    Returns:
+        How far a rigid model is valid: its bias and the band in which it holds.
+
     Raises:
         IdentificationError: a stiffness or inertia is not positive, or there is no such encoder.
     """

@@ -163,6 +163,9 @@ def simulate_joint(
         steps: integration steps per sample.
         name: name of the recording.
 
+    Returns:
+        The recording.
+
     Raises:
         IdentificationError: the loop is unstable.
     """

@@ -129,6 +129,9 @@ def identify_two_mass(
         lowest: lowest frequency that is used [Hz].
         highest: highest frequency [Hz]; None: a tenth of the sampling rate.
 
+    Returns:
+        The parameters of both sides and of the spring between them, with deviations.
+
     Raises:
         IdentificationError: there is no link encoder, or the record cannot tell the parameters.
     """

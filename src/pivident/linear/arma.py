@@ -62,6 +62,9 @@ def ar(
         criterion: ``aic``, ``aicc`` or ``bic``.
         segments: stretches to use, rows of (start, stop); None: all samples.
 
+    Returns:
+        The noise model.
+
     Raises:
         IdentificationError: too few samples, NaN, or a constant residual.
     """
@@ -135,6 +138,9 @@ def select_arma(
         ma_orders: degrees of C to try.
         criterion: ``aic``: n ln λ + 2 (p + q); ``aicc``; or ``bic``: n ln λ + (p + q) ln n.
         segments: stretches to use, rows of (start, stop); None: all samples.
+
+    Returns:
+        The noise model of the best orders.
 
     Raises:
         IdentificationError: no pair of orders gave a model.

@@ -55,6 +55,9 @@ def arx(
             of them, u or y, are dropped.
         fixed_poles: poles known beforehand, such as (1.0,) for an integrator.
 
+    Returns:
+        The model with its covariance.
+
     Raises:
         UnusableSignal: NaN outside the mask, constant signals, shapes that do not fit.
         DelayTooLong: a delay beyond the record.

@@ -40,7 +40,7 @@ class Noise:
     """ξ = (C(z⁻¹)/D(z⁻¹)) e, var e = λ.
 
     Attributes:
-        ar: D, monic, coefficients of z⁰, z⁻¹, …
+        ar: D, monic, coefficients of z⁰, z⁻¹, …, shape (order + 1,).
         ma: C, monic, likewise.
         variance: λ [squared units of ξ].
         covariance: of (D without its one, C without its one); empty where not estimated.
@@ -159,14 +159,14 @@ class LinearEstimate:
         return simulate(self, u)
 
     def to_scipy(self, which: int = 0) -> Any:
-        """``scipy.signal.TransferFunction`` of one input, without its delay."""
+        """``scipy.signal.TransferFunction`` of input number ``which``, without its delay."""
         from scipy.signal import TransferFunction
 
         b, a = self.numerators[which], self.denominators[which]
         return TransferFunction(b, a) if self.continuous else TransferFunction(b, a, dt=self.dt)
 
     def to_control(self, which: int = 0) -> Any:
-        """python-control's transfer function of one input, without its delay.
+        """python-control's transfer function of input number ``which``, without its delay.
 
         Raises:
             ModuleNotFoundError: python-control is not installed.

@@ -131,6 +131,9 @@ def select_orders(
             ``bic`` or ``r2``.
         options: handed to the estimator, such as ``external`` or ``hold``.
 
+    Returns:
+        The candidates, the best first.
+
     Raises:
         UnusableSignal: signals from which nothing can be estimated.
         IdentificationError: no combination, an unknown method or an unknown criterion.

@@ -62,6 +62,9 @@ def riv(
             deviation.
         max_iterations: most iterations.
 
+    Returns:
+        The model with its covariance and its noise model.
+
     Raises:
         UnusableSignal: NaN outside the mask, constant signals, shapes that do not fit.
         DelayTooLong: a delay beyond the record.

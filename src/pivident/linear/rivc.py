@@ -65,6 +65,9 @@ def rivc(
             several are tried.
         common: whether one denominator serves all inputs.
 
+    Returns:
+        The model with its covariance and its noise model.
+
     Raises:
         UnusableSignal: NaN, constant signals, shapes that do not belong together.
         DelayTooLong: a delay beyond the record.

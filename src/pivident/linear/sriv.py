@@ -71,6 +71,9 @@ def sriv(
             deviation.
         max_iterations: most iterations.
 
+    Returns:
+        The model with its covariance.
+
     Raises:
         UnusableSignal: NaN outside the mask, constant signals, shapes that do not fit.
         DelayTooLong: a delay beyond the record.

@@ -68,6 +68,9 @@ def srivc(
             several are tried.
         common: whether one denominator serves all inputs.
 
+    Returns:
+        The model with its covariance.
+
     Raises:
         UnusableSignal: NaN, constant signals, shapes that do not belong together.
         DelayTooLong: a delay beyond the record.

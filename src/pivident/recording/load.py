@@ -86,6 +86,9 @@ def load_recording(
         part: read only the samples with part[0] <= t < part[1], where there are time stamps [s].
         options: further fields of `Recording`, such as ``control_rate`` or ``torque_timing``.
 
+    Returns:
+        The recording.
+
     Raises:
         FileFormatError: a file, a column or a cell that cannot be read.
         RecordingError: channels, units, sides or time stamps that do not fit together.

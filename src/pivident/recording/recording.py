@@ -274,6 +274,9 @@ class Recording:
             rate: sampling rate [Hz].
             options: further fields of the recording, on the joint side.
 
+        Returns:
+            The recording, SI and joint side.
+
         Raises:
             RecordingError: as for the recording itself.
         """

@@ -195,7 +195,7 @@ class Robot:
         return np.array([np.nan if j.rated_speed is None else j.rated_speed for j in self.joints])
 
     def label(self, index: int) -> str:
-        """What follows the stem in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
+        """The joint of an index in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
         return str(index + 1) if self.is_chain else f"[{self.joints[index].name}]"
 
     def link_index(self, name: str) -> int:

@@ -88,13 +88,17 @@ class PID:
         _check_lengths(kp=self.kp, kd=self.kd, ki=self.ki)
 
     def check(self, joints: int) -> None:
-        """Refuse gains of the wrong number or sign."""
+        """Refuse gains of the wrong sign, or not one for each of so many joints.
+
+        Raises:
+            ExperimentError: names the gain, its value and what was expected.
+        """
         _check_gains(joints, kp=self.kp, kd=self.kd, ki=self.ki)
         if self.derivative_time < 0:
             raise ExperimentError(f"derivative_time must not be negative: {self.derivative_time}")
 
     def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
-        """Discretise at ``rate`` [Hz]: see :class:`SampledLaw`."""
+        """Discretise at ``rate`` [Hz] for the reference ``q_ref``, ``dq_ref``: a `SampledLaw`."""
         n, h = q_ref.shape[1], 1.0 / rate
         fade = self.derivative_time / (self.derivative_time + h)  # pole of the derivative's filter
         kp, kd = _for_each(self.kp, n), _for_each(self.kd, n)
@@ -120,7 +124,16 @@ def _faded(x: np.ndarray, fade: float) -> np.ndarray:
 
 
 def PD(kp: Gains, kd: Gains, derivative_time: float = 0.0) -> PID:
-    """U = kp (q_ref - q) + kd (dq_ref - dq̂): a :class:`PID` without integrator."""
+    """Proportional-derivative law u = kp (q_ref - q) + kd (dq_ref - dq̂): a `PID` without ki.
+
+    Args:
+        kp: proportional gains, shape (joints,) or one for all [u per rad or m].
+        kd: derivative gains, likewise [u per rad/s or m/s].
+        derivative_time: filter time of the derivative [s].
+
+    Returns:
+        The law.
+    """
     return PID(kp, kd, None, derivative_time)
 
 
@@ -149,11 +162,11 @@ class Cascade:
         _check_lengths(kp=self.kp, kv=self.kv, ki=self.ki)
 
     def check(self, joints: int) -> None:
-        """Refuse gains of the wrong number or sign."""
+        """Refuse gains of the wrong sign, or not one for each of so many joints."""
         _check_gains(joints, kp=self.kp, kv=self.kv, ki=self.ki)
 
     def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
-        """Discretise at ``rate`` [Hz]: see :class:`SampledLaw`."""
+        """Discretise at ``rate`` [Hz] for the reference ``q_ref``, ``dq_ref``: a `SampledLaw`."""
         n = q_ref.shape[1]
         kp, kv = _for_each(self.kp, n), _for_each(self.kv, n)
         difference = np.array([0.5, 0.0, -0.5] if self.averaged else [1.0, -1.0, 0.0]) * rate
@@ -185,12 +198,12 @@ class PythonController:
     linear: PID | Cascade | None = None
 
     def check(self, joints: int) -> None:
-        """Check the linear law, where there is one."""
+        """Check the linear law, where there is one, for so many joints."""
         if self.linear is not None:
             self.linear.check(joints)
 
     def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
-        """The linear law that the prefilter inverts.
+        """The linear law that the prefilter inverts, at ``rate`` [Hz], for ``q_ref``, ``dq_ref``.
 
         Raises:
             ExperimentError: if there is none.

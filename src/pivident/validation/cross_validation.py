@@ -206,6 +206,9 @@ def cross_validate(
         identification: fit of the method to all of the problem, if it is there already.
         progress: called with one line at each stage.
 
+    Returns:
+        Errors on the held-out motion, per block and together.
+
     Raises:
         ExperimentError: impossible folds or gap, or a second recording that is the fitted one.
         IdentificationError: the method fails on the whole record, or on every fold.

@@ -162,6 +162,9 @@ def essential_parameters(
             change, until one more round removes nothing; ``step``: after every parameter.
         progress: called with one line at each stage.
 
+    Returns:
+        The parameters that are left, their estimate, and the history of what went and why.
+
     Raises:
         ExperimentError: an impossible level, or an unknown choice.
         IdentificationError: what ``identify`` raises.

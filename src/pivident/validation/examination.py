@@ -89,6 +89,12 @@ def examine(
         gap: left out on either side of a block [s]; None: see ``cross_validate``.
         recordings: other recordings of the robot; they are judged on in place of blocks.
         progress: called with one line at each stage.
+
+    Returns:
+        The tests of each result and their comparison on held-out motion, for `verdict`.
+
+    Raises:
+        ExperimentError: a result whose method is not known.
     """
     say = progress or (lambda line: None)
     methods = METHODS if methods is None else methods

@@ -82,6 +82,9 @@ def choose_laws(
         depth: most changes of a law.
         progress: called with one line at each stage.
 
+    Returns:
+        The choice: candidates by joint with their scores, and the problem with the laws chosen.
+
     Raises:
         IdentificationError: unknown method, or one without a measured observation matrix.
         ExperimentError: an unknown joint.

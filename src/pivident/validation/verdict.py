@@ -114,6 +114,9 @@ def verdict(examination: Examination | Identification) -> Verdict:
 
     Args:
         examination: tests and comparisons; for a result alone the tests that need nothing else.
+
+    Returns:
+        Statements in a fixed order, each with a grade and its numbers.
     """
     if isinstance(examination, Identification):
         examination = examine_alone({examination.method: examination})

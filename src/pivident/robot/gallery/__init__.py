@@ -26,6 +26,9 @@ def load_robot(name_or_path: str | Path) -> Robot:
         name_or_path: such as ``staubli_tx40`` or ``robots/arm.urdf``. A text with one of these
             endings is a path, every other text is a name.
 
+    Returns:
+        The robot.
+
     Raises:
         RobotDescriptionError: there is no such robot, or its file cannot be used.
     """

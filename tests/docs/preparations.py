@@ -1,0 +1,107 @@
+"""What a page's reader has before the page begins: a log, an experiment file, results.
+
+Each function fills the current folder; a page calls it by a ``before`` mark. What it returns are
+names that the page's Python blocks have.
+"""
+
+import os
+from importlib.resources import files
+from pathlib import Path
+
+import numpy as np
+
+from tests import planar_log as planar
+from tests.synthetic_identification import synthetic_identification
+
+
+def planar_log() -> dict:
+    """`log.csv` of the planar arm, `my_robot.toml` that describes it, and its problem."""
+    import pivident as pv
+
+    rows = planar.planar_log(samples=2500)
+    np.savetxt("log.csv", rows, fmt="%.9g", delimiter=",", header=planar.HEADER, comments="")
+    Path("my_robot.toml").write_text(planar.EXPERIMENT, encoding="utf-8")
+    problem = pv.load_experiment("my_robot.toml").problem()
+    return {"pv": pv, "problem": problem, "recording": problem.recordings[0]}
+
+
+def synthetic_results() -> None:
+    """`my_robot-results`: an estimate of the planar arm, without a record."""
+    synthetic_identification(relative_std=0.02).save("my_robot-results")
+
+
+def ampere_logs() -> dict:
+    """Logs in amperes without and with a payload, `my_robot.toml` with both."""
+    import pivident as pv
+    from pivident.experiment.drive_gains import with_unit_gains
+    from tests.test_gains_command import HEAD, LOADED
+    from tests.test_gains_command import write_log as write_amperes
+
+    write_amperes(Path("empty.csv"), loaded=False)
+    write_amperes(Path("loaded.csv"), loaded=True)
+    Path("my_robot.toml").write_text(HEAD + LOADED, encoding="utf-8")
+    Path("loaded.toml").write_text(HEAD.replace("empty", "loaded"), encoding="utf-8")
+    empty, loaded = (
+        with_unit_gains(pv.load_experiment(name)) for name in ("my_robot.toml", "loaded.toml")
+    )
+    return {"problem": empty.problem(), "loaded": loaded.recordings()[0]}
+
+
+def payload_logs() -> None:
+    """The same for a payload: `my_robot.toml`, `loaded.toml`, and the arm alone in `results`."""
+    from pivident.cli import main
+    from tests.test_payload_command import BOTH, HEAD, RECORD
+
+    ampere_logs()
+    Path("my_robot.toml").write_text(BOTH, encoding="utf-8")
+    for name in ("empty", "loaded"):
+        Path(f"{name}.toml").write_text(HEAD.format(RECORD.format(name)), encoding="utf-8")
+    assert main(["identify", "empty.toml", "-m", "ls", "--folds", "0", "--out", "results"]) == 0
+
+
+def flexible_log() -> None:
+    """The log of an axis with both encoders, and `my_robot.toml`."""
+    from tests.flexibility.test_command import write
+
+    os.replace(write(Path()), "my_robot.toml")
+
+
+def planar_fleet() -> None:
+    """`logs` of two planar arms over some days with `logs/fleet.toml`, which is `arm.toml` too."""
+    from tests.fleet.planar_fleet import TEMPLATE, write_fleet
+
+    write_fleet(Path("logs"), robots=2, days=5)
+    Path("arm.toml").write_text(TEMPLATE, encoding="utf-8")
+
+
+def planar_robot_files() -> None:
+    """A robot as `my_robot.urdf` and as `my_robot.toml`."""
+    from pivident.export.runnable_model import runnable_model
+    from pivident.export.urdf import to_urdf
+    from pivident.robot import load_robot
+
+    Path("my_robot.urdf").write_bytes(to_urdf(runnable_model(load_robot("planar_2r"))).content)
+    shipped = files("pivident.robot") / "gallery" / "planar_2r.toml"
+    Path("my_robot.toml").write_bytes(shipped.read_bytes())
+
+
+def small_scenario() -> None:
+    """`my_scenario.toml`: a study of short records of the planar arm."""
+    from tests.study.small import TEXT
+
+    Path("my_scenario.toml").write_text(TEXT, encoding="utf-8")
+
+
+def rippled_log() -> dict:
+    """A log of the planar arm whose shoulder has a cogging torque, and its problem."""
+    from dataclasses import replace
+
+    names = planar_log()
+    recording = names["recording"]
+    tau = recording.tau.copy()
+    tau[:, 0] += 0.5 * np.sin(20 * recording.q[:, 0])
+    recording = replace(recording, tau=tau)
+    return names | {
+        "recording": recording,
+        "problem": replace(names["problem"], recordings=(recording,)),
+    }

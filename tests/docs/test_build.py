@@ -1,0 +1,101 @@
+"""The documentation is built without a warning, and its theory is tied to code that exists."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+from tests.docs.page_blocks import DOCS
+
+sys.path.insert(0, str(DOCS / "extensions"))
+
+from equation_code import MissingObject, object_named, tied_names
+
+THEORY = DOCS / "theory"
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    pytest.importorskip("sphinx", reason="sphinx is not installed; pip install --group docs")
+    pytest.importorskip("myst_parser")
+    pytest.importorskip("furo")
+    out = tmp_path_factory.mktemp("docs")
+    command = [sys.executable, "-m", "sphinx", "-W", "--keep-going", "-q", "-b", "html"]
+    # One thread, and no caches in the sources: the build only reads.
+    environment = os.environ | {"PYTHONDONTWRITEBYTECODE": "1"}
+    result = subprocess.run(
+        [*command, str(DOCS), str(out)], capture_output=True, text=True, env=environment
+    )
+    assert result.returncode == 0, result.stderr[-3000:]
+    return out
+
+
+def test_every_page_is_built_and_linked(built):
+    for page in DOCS.rglob("*.md"):
+        if "extensions" not in page.parts:
+            assert (built / page.relative_to(DOCS)).with_suffix(".html").is_file(), page
+
+
+def test_commands_are_on_their_page(built):
+    from pivident.cli.app import app
+
+    text = (built / "reference" / "command_line.html").read_text("utf-8")
+    names = [name for name in app if not name.startswith("-")]
+    assert len(names) > 10
+    for name in names:
+        assert f'id="pivident-{name}"' in text, name
+    assert "--folds" in text and "@commands@" not in text
+
+
+def test_equations_are_drawn_without_a_script(built):
+    text = (built / "theory" / "prefiltered_iv.html").read_text("utf-8")
+    assert text.count("<math") > 10 and "mathjax.js" not in text.lower()
+    assert 'id="equation-eq-prefilter"' in text
+    assert "cdn." not in text and 'src="http' not in text
+
+
+def test_ties_lead_to_the_source(built):
+    text = (built / "theory" / "prefiltered_iv.html").read_text("utf-8")
+    assert "reference/implementation.html#pivident.signals.noise_models.fit_ar" in text
+    source = (built / "reference" / "implementation.html").read_text("utf-8")
+    assert "_modules/pivident/signals/noise_models.html" in source
+
+
+def test_every_equation_is_numbered_and_followed_by_its_code():
+    labels = []
+    for page in sorted(THEORY.glob("*.md")):
+        text = page.read_text("utf-8")
+        parts = re.split(r"```\{math\}\n", text)[1:]
+        for part in parts:
+            label = re.match(r":label: (eq-[\w-]+)\n", part)
+            assert label, f"{page.name}: an equation without a label"
+            labels.append(label[1])
+        # Definitions within a derivation may share the code of the equation after them.
+        assert not parts or "{code}`" in text, page.name
+    assert len(labels) == len(set(labels)) > 30
+
+
+def test_every_tie_names_an_existing_object():
+    ties = tied_names(THEORY)
+    assert len(ties) > 50
+    for name, pages in ties.items():
+        assert object_named(name) is not None, pages
+
+
+def test_a_tie_to_nothing_is_refused():
+    with pytest.raises(MissingObject, match="has no 'smoothe'"):
+        object_named("pivident.signals.random_walk.smoothe")
+
+
+def test_cited_sources_are_in_the_bibliography():
+    entries = re.split(r"^: ", (THEORY / "bibliography.md").read_text("utf-8"), flags=re.MULTILINE)
+    cited = [
+        pair
+        for page in THEORY.glob("*.md")
+        for pair in re.findall(r"([A-Z][a-z]+)[\s(]+((?:19|20)\d\d)\)", page.read_text("utf-8"))
+    ]
+    assert len(cited) > 8
+    for name, year in cited:
+        assert any(name in entry and year in entry for entry in entries), (name, year)
