@@ -18,6 +18,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
+from pivident.cli.check import check
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.export import export
@@ -46,6 +47,7 @@ datasets_app = App(
     suppress_keyboard_interrupt=False,
 )
 app.command(datasets_app)
+app.command(check)
 app.command(study)
 app.command(fleet)
 app.command(friction)

@@ -232,7 +232,7 @@ def load_experiment(path: str | Path) -> Experiment:
     path = Path(path)
     with errors_name(path, ""):
         content = toml_content(path)
-        experiment = Experiment(path, _with_every_run(validated(content), path.parent))
+        experiment = Experiment(path, with_every_run(validated(content), path.parent))
         for name in METHODS:
             method_of(name, experiment.content.identify)
     experiment.methods()
@@ -300,8 +300,16 @@ def _file_text(path: Path) -> str:
         raise ExperimentError(f"is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
 
 
-def _with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
-    """The tables with one recording for each file of a pattern."""
+def with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
+    """The tables with one recording for each file of a pattern.
+
+    Args:
+        content: the tables.
+        folder: what paths are relative to.
+
+    Raises:
+        ExperimentError: no file fits a pattern, or one name is given to several runs.
+    """
     unseen = one_by_one(content.validation.recording, folder)
     validation = content.validation.model_copy(update={"recording": unseen})
     runs = one_by_one(content.recording, folder)

@@ -59,6 +59,28 @@ def checked(plain: dict[str, Any], root: type[Root]) -> Root:
         raise ExperimentError(f"{explained(problems[0], plain, root)}{more}") from None
 
 
+def every_problem(
+    plain: dict[str, Any], root: type[BaseModel] = ExperimentFile
+) -> list[tuple[tuple[int | str, ...], str, bool]]:
+    """Everything that the schema finds wrong with a file's content, not only the first of it.
+
+    Args:
+        plain: the content, its short forms written out.
+        root: what the file holds.
+
+    Returns:
+        Place, sentence, and whether the place is a key that nothing knows, problem by problem.
+    """
+    try:
+        root.model_validate(plain)
+    except ValidationError as error:
+        return [
+            (details["loc"], explained(details, plain, root), details["type"] == "extra_forbidden")
+            for details in _causes(error.errors())
+        ]
+    return []
+
+
 def _causes(problems: Sequence[Any]) -> list[Any]:
     """Unknown keys first, and without the keys that are missing because they were misspelt."""
     unknown = [p for p in problems if p["type"] == "extra_forbidden"]
