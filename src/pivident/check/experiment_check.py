@@ -20,7 +20,13 @@ from pivident.audit.log import Log
 from pivident.audit.reading import entry_log, read_columns
 from pivident.check.columns_check import check_columns
 from pivident.check.file_check import file_problems
-from pivident.check.loop_check import check_gains, check_reference, check_stability
+from pivident.check.loop_check import (
+    check_gains,
+    check_limit,
+    check_reference,
+    check_stability,
+)
+from pivident.check.filters_check import check_filters
 from pivident.check.motion_check import check_motion
 from pivident.check.plan import Plan, plan_of
 from pivident.check.recordings_check import check_recordings
@@ -39,7 +45,9 @@ from pivident.experiment.experiment import Experiment
 from pivident.experiment.recordings import loop_of, recording_of
 from pivident.experiment.schema import RecordingEntry
 from pivident.recording.recording import Recording
+from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
+from pivident.robot.naming import find_joint
 
 #: Errors of the reader that an audit reports with more numbers.
 TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
@@ -131,6 +139,7 @@ class _Check:
         self.experiment, self.say = experiment, say
         self.content = experiment.content
         self.folder = experiment.path.parent
+        self.plain = self.content.model_dump(exclude_unset=True, by_alias=True)
         self.remarks: list[Remark] = []
         self.looked_at: list[str] = []
         self.plan: Plan | None = None
@@ -156,7 +165,7 @@ class _Check:
         try:
             robot = self.experiment.robot
         except PividentError as error:
-            self.remarks.append(of_error(error, "robot", ("robot", "model")))
+            self.remarks.append(of_error(error, "robot", ("robot",), self.plain))
             return None
         self.remarks += check_robot(robot, self.content.robot.model)
         self.looked_at.append(
@@ -193,12 +202,12 @@ class _Check:
         try:
             log = entry_log(entry, robot, self.folder)
         except PividentError as error:
-            self.remarks.append(of_error(failure or error, "recording", place))
+            self.remarks.append(of_error(failure or error, "recording", place, self.plain))
             return
         audit = audit_log(log)
         own = [of_finding(f, place) for f in audit.findings if f.severity != "fine"]
         if failure is not None and not _told(failure, audit):
-            self.remarks.append(of_error(failure, "recording", place))
+            self.remarks.append(of_error(failure, "recording", place, self.plain))
         elif failure is not None:
             kinds = _kinds(failure)
             own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
@@ -223,6 +232,8 @@ class _Check:
         found += check_reference(log, place)
         controller = self.content.controller
         wrong = any(r.severity == "wrong" for r in found)
+        if controller is not None:
+            found += check_limit(log, controller)
         if controller is not None and controller.kp is not None and not wrong:
             reversed_joints = () if audit.power is None else audit.power.reversed
             found += check_gains(log, audit.timing, controller, reversed_joints, place)
@@ -259,14 +270,16 @@ class _Check:
         try:
             methods = experiment.methods()
         except PividentError as error:
-            self.remarks.append(_of_experiment_error(error, ("identify", "methods")))
+            self.remarks.append(self._refused(error, ("identify", "methods")))
         self._output()
+        self.remarks += check_filters(methods, [r for _, r in self.recordings])
         if robot is None:
             return
+        self._joints(robot)
         try:
             experiment.consistency()
         except PividentError as error:
-            self.remarks.append(_of_experiment_error(error, ("consistency",)))
+            self.remarks.append(self._refused(error, ("consistency",)))
         fitted = [r for place, r in self.recordings if place[0] == "recording"]
         unseen = [r for place, r in self.recordings if place[0] == "validation"]
         problem = self._problem(robot, fitted)
@@ -283,6 +296,20 @@ class _Check:
             "" if law is None else law.source,
         )
 
+    def _joints(self, robot: Robot) -> None:
+        """Joints that other tables name."""
+        load, known = self.content.payload, self.content.gains.payload
+        for table, joint in (
+            (("payload", "link"), None if load is None else load.link),
+            (("gains", "payload", "joint"), None if known is None else known.joint),
+        ):
+            names = (*robot.joint_names, *(link.name for link in robot.links))
+            try:
+                if joint is not None and joint not in names:
+                    find_joint(robot.joint_names, joint)
+            except PividentError as error:
+                self.remarks.append(self._refused(error, table))
+
     def _problem(self, robot: Robot, fitted: list[Recording]) -> Any:
         """The problem that would be identified, without a law that has to be found first."""
         from pivident.estimation.problem import Problem
@@ -296,7 +323,7 @@ class _Check:
                     _, loop = loop_of(law, robot, recordings)
                     loop.controller.check(robot.size)
             except PividentError as error:
-                self.remarks.append(_of_experiment_error(error, ("controller",)))
+                self.remarks.append(self._refused(error, ("controller",)))
                 loop = None
             else:
                 self._stability(robot, fitted)
@@ -314,7 +341,7 @@ class _Check:
             )
         except PividentError as error:
             key = "initial" if given.parameters is None else "parameters"
-            self.remarks.append(_of_experiment_error(error, ("identify", key)))
+            self.remarks.append(self._refused(error, ("identify", key)))
             return None
 
     def _parameters(self, robot: Robot) -> None:
@@ -329,7 +356,7 @@ class _Check:
                 try:
                     parameter_index(base, name)
                 except PividentError as error:
-                    self.remarks.append(_of_experiment_error(error, ("identify", key)))
+                    self.remarks.append(self._refused(error, ("identify", key)))
 
     def _stability(self, robot: Robot, fitted: list[Recording]) -> None:
         law = self.content.controller
@@ -337,7 +364,16 @@ class _Check:
             return
         first = fitted[0]
         rate = first.control_rate or first.rate
+        if rate < LOWEST_RATE:
+            return
         self.remarks += check_stability(robot, law, rate, np.mean(first.q, axis=0))
+
+    def _refused(self, error: Exception, table: Place) -> Remark:
+        """An error about the file's own tables; its path in front is left out."""
+        text = " ".join(str(error).split())
+        head, separator, tail = text.partition(": ")
+        own = tail if separator and head.endswith(".toml") else text
+        return of_error(ExperimentError(own), "file", table, self.plain)
 
     def _output(self) -> None:
         from pivident.files import check_output
@@ -346,7 +382,7 @@ class _Check:
         try:
             check_output(folder)
         except PividentError as error:
-            self.remarks.append(_of_experiment_error(error, ("output", "folder")))
+            self.remarks.append(self._refused(error, ("output", "folder")))
 
 
 def _kinds(failure: PividentError) -> tuple[str, ...]:
@@ -359,12 +395,3 @@ def _told(failure: PividentError, audit: Audit) -> bool:
     """Whether the audit says what the reader refused."""
     kinds = _kinds(failure)
     return any(f.kind in kinds and f.severity == "wrong" for f in audit.findings)
-
-
-def _of_experiment_error(error: Exception, table: Place) -> Remark:
-    """An error about the file's own tables; its path in front is left out."""
-    text = " ".join(str(error).split())
-    head, separator, tail = text.partition(": ")
-    if separator and head.endswith(".toml"):
-        text = tail
-    return of_error(ExperimentError(text), "file", table)

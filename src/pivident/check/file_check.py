@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import copy
-import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pivident.check.remark import Place, Remark, of_error
+from pivident.check.remark import Place, Remark, of_error, split_advice, with_key, without_table
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS
 from pivident.experiment.experiment import Experiment, toml_content, with_every_run
-from pivident.experiment.explained import every_problem, plain_form
+from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
 from pivident.experiment.methods import method_of
 from pivident.experiment.schema import ExperimentFile
-from pivident.toml_text import parse_toml
 
 
 def file_problems(
@@ -35,8 +33,9 @@ def file_problems(
     """
     try:
         content = toml_content(path)
+        refuse_robot_file(content)
     except PividentError as error:
-        raise ExperimentError(f"{path}: {error}{_why_no_toml(path)}") from error
+        raise ExperimentError(f"{path}: {error}") from error
     text = path.read_text(encoding="utf-8")
     if robot is not None:
         model = robot if not _is_file(robot) else str(Path(robot).absolute())
@@ -45,8 +44,10 @@ def file_problems(
     remarks = []
     problems = every_problem(plain)
     for loc, sentence, unknown in problems:
-        remark = of_error(ExperimentError(sentence), "file", _place(loc, content))
-        remarks.append(Remark(**{**vars(remark), "kind": "unknown key" if unknown else "value"}))
+        kind = "unknown key" if unknown else "value"
+        seen, step = split_advice(without_table(sentence))
+        place = with_key(_place(loc, content), sentence, plain)
+        remarks.append(Remark("wrong", "file", kind, seen, step, "", place, refused=True))
     usable = _without(plain, [loc for loc, _, unknown in problems if unknown])
     if problems and every_problem(usable):
         usable = _without(usable, [(loc[0],) for loc, _, _ in every_problem(usable) if loc])
@@ -62,30 +63,6 @@ def file_problems(
 
 def _is_file(robot: str) -> bool:
     return robot.endswith((".toml", ".urdf", ".urdf.gz"))
-
-
-def _why_no_toml(path: Path) -> str:
-    """What a file is that is no TOML, where its name or its beginning tell."""
-    try:
-        beginning = path.read_bytes()[:2000]
-    except OSError:
-        return ""
-    head = beginning.lstrip(b"\xef\xbb\xbf \t\r\n")
-    if path.suffix.lower() in (".urdf", ".xacro") or head.startswith(b"<"):
-        return "; this is a robot description: name it as robot = in an experiment file (.toml)"
-    if head.startswith(b"{"):
-        return "; this looks like JSON: an experiment file is written in TOML"
-    first = head.split(b"\n", 1)[0]
-    if path.suffix.lower() != ".toml" and any(first.count(c) > 1 for c in (b",", b";", b"\t")):
-        return (
-            "; this looks like a log: name it as files = under [recording] of an experiment file, "
-            "or try pivident audit"
-        )
-    try:
-        parse_toml(beginning.replace(b"\r", b"").decode("utf-8-sig", "replace"))
-    except (tomllib.TOMLDecodeError, ValueError):
-        return ""
-    return ""
 
 
 def _place(loc: Sequence[int | str], content: dict[str, Any]) -> Place:

@@ -34,6 +34,9 @@ CLOSE = 0.25
 #: Share of the variance that another reading of the reference must explain.
 ALIKE = 0.97
 
+#: Travel below which a joint's reference is not judged [rad or m].
+MOTION = 0.05
+
 #: Growth per control period from which a loop is called unstable.
 GROWTH = 1.002
 
@@ -92,7 +95,7 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
                 place,
             )
             return
-    far = [j for j in range(q.shape[1]) if distance[j] > CLOSE]
+    far = [j for j in range(q.shape[1]) if distance[j] > CLOSE and np.ptp(q[:, j]) > MOTION]
     if not far:
         apart = np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), 1e-12)
         for j in np.flatnonzero(apart > 0.1):
@@ -215,6 +218,38 @@ def check_gains(
     return remarks
 
 
+def check_limit(log: Log, entry: ControllerEntry) -> list[Remark]:
+    """Outputs in the log that the declared limit of the controller does not allow.
+
+    Args:
+        log: one log.
+        entry: the table ``[controller]``.
+    """
+    tau = log.channels.get("tau")
+    if entry.limit is None or tau is None or not np.isfinite(tau).any():
+        return []
+    remarks = []
+    for j, name in enumerate(log.joint_names[: tau.shape[1]]):
+        gain = abs(_of_joint(entry.drive_gain, j))
+        limit, largest = _of_joint(entry.limit, j), float(np.nanmax(np.abs(tau[:, j])))
+        if largest <= 1.02 * gain * limit:
+            continue
+        remarks.append(
+            Remark(
+                "wrong",
+                "controller",
+                "limit",
+                f"The limit of {name} is {gain * limit:.4g} N m (or N), drive gain included, but "
+                f"the log reaches {largest:.4g} N m.",
+                "It is the largest output of the controller, in its own unit; correct it, or "
+                "the drive gain.",
+                name,
+                ("controller", "limit"),
+            )
+        )
+    return remarks
+
+
 def _products(
     q: np.ndarray, q_ref: np.ndarray, tau: np.ndarray, rate: float, entry: ControllerEntry
 ) -> tuple[float, float] | None:
@@ -319,15 +354,20 @@ def check_stability(
     if growth <= GROWTH or not np.all(kd):
         return []
     worst = robot.joint_names[int(np.argmax(np.abs(vectors[:n, k])))]
+    causes = "Check the units of kp and kd (N m per rad and per rad/s on the joint side), "
+    causes += "drive_gain, control_rate, and the masses of the description."
+    bare = not np.any(robot.rotor_inertia)
+    if bare:
+        causes = "The description has no rotor inertias, which count in full behind a gear: give "
+        causes += "rotor_inertia under [robot]. Else check the units of kp and kd."
     return [
         Remark(
-            "wrong",
+            "look" if bare else "wrong",
             "controller",
             "unstable",
             f"The loop of {worst} is unstable with these gains at {rate:.5g} Hz: errors grow by a "
             f"factor of {growth:.3g} in each control period.",
-            "Check the units of kp and kd (N m per rad and per rad/s on the joint side), "
-            "drive_gain, control_rate, and the masses of the description.",
+            causes,
             worst,
             ("controller", "kd" if entry.type != "cascade" else "kv"),
         )

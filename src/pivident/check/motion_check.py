@@ -10,6 +10,7 @@ from pivident.audit.log import Log
 from pivident.check.channels import usable_rows
 from pivident.audit.timing import Timing
 from pivident.check.remark import Place, Remark
+from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
 
 #: Travel below which a joint stands still [rad or m].
@@ -148,12 +149,7 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
 
 def _other_columns(log: Log) -> Mapping[str, np.ndarray]:
     """Columns that might be the position itself."""
-    found = {name: c for name, c in log.columns.items() if name not in log.clocks}
-    for channel in ("q_ref",):
-        for k, joint in enumerate(log.joint_names):
-            if channel in log.channels and k < log.channels[channel].shape[1]:
-                found[f"{channel} of {joint}"] = log.channels[channel][:, k]
-    return found
+    return {name: column for name, column in log.columns.items() if name not in log.clocks}
 
 
 def _correlation(x: np.ndarray, y: np.ndarray) -> float:
@@ -169,7 +165,6 @@ def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
     speed = speed - speed.mean(axis=0)
     power = np.abs(np.fft.rfft(speed * np.hanning(len(speed))[:, None], axis=0)) ** 2
     total = power.sum(axis=0)
-    share = (np.cumsum(power, axis=0) / np.where(total > 0, total, 1.0)).max(axis=1)
     share = np.median(np.cumsum(power, axis=0) / np.where(total > 0, total, 1.0), axis=1)
     band = float(np.searchsorted(share, 0.99)) * rate / len(speed)
     if band * SAMPLES_PER_PERIOD > rate:
@@ -194,7 +189,17 @@ def _held(
     place = (*table, "control_rate")
     n = min(holds)
     declared = log.control_rate or rate
-    if n > 1 and abs(declared * n / rate - 1) > 0.05:
+    if declared < LOWEST_RATE:
+        yield Remark(
+            "wrong",
+            "timing",
+            "control rate",
+            f"control_rate is {declared:.5g} Hz, which no control loop has.",
+            "It may be a period in seconds, or a rate in kHz; it is given in Hz.",
+            "",
+            place,
+        )
+    elif n > 1 and abs(declared * n / rate - 1) > 0.05:
         yield Remark(
             "look",
             "timing",

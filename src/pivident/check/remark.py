@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from pivident.audit.finding import SEVERITIES, Finding, Severity
+from pivident.errors import FileFormatError, UnknownColumn
 from pivident.plain_values import plain
 
 #: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
@@ -41,6 +42,12 @@ ELSEWHERE: dict[str, Place] = {
     "excitation": ("identify", "parameters"),
     "model": ("robot",),
 }
+
+#: Tables of recordings.
+RECORDINGS = (("recording",), ("validation",), ("payload",), ("gains",))
+
+#: Keys that are also words of every message.
+AMBIGUOUS = ("name", "joint", "link", "type")
 
 _TABLE = re.compile(r"\[{1,2}([a-z][\w.-]*)\]{1,2}(?: (\d+):)?")
 _KEY = re.compile(r"\bkey '([\w.-]+)'")
@@ -88,13 +95,12 @@ class Remark:
         return plain(asdict(self) | {"place": list(self.place)})
 
 
-def of_finding(finding: Finding, table: Place, units: Iterable[str] = ()) -> Remark:
+def of_finding(finding: Finding, table: Place) -> Remark:
     """A finding of an audit as a remark about the experiment file.
 
     Args:
         finding: what an audit has found in one log.
         table: the table of that log, such as ``("recording", 0)``.
-        units: channels of which the file gives the unit.
     """
     kind = (finding.check, finding.kind)
     if kind == ("power", "gravity at rest"):
@@ -109,18 +115,61 @@ def of_finding(finding: Finding, table: Place, units: Iterable[str] = ()) -> Rem
     )
 
 
-def of_error(error: Exception, check: str, table: Place = (), kind: str = "refused") -> Remark:
+def of_error(
+    error: Exception,
+    check: str,
+    table: Place = (),
+    content: Mapping[str, Any] | None = None,
+    kind: str = "refused",
+) -> Remark:
     """An error that an identification would end with.
 
     Args:
         error: what was raised; its notes name the file and are left out.
         check: what was looked at.
         table: where it arose, if its message does not say so.
+        content: the content of the file, its short forms written out.
         kind: one word for programs.
     """
     text = " ".join(str(error).split())
-    sentence, step = split_advice(text)
-    return Remark("wrong", check, kind, sentence, step, "", place_in(text, table), refused=True)
+    sentence, step = split_advice(without_table(text))
+    place = with_key(place_in(text, table), text, content or {})
+    if place == table and table[:1] in RECORDINGS and not isinstance(error, FileFormatError):
+        place = (*table, *_channel(text))
+    if isinstance(error, FileFormatError) and place == table:
+        place = (*table, "columns" if isinstance(error, UnknownColumn) else "files")
+    return Remark("wrong", check, kind, sentence, step, "", place, refused=True)
+
+
+def without_table(text: str) -> str:
+    """A message without the table in front, which its place says."""
+    return _TABLE.sub("", text, count=1).lstrip() if _TABLE.match(text) else text
+
+
+def with_key(place: Place, message: str, content: Mapping[str, Any]) -> Place:
+    """A place that is a table with the key of it that a message speaks of.
+
+    Args:
+        place: tables and keys.
+        message: what is wrong there.
+        content: the content of the file, its short forms written out.
+    """
+    value: Any = content
+    for part in place:
+        known = isinstance(value, Mapping) and part in value
+        known = known or (isinstance(value, list) and isinstance(part, int) and part < len(value))
+        if not known:
+            return place
+        value = value[part]
+    if not isinstance(value, Mapping):
+        return place
+    if "no sample of" in message and "part" in value:
+        return (*place, "part")
+    if "no data set" in message and "dataset" in value:
+        return (*place, "dataset")
+    words = re.findall(r"[a-z][a-z_]*", message)
+    named = [w for w in words if w in value and w not in AMBIGUOUS]
+    return with_key((*place, named[0]), message, content) if named else place
 
 
 def split_advice(text: str) -> tuple[str, str]:
@@ -158,13 +207,16 @@ def place_in(message: str, table: Place = ()) -> Place:
         if not table or table[0] != named[0]:
             place = (*named, *number)
     key = _KEY.search(message)
-    if key:
-        return (*place, *key[1].split("."))
+    return (*place, *key[1].split(".")) if key else place
+
+
+def _channel(message: str) -> Place:
+    """Columns or units of the channel that a message speaks of."""
     channel = _CHANNEL.search(message)
-    if table and table[0] in ("recording", "validation", "payload", "gains") and channel:
-        block = "units" if message.startswith(("unit ", "a unit", f"{channel[1]} has")) else "columns"
-        return (*place, block, channel[1])
-    return place
+    if channel is None:
+        return ()
+    is_unit = message.startswith(("unit ", "a unit", f"{channel[1]} has"))
+    return ("units" if is_unit else "columns", channel[1])
 
 
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:

@@ -22,6 +22,7 @@ Paths are relative to the file. All tables and keys are in `pivident.experiment.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -274,7 +275,28 @@ def toml_content(path: Path) -> dict[str, Any]:
     except ExperimentError:
         raise
     except ValueError as error:
-        raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+        raise ExperimentError(f"is not TOML: {error}; {_advice(path, str(error))}") from error
+
+
+def _advice(path: Path, error: str) -> str:
+    """What to do about a text that is not TOML, as far as the text tells."""
+    text = _file_text(path)
+    beginning = text.lstrip("\ufeff \t\r\n")
+    first = beginning.partition("\n")[0]
+    if path.suffix.lower() in (".urdf", ".xacro") or beginning.startswith("<"):
+        return "this is a robot description: name it as robot = in an experiment file (.toml)"
+    if beginning.startswith("{"):
+        return "this looks like JSON; an experiment file is written in TOML"
+    if path.suffix.lower() != ".toml" and max(map(first.count, ",;\t")) > 1:
+        return (
+            "this looks like a log: name it as files = under [recording] of an experiment file, "
+            "or ask pivident audit about it"
+        )
+    line = re.search(r"at line (\d+)", error)
+    said = text.splitlines()[int(line[1]) - 1] if line else ""
+    if "\\" in said:
+        return "a backslash needs single quotes around it, or write / in paths"
+    return "correct this line"
 
 
 def _file_text(path: Path) -> str:

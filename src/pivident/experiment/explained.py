@@ -38,7 +38,23 @@ def validated(content: dict[str, Any]) -> ExperimentFile:
         ExperimentError: table, key, value and what was expected; of several problems the first,
             and how many more there are.
     """
+    refuse_robot_file(content)
     return checked(plain_form(content), ExperimentFile)
+
+
+def refuse_robot_file(content: dict[str, Any]) -> None:
+    """Tell a robot's description, which is TOML too, from an experiment.
+
+    Args:
+        content: the tables of a file.
+
+    Raises:
+        ExperimentError: it describes a robot.
+    """
+    if "joints" in content and "recording" not in content:
+        raise ExperimentError(
+            "this is a robot description, not an experiment file; name it as robot = in one"
+        )
 
 
 def checked(plain: dict[str, Any], root: type[Root]) -> Root:

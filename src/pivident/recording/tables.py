@@ -72,6 +72,11 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
 
 def _reader(path: Path) -> tuple[Names, Read]:
     """The two functions for a kind of file, which its name tells."""
+    if path.is_dir():
+        raise FileFormatError(
+            f"{path.name} is a folder; name the file with the record in it, or a pattern such as "
+            f'"{path.name}/*.csv" for all of its runs'
+        )
     name = path.name.lower()
     suffix = Path(name.removesuffix(".gz")).suffix
     text_only = name.endswith(".gz")

@@ -97,6 +97,10 @@ def _gravity(value: Any) -> Any:
                 "frame) or three numbers in m/s²"
             )
         return GRAVITY_BY_NAME[value]
+    if not isinstance(value, list):
+        raise ValueError(
+            "gravity is a vector of three numbers in m/s², such as [0, 0, -9.81] in the base frame"
+        )
     return value
 
 
