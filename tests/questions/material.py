@@ -114,7 +114,7 @@ def csv(columns: Mapping[str, np.ndarray], separator: str = ",") -> str:
     """The text of a log."""
     text = io.StringIO()
     table = np.column_stack(list(columns.values()))
-    np.savetxt(text, table, fmt="%.12g", delimiter=separator, header=separator.join(columns),
+    np.savetxt(text, table, fmt="%.15g", delimiter=separator, header=separator.join(columns),
                comments="")  # fmt: skip
     return text.getvalue()
 

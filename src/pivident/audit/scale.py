@@ -113,7 +113,7 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             check_within_reach("q", finite, _only(robot, j))
         except PividentError as error:
             sentence, _, step = str(error).partition("; ")
-            text = sentence[0].upper() + sentence[1:] + "."
+            text = sentence + "."
             findings.append(
                 Finding("wrong", "scale", "reach", text, joint.name, step[0].upper() + step[1:])
             )

@@ -30,10 +30,11 @@ from pivident.check.filters_check import check_filters
 from pivident.check.motion_check import check_motion
 from pivident.check.plan import Plan, plan_of
 from pivident.check.recordings_check import check_recordings
-from pivident.check.remark import Place, Remark, gravest_first, of_error, of_finding, with_line
+from pivident.check.remark import Place, Remark, gravest_first, grouped, of_error, of_finding, with_line
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
 from pivident.errors import (
+    BadCell,
     ConstantChannel,
     ExperimentError,
     IrregularSampling,
@@ -52,10 +53,14 @@ from pivident.robot.naming import find_joint
 #: Errors of the reader that an audit reports with more numbers.
 TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
     NonFiniteSamples: ("missing",),
-    IrregularSampling: ("duplicate", "backward", "gap", "jitter"),
+    IrregularSampling: ("duplicate", "backward", "gap", "jitter", "no clock"),
     ConstantChannel: ("constant",),
     SaturatedSignal: ("clipped",),
 }
+
+
+#: Lines up to which a line of another length means that the whole table is something else.
+EARLY = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -125,7 +130,9 @@ def check_experiment(
         plan = worker.plan
     lines = TomlLines(text)
     unique = {(r.sentence, r.where): r for r in reversed(remarks)}
-    placed = [with_line(r, lines.line(r.place)) for r in reversed(unique.values())]
+    placed = [
+        with_line(remark, lines.line(remark.place)) for remark in grouped(reversed(unique.values()))
+    ]
     stops = any(remark.refused for remark in placed)
     return ExperimentCheck(
         path, tuple(gravest_first(placed)), tuple(looked_at), None if stops else plan
@@ -204,6 +211,9 @@ class _Check:
         except PividentError as error:
             self.remarks.append(of_error(failure or error, "recording", place, self.plain))
             return
+        if isinstance(failure, BadCell) and failure.column is None and failure.line <= EARLY:
+            self.remarks.append(of_error(failure, "recording", place, self.plain))
+            return  # the columns are not what they are called
         audit = audit_log(log)
         own = [of_finding(f, place) for f in audit.findings if f.severity != "fine"]
         if failure is not None and not _told(failure, audit):
@@ -214,7 +224,11 @@ class _Check:
         self.remarks += own
         if audit.model is not None:
             self.models.append(audit)
-        self.remarks += self._motion(log, audit, place, entry)
+        slow = entry.rate is not None and entry.rate < LOWEST_RATE
+        if slow:
+            self.remarks.append(_no_rate(float(entry.rate or 0.0), place))
+        if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
+            self.remarks += self._motion(log, audit, place, entry)
         name = log.name if entry.part is None else f"{log.name} ({entry.part[0]:g} s on)"
         if len(self.remarks) == before or robot is not None:
             rate = f" at {audit.timing.rate:.6g} Hz" if audit.timing.rate else ""
@@ -383,6 +397,19 @@ class _Check:
             check_output(folder)
         except PividentError as error:
             self.remarks.append(self._refused(error, ("output", "folder")))
+
+
+def _no_rate(rate: float, place: Place) -> Remark:
+    """A declared rate that no log has."""
+    return Remark(
+        "wrong",
+        "timing",
+        "rate",
+        f"The rate is {rate:g} Hz, which no robot's log has.",
+        "It may be a period in seconds, or a rate in kHz; rate is in Hz.",
+        "",
+        (*place, "rate"),
+    )
 
 
 def _kinds(failure: PividentError) -> tuple[str, ...]:

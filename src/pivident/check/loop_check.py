@@ -97,7 +97,7 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
             return
     far = [j for j in range(q.shape[1]) if distance[j] > CLOSE and np.ptp(q[:, j]) > MOTION]
     if not far:
-        apart = np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), 1e-12)
+        apart = np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), MOTION)
         for j in np.flatnonzero(apart > 0.1):
             yield Remark(
                 "look",

@@ -51,7 +51,7 @@ def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> lis
     remarks = [*_standing(log, q, table)]
     remarks += [*_length(log, timing.rate, parameters, table)]
     remarks += [*_something_else(log, q, tau, table)]
-    if not any(r.kind == "standstill" for r in remarks):
+    if timing.regular and not any(r.kind == "standstill" for r in remarks):
         remarks += [*_slow_rate(q, timing.rate, table)]
     remarks += [*_held(log, q, tau, timing.rate, table)]
     if log.robot is not None and log.robot.size == q.shape[1]:

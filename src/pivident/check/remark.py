@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from pivident.audit.finding import SEVERITIES, Finding, Severity
+from pivident.audit.finding import SEVERITIES, SHARED, Finding, Severity
 from pivident.errors import FileFormatError, UnknownColumn
 from pivident.plain_values import plain
 
@@ -48,6 +48,9 @@ RECORDINGS = (("recording",), ("validation",), ("payload",), ("gains",))
 
 #: Keys that are also words of every message.
 AMBIGUOUS = ("name", "joint", "link", "type")
+
+#: How messages about units begin.
+_UNIT_MESSAGES = ("unit ", "a unit ", "gain of ", "factor of ", "per_revolution ", "per_metre ")
 
 _TABLE = re.compile(r"\[{1,2}([a-z][\w.-]*)\]{1,2}(?: (\d+):)?")
 _KEY = re.compile(r"\bkey '([\w.-]+)'")
@@ -133,7 +136,10 @@ def of_error(
     """
     text = " ".join(str(error).split())
     sentence, step = split_advice(without_table(text))
-    place = with_key(place_in(text, table), text, content or {})
+    place = place_in(text, table)
+    if table[:1] in RECORDINGS and text.startswith(_UNIT_MESSAGES):
+        place = (*table, "units", *_channel(text)[1:])
+    place = with_key(place, text, content or {})
     if place == table and table[:1] in RECORDINGS and not isinstance(error, FileFormatError):
         place = (*table, *_channel(text))
     if isinstance(error, FileFormatError) and place == table:
@@ -199,7 +205,7 @@ def place_in(message: str, table: Place = ()) -> Place:
         message: names them as ``[controller] key 'kp'``.
         table: where it arose, if it does not say so.
     """
-    found = _TABLE.search(message)
+    found = _TABLE.match(message)
     place: Place = table
     if found:
         named = tuple(found[1].split("."))
@@ -215,8 +221,23 @@ def _channel(message: str) -> Place:
     channel = _CHANNEL.search(message)
     if channel is None:
         return ()
-    is_unit = message.startswith(("unit ", "a unit", f"{channel[1]} has"))
+    is_unit = message.startswith(f"{channel[1]} has") and " units for " in message
     return ("units" if is_unit else "columns", channel[1])
+
+
+def grouped(remarks: Iterable[Remark]) -> list[Remark]:
+    """Remarks, with what a fault of the logger gives many channels said once."""
+    groups: dict[object, list[Remark]] = {}
+    for number, remark in enumerate(remarks):
+        shared = remark.kind in SHARED and remark.where
+        key = (remark.severity, remark.kind, remark.place) if shared else number
+        groups.setdefault(key, []).append(remark)
+    found = []
+    for first, *others in groups.values():
+        also = f" The same for {', '.join(r.where for r in others)}." if others else ""
+        refused = first.refused or any(r.refused for r in others)
+        found.append(replace(first, sentence=first.sentence + also, refused=refused))
+    return found
 
 
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import gzip
 import io
+import re
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,8 @@ LONGEST_LINE = 2**20
 
 #: Most columns. Each costs the parser some kilobytes, and no log of a robot has so many.
 MOST_COLUMNS = 10_000
+
+_DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 
 #: Longest line or cell that a message repeats, in characters.
 LONGEST_QUOTE = 80
@@ -107,8 +110,7 @@ def _header(path: Path) -> _Header:
     first = ""
     with _text(path) as lines:
         for first in _lines(path, lines):
-            if "\0" in first:
-                raise FileFormatError(f"{path.name} is a binary file, not a text table")
+            _refuse_other_files(path, first)
             if first.strip() and not first.startswith(COMMENT):
                 break
         else:
@@ -118,6 +120,8 @@ def _header(path: Path) -> _Header:
             f"{path.name} has a first line of {LONGEST_LINE} characters or more; is it a table?"
         )
     separator = max(SEPARATORS, key=first.count)
+    if not first.count(separator):
+        _refuse_title(path, first.strip())
     if first.count(separator) >= MOST_COLUMNS:
         raise FileFormatError(
             f"{path.name} has more than {MOST_COLUMNS} columns; transpose the table, or export "
@@ -132,6 +136,45 @@ def _header(path: Path) -> _Header:
             f"{path.name} has more than one column {_quoted(twice[0])}; rename them in its header"
         )
     return _Header(tuple(cells), separator, True)
+
+
+def _refuse_other_files(path: Path, line: str) -> None:
+    """Say what a file is that is no table, where one of its first lines tells."""
+    beginning = path.read_bytes()[:2] if not _is_gzipped(path) else b""
+    if beginning in (b"\xff\xfe", b"\xfe\xff"):
+        raise FileFormatError(f"{path.name} is text in UTF-16; save it as UTF-8")
+    if "\0" in line or line.startswith(("\ufffdPNG", "%PDF", "PK\x03")):
+        raise FileFormatError(f"{path.name} is a binary file, not a text table")
+    if line.lstrip().lower().startswith(("<!doctype html", "<html", "<?xml")):
+        raise FileFormatError(
+            f"{path.name} is a web page or XML, not a table; the download went wrong, or another "
+            "file was meant"
+        )
+    if line.startswith("version https://git-lfs"):
+        raise FileFormatError(
+            f"{path.name} is a Git LFS pointer and not the log itself; fetch it with git lfs pull"
+        )
+
+
+def _refuse_title(path: Path, first: str) -> None:
+    """Refuse a first line of one cell where the lines below it have several."""
+    with _text(path) as text:
+        below = [x.strip() for _, x in zip(range(20), _lines(path, text), strict=False)]
+    below = [x for x in below if x and not x.startswith(COMMENT)][1:3]
+    if not below:
+        return
+    if any(below[0].count(separator) for separator in SEPARATORS):
+        raise FileFormatError(
+            f"{path.name} begins with {_quoted(first)}, while the lines below have several "
+            "columns; the first line must be the header: remove what stands above it, or put # in "
+            "front of it"
+        )
+    words = first.split()
+    if len(words) > 1 and len(below[0].split()) == len(words):
+        raise FileFormatError(
+            f"{path.name} separates its {len(words)} columns by blanks; separate them by commas, "
+            "semicolons or tabs"
+        )
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
@@ -195,14 +238,30 @@ def _explain(path: Path, header: _Header, wanted: Sequence[str], reason: str) ->
         for number, cells in _rows(lines, header):
             if len(cells) != len(header.names):
                 reason = f"it has {len(cells)} cells instead of {len(header.names)}"
+                if header.separator == "," and len(cells) > len(header.names):
+                    reason += ", perhaps because of decimal commas"
                 text = header.separator.join(cells)[:LONGEST_LINE]
                 raise BadCell(path.name, number, None, text, reason)
             for name, place in places.items():
                 cell = cells[place]
                 if not _is_number(cell):
-                    reason = f"{_quoted(cell)} is not a number" if cell else "the cell is empty"
+                    reason = _why_no_number(cell, name, number)
                     raise BadCell(path.name, number, name, cell, reason)
     raise FileFormatError(f"{path.name} cannot be read as a table of numbers ({reason})")
+
+
+def _why_no_number(cell: str, name: str, line: int) -> str:
+    """What is wrong with a cell, as far as it tells."""
+    if not cell:
+        return "the cell is empty"
+    reason = f"{_quoted(cell)} is not a number"
+    if _DECIMAL_COMMA.fullmatch(cell):
+        return f"{reason} (a decimal comma; export with decimal points)"
+    if cell == name:
+        return f"{reason} but the header once more (were two logs joined?)"
+    if line == 2:
+        return f"{reason} (a line of units, or a second line of header?)"
+    return reason
 
 
 def _rows(lines: Iterable[str], header: _Header) -> Iterator[tuple[int, list[str]]]:
