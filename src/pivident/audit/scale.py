@@ -155,6 +155,8 @@ def _another_position_unit(
     here = _total_error(model)
     if not any(joint.kind == "revolute" for joint in model.robot.joints):
         return None
+    if log.side == "motor":
+        return _joint_side_already(log, model, timing)
     for factor, said, meant in (
         (np.pi / 180.0, "rad", "deg"),
         (180.0 / np.pi, "deg", "rad"),
@@ -181,6 +183,35 @@ def _another_position_unit(
             )
             return finding, other
     return None
+
+
+def _joint_side_already(
+    log: Log, model: InverseModel, timing: Timing
+) -> tuple[Finding, InverseModel] | None:
+    """Positions that were divided by a gear ratio although they are of the joint side."""
+    here = _total_error(model)
+    ratio = np.abs(np.diag(model.robot.transmission.reduction))
+    try:
+        other = build_inverse_model(log, timing, ratio)
+    except PividentError:
+        return None
+    there = _total_error(other)
+    if not there < BETTER * here:
+        return None
+    finding = Finding(
+        "wrong",
+        "scale",
+        "side",
+        "The positions seem to be of the joint side, but were divided by the gear ratios: the "
+        f"inverse model leaves {100 * there:.3g} % of the torque without that, instead of "
+        f"{100 * here:.3g} %.",
+        "q",
+        'Set side = {q = "joint"} under [recording].',
+        value=100 * here,
+        unit="%",
+        bound=100 * here * BETTER,
+    )
+    return finding, other
 
 
 def _total_error(model: InverseModel) -> float:

@@ -33,6 +33,7 @@ from pivident.check.recordings_check import check_recordings
 from pivident.check.remark import Place, Remark, gravest_first, grouped, of_error, of_finding, with_line
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
+from pivident.dynamics.base_parameters import base_parameters
 from pivident.errors import (
     BadCell,
     ConstantChannel,
@@ -58,6 +59,13 @@ TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
     SaturatedSignal: ("clipped",),
 }
 
+
+#: Findings after which the gains that a log shows say nothing about those of the file.
+CONSEQUENTIAL = ("reach", "speed", "angle unit", "side", "order", "late", "early", "joint late",
+                 "constant", "stuck", "clipped")  # fmt: skip
+
+#: A declared delay beyond this is in milliseconds [s].
+LONGEST_DELAY = 0.5
 
 #: Lines up to which a line of another length means that the whole table is something else.
 EARLY = 3
@@ -225,6 +233,8 @@ class _Check:
         if audit.model is not None:
             self.models.append(audit)
         slow = entry.rate is not None and entry.rate < LOWEST_RATE
+        if entry.delay is not None and abs(entry.delay) > LONGEST_DELAY:
+            self.remarks.append(_long_delay(entry.delay, place))
         if slow:
             self.remarks.append(_no_rate(float(entry.rate or 0.0), place))
         if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
@@ -241,11 +251,12 @@ class _Check:
         self, log: Log, audit: Audit, place: Place, entry: RecordingEntry
     ) -> list[Remark]:
         """What the channels say about one another, and about the controller."""
-        parameters = 0 if audit.model is None else len(audit.model.base)
+        parameters = 0 if log.robot is None else len(base_parameters(log.robot))
         found = check_motion(self._with_other_columns(log, entry), audit.timing, parameters, place)
         found += check_reference(log, place)
         controller = self.content.controller
         wrong = any(r.severity == "wrong" for r in found)
+        wrong |= any(f.severity == "wrong" and f.kind in CONSEQUENTIAL for f in audit.findings)
         if controller is not None:
             found += check_limit(log, controller)
         if controller is not None and controller.kp is not None and not wrong:
@@ -360,7 +371,6 @@ class _Check:
 
     def _parameters(self, robot: Robot) -> None:
         """Names of parameters, where no recording can be read."""
-        from pivident.dynamics.base_parameters import base_parameters
         from pivident.estimation.problem import parameter_index
 
         given = self.content.identify
@@ -397,6 +407,19 @@ class _Check:
             check_output(folder)
         except PividentError as error:
             self.remarks.append(self._refused(error, ("output", "folder")))
+
+
+def _long_delay(delay: float, place: Place) -> Remark:
+    """A declared delay that no logger has."""
+    return Remark(
+        "wrong",
+        "timing",
+        "delay",
+        f"The torque is declared to be {delay:g} s late.",
+        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
+        "tau",
+        (*place, "delay"),
+    )
 
 
 def _no_rate(rate: float, place: Place) -> Remark:

@@ -44,6 +44,7 @@ GROWTH = 1.002
 CAUSES = (
     (180 / np.pi, "the gains seem to be per degree; they are per radian"),
     (np.pi / 180, "the gains seem to have been converted from degrees twice"),
+    (2 * np.pi, 'a factor of 2π: positions in turns? set units = {q = "rev", q_ref = "rev"}'),
     (1000.0, "a factor of 1000: mm for m, or mN m for N m"),
     (1e-3, "a factor of 1000: m for mm, or N m for mN m"),
 )
@@ -97,7 +98,8 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
             return
     far = [j for j in range(q.shape[1]) if distance[j] > CLOSE and np.ptp(q[:, j]) > MOTION]
     if not far:
-        apart = np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), MOTION)
+        moving = np.ptp(q, axis=0) > MOTION
+        apart = moving * np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), MOTION)
         for j in np.flatnonzero(apart > 0.1):
             yield Remark(
                 "look",
@@ -286,10 +288,13 @@ def _compared(
         }
     for key, (said, seen) in declared.items():
         ratio = seen / said if said else np.inf
-        if 1 / DIFFERENT < abs(ratio) < DIFFERENT or (key != "kp" and abs(seen) < 1e-9):
+        if 1 / DIFFERENT < ratio < DIFFERENT or (key != "kp" and abs(seen) < 1e-9):
             continue
         cause = next((c for r, c in CAUSES if 0.8 < ratio / r < 1.25), "")
+        if ratio < 0:
+            key, cause = "drive_gain", "the sign of drive_gain is reversed"
         product = "kp kv" if key == "kp" and entry.type == "cascade" else key
+        product = "The gain" if key == "drive_gain" else product
         cause = cause or (
             f"check {key}, drive_gain, and the units of tau and q; with "
             'controller = "identify" the law is found from the log'
@@ -304,6 +309,8 @@ def _compared(
             name,
             ("controller", key),
         )
+        if ratio < 0:
+            return
 
 
 def _of_joint(value: object, j: int) -> float:

@@ -161,7 +161,9 @@ def _correlation(x: np.ndarray, y: np.ndarray) -> float:
 
 def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
     """A motion that is too fast for the rate at which it was logged."""
-    speed = np.diff(q, axis=0)
+    speed = np.diff(q[:, np.ptp(q, axis=0) > STILL], axis=0)
+    if not speed.size:
+        return
     speed = speed - speed.mean(axis=0)
     power = np.abs(np.fft.rfft(speed * np.hanning(len(speed))[:, None], axis=0)) ** 2
     total = power.sum(axis=0)

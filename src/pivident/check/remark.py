@@ -28,6 +28,7 @@ KEYS: dict[tuple[str, str], Place] = {
     ("scale", "reach"): ("units", "q"),
     ("scale", "speed"): ("units", "q"),
     ("scale", "angle unit"): ("units", "q"),
+    ("scale", "side"): ("side",),
     ("scale", "gain"): ("units", "tau"),
     ("order", "order"): ("columns", "tau"),
     ("delay", "late"): ("delay",),
