@@ -71,8 +71,7 @@ CASES = [
     arm("a link has two parents", '<child link="forearm"/>', '<child link="upper_arm"/>', "line 1", "'upper_arm'", "shoulder", "elbow"),
     arm("an axis has no direction", "<axis xyz=\"0 0 1\"/>\n    " + LIMIT, '<axis xyz="0 0 0"/>' + LIMIT, "line 1", "elbow", "no direction"),
     arm("an axis is written with commas", "<axis xyz=\"0 0 1\"/>\n    " + LIMIT, '<axis xyz="0,0,1"/>' + LIMIT, "line 1", "elbow", "axis xyz", "0,0,1"),
-    arm("an axis points the other way", "<axis xyz=\"0 0 1\"/>\n    " + LIMIT, '<axis xyz="0 0 -1"/>' + LIMIT, "elbow", "description", log=log(), code=4),
-    arm("an axis is that of another joint", "<axis xyz=\"0 0 1\"/>\n    " + LIMIT, '<axis xyz="1 0 0"/>' + LIMIT, "elbow", "explains", log=log(), code=4),
+    arm("an axis points the other way", "<axis xyz=\"0 0 1\"/>\n    " + LIMIT, '<axis xyz="0 0 -1"/>' + LIMIT, "elbow seems to turn the other way", log=log(), code=4),
     # limits
     arm("limits are in degrees", 'lower="-2.62" upper="2.62"', 'lower="-150" upper="150"', "line 1", "elbow", "-150 to 150 rad", "degrees", code=4),
     arm("limits are reversed", 'lower="-2.62" upper="2.62"', 'lower="2.62" upper="-2.62"', "line 1", "elbow", "no room to move"),
@@ -102,7 +101,7 @@ CASES = [
     named("a joint is kept and frozen", 'joints = ["shoulder", "elbow"], frozen = {elbow = 0}', "line 1", "elbow", "kept and frozen"),
     named("a joint is kept twice", 'joints = ["elbow", "elbow"]', "line 1", "elbow", "twice"),
     Case("a joint with columns is frozen", ("q lists 2 column(s) for 1 joint(s)", "shoulder"), text=URDF_EXPERIMENT.replace("rotor_inertia = [0.25, 0.1]", "frozen = {elbow = 0}"), files=urdf()),
-    Case("gravity was left to the URDF, and the arm hangs on a wall", ("line 1", "gravity"), text=URDF_EXPERIMENT.replace("gravity = [0, -9.81, 0], ", ""), files=urdf(), log=log(), code=4),
+    Case("gravity was left to the URDF, and the arm hangs on a wall", ("line 1", "gravity seems to point along -y", "wall"), text=URDF_EXPERIMENT.replace("gravity = [0, -9.81, 0], ", ""), files=urdf(), log=log(), code=4),
     Case("gravity points up", ("line 1", "gravity", "shoulder"), text=URDF_EXPERIMENT.replace("-9.81", "9.81"), files=urdf(), log=log(), code=4),
     Case("the robot is another one", ("line 5", "q lists 2 column(s) for 6 joint(s)", "joint_1"), text=URDF_EXPERIMENT.replace('{model = "arm.urdf", gravity = [0, -9.81, 0], rotor_inertia = [0.25, 0.1]}', '"staubli_tx40"')),
     Case("the rotor inertias were left out", ("controller", "elbow", "rotor_inertia"), text=URDF_EXPERIMENT.replace(", rotor_inertia = [0.25, 0.1]", ""), files=urdf(), log=log(), code=0),

@@ -85,6 +85,8 @@ CASES = [
     signals("only the second joint is in degrees", both("q2", "r2")(np.rad2deg), "elbow", "far beyond its limits", "degrees", code=1),
     signals("angles wrap around", both("q1")(lambda x: np.mod(x, 2 * np.pi)), "q of shoulder", "jumps by a full turn"),
     signals("the zero of a joint lies elsewhere", both("q1", "r1")(lambda x: x + 2.2), "shoulder", "zero of the position", "gravity"),
+    signals("a joint counts in the other sense", both("q2", "r2", "tau2")(np.negative), "elbow seems to turn the other way", "axis"),
+    signals("the zero of a joint lies a quarter turn away", both("q1", "r1")(lambda x: x - np.pi / 2), "zero of shoulder", "90°", "position_offset"),
     signals("a joint's sign is reversed", both("q2", "r2")(np.negative), "friction of elbow would give", "flip tau or q of elbow"),
     signals("all joints' signs are reversed", motion(np.negative), "friction of shoulder would give", "flip tau as a whole"),
     # units of torques
@@ -150,7 +152,7 @@ CASES = [
     signals("the gains are per degree", log(), "line 9", "kp of shoulder", "per degree", text=gains("[104.7, 43.63]", "[3.1416, 1.0472]")),
     signals("one gain is wrong", log(), "line 9", "kp of elbow", "25000", "say 2500", text=gains("[6000, 25000]")),
     signals("the gains of two joints are swapped", log(), "line 9", "kp of shoulder", "2500", "say 6000", text=gains("[2500, 6000]", "[60, 180]")),
-    signals("kp and kd are swapped", log(), "line 9", "kp of shoulder", "180", "say 6000", text=gains("[180, 60]", "[6000, 2500]")),
+    signals("kp and kd are swapped", log(), "line 9", "kp of shoulder", "180", "say 6000", text=gains("[180.0, 60.0]", "[6000, 2500]")),
     signals("kd is given as a time", log(), "line 10", "kd of shoulder", "0.03", "say 180", text=gains(kd="[0.03, 0.024]")),
     signals("the drive gain is given twice", log(), "kp of shoulder, drive gain included", "75000", "drive_gain", text=gains(more="\ndrive_gain = 12.5")),
     signals("the drive gain has the wrong sign", log(), "line 11", "drive_gain", "reversed", "shoulder", text=gains(more="\ndrive_gain = [-1, 1]")),

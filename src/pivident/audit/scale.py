@@ -88,8 +88,9 @@ def check_scale(log: Log, model: InverseModel) -> Scale:
     joints = model.robot.size
     factors, deviations = np.full(joints, np.nan), np.full(joints, np.nan)
     tau = model.tau()
+    described = any(np.any(link.inertia) for link in model.robot.links)
     for j in range(joints):
-        if model.usable(j):
+        if described and model.usable(j):
             factors[j], deviations[j] = _gain(model, j, tau[:, j])
     blunt = ~(deviations < BLUNT * np.abs(factors))
     factors[blunt] = np.nan

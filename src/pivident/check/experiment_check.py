@@ -20,6 +20,7 @@ from pivident.audit.log import Log
 from pivident.audit.reading import entry_log, read_columns
 from pivident.check.columns_check import check_columns
 from pivident.check.file_check import file_problems
+from pivident.check.geometry_check import check_geometry
 from pivident.check.loop_check import (
     check_gains,
     check_limit,
@@ -63,6 +64,9 @@ TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
 #: Findings after which the gains that a log shows say nothing about those of the file.
 CONSEQUENTIAL = ("reach", "speed", "angle unit", "side", "order", "late", "early", "joint late",
                  "constant", "stuck", "clipped")  # fmt: skip
+
+#: Findings after which the geometry cannot be judged.
+HIDES_GEOMETRY = (*CONSEQUENTIAL, "sign", "missing", "rate")
 
 #: A declared delay beyond this is in milliseconds [s].
 LONGEST_DELAY = 0.5
@@ -232,6 +236,8 @@ class _Check:
         self.remarks += own
         if audit.model is not None:
             self.models.append(audit)
+            if not any(f.severity == "wrong" and f.kind in HIDES_GEOMETRY for f in audit.findings):
+                self.remarks += check_geometry(log, audit.timing, audit.model, place)
         slow = entry.rate is not None and entry.rate < LOWEST_RATE
         if entry.delay is not None and abs(entry.delay) > LONGEST_DELAY:
             self.remarks.append(_long_delay(entry.delay, place))

@@ -25,6 +25,9 @@ LARGEST_DISTANCE = 20.0
 #: Share by which a principal moment may exceed the sum of the other two.
 ROUNDING = 1e-3
 
+#: No body heavier than this [kg] has a smaller radius of gyration than that [m].
+HEAVY, SMALLEST = 20.0, 0.02
+
 #: Gravity on Earth, and how far from it a robot's may be [m/s²].
 EARTH, TOLERANCE = 9.81, 0.5
 
@@ -181,6 +184,15 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
             f"No body has the inertia {place}: of its principal moments, {numbers} kg m², one is "
             "larger than the two others together.",
             "Check the elements; a CAD program may give them about another point.",
+            joint.name,
+        )
+    elif body.mass > HEAVY and 0 < scale < body.mass * SMALLEST**2:
+        yield _robot_remark(
+            "wrong",
+            "mass",
+            f"The mass {place} is {body.mass:.4g} kg within "
+            f"{1e3 * math.sqrt(scale / body.mass):.3g} mm, more than any metal weighs.",
+            "It may be in grams; masses are in kg.",
             joint.name,
         )
     elif scale > body.mass * 3.0**2:

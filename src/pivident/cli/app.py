@@ -218,7 +218,8 @@ def _check_methods(names: Sequence[str]) -> None:
         raise UsageError(f"--method names no method; choose from {', '.join(known)}")
     for name in names:
         if name not in known:
-            raise UsageError(f"there is no method {name!r}; {nearest(name, known)}")
+            bare = name.lower().removeprefix("idim-")
+            raise UsageError(f"there is no method {name!r}; {nearest(bare, known)}")
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

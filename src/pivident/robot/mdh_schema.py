@@ -286,6 +286,11 @@ def validated(content: dict[str, Any]) -> TableFile:
     Raises:
         RobotDescriptionError: one line per problem: joint, key, value, what was expected.
     """
+    if "recording" in content and "joints" not in content:
+        raise RobotDescriptionError(
+            "this is an experiment file, not a robot; name the file or the gallery name that it "
+            "gives for robot ([[joints]] describes a robot)"
+        )
     try:
         return TableFile.model_validate(content)
     except ValidationError as error:
