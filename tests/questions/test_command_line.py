@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (one case, one line)
 """Mistakes on the command line: wrong command, wrong kind of file, missing and misspelt words."""
 
 import pytest

@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (one case, one line)
 """Mistakes in the experiment file: tables, keys, values, options that contradict each other."""
 
 import pytest

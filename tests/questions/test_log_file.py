@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (one case, one line)
 """Mistakes in the log as a file: formats, separators, headers, cells, columns, time stamps."""
 
 import gzip
@@ -7,7 +8,16 @@ import numpy as np
 import pytest
 
 from tests.questions.conftest import answered
-from tests.questions.material import EXPERIMENT, Case, changed, csv, log, renamed, replaced, short_log
+from tests.questions.material import (
+    EXPERIMENT,
+    Case,
+    changed,
+    csv,
+    log,
+    renamed,
+    replaced,
+    short_log,
+)
 
 TEXT = csv(short_log())
 LINES = TEXT.splitlines()

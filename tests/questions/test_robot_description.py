@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (one case, one line)
 """Mistakes in the robot's description: URDF and modified DH files."""
 
 import gzip

@@ -1,3 +1,4 @@
+# ruff: noqa: E501  (one case, one line)
 """Mistakes in what was logged: units, columns, signs, ratios, timing, motion, controller."""
 
 import numpy as np

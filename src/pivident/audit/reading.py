@@ -300,7 +300,11 @@ def _clocks(
     columns: Mapping[str, np.ndarray], unit: str | None, declared: Sequence[str] = ()
 ) -> tuple[dict[str, np.ndarray], str, list[str]]:
     """Time columns in seconds, their unit, and a sentence where it was guessed."""
-    found = {n: np.asarray(v, float) for n, v in columns.items() if unit or n in declared or is_clock(n, v)}
+    found = {
+        n: np.asarray(v, float)
+        for n, v in columns.items()
+        if unit or n in declared or is_clock(n, v)
+    }
     if not found:
         return {}, unit or "s", []
     factors, notes = {}, []

@@ -185,9 +185,7 @@ def _contains(column: str, joint: str) -> bool:
     return re.search(rf"(?<![a-z0-9]){text}(?![a-z0-9])", column.lower()) is not None
 
 
-def _another_unit(
-    channel: str, names: Sequence[str], given: Any, table: Place
-) -> Iterator[Remark]:
+def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) -> Iterator[Remark]:
     quantity = _QUANTITY.get(channel)
     if quantity is None or isinstance(given, list | tuple) or isinstance(given, int | float):
         return

@@ -20,6 +20,7 @@ from pivident.audit.log import Log
 from pivident.audit.reading import entry_log, read_columns
 from pivident.check.columns_check import check_columns
 from pivident.check.file_check import file_problems
+from pivident.check.filters_check import check_filters
 from pivident.check.geometry_check import check_geometry
 from pivident.check.loop_check import (
     check_gains,
@@ -27,11 +28,18 @@ from pivident.check.loop_check import (
     check_reference,
     check_stability,
 )
-from pivident.check.filters_check import check_filters
 from pivident.check.motion_check import check_motion
 from pivident.check.plan import Plan, plan_of
 from pivident.check.recordings_check import check_recordings
-from pivident.check.remark import Place, Remark, gravest_first, grouped, of_error, of_finding, with_line
+from pivident.check.remark import (
+    Place,
+    Remark,
+    gravest_first,
+    grouped,
+    of_error,
+    of_finding,
+    with_line,
+)
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
 from pivident.dynamics.base_parameters import base_parameters
@@ -253,9 +261,7 @@ class _Check:
                 f"{name}: {log.samples} samples{rate}; clock, gaps, units, columns, limits{judged}"
             )
 
-    def _motion(
-        self, log: Log, audit: Audit, place: Place, entry: RecordingEntry
-    ) -> list[Remark]:
+    def _motion(self, log: Log, audit: Audit, place: Place, entry: RecordingEntry) -> list[Remark]:
         """What the channels say about one another, and about the controller."""
         parameters = 0 if log.robot is None else len(base_parameters(log.robot))
         found = check_motion(self._with_other_columns(log, entry), audit.timing, parameters, place)

@@ -13,8 +13,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from pivident.audit.log import Log
-from pivident.check.channels import usable_rows
 from pivident.audit.timing import Timing
+from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import mass_matrix
@@ -100,7 +100,7 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
     if not far:
         moving = np.ptp(q, axis=0) > MOTION
         apart = moving * np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), MOTION)
-        for j in np.flatnonzero(apart > 0.1):
+        for j in np.flatnonzero(apart > 0.1).tolist():
             yield Remark(
                 "look",
                 "reference",

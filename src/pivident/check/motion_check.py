@@ -7,8 +7,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from pivident.audit.log import Log
-from pivident.check.channels import usable_rows
 from pivident.audit.timing import Timing
+from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
 from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
@@ -183,9 +183,7 @@ def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
         )
 
 
-def _held(
-    log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place
-) -> Iterator[Remark]:
+def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
     """Signals that change only at every n-th sample, against the declared control rate."""
     holds = [_hold(tau[:, j]) for j in range(tau.shape[1])]
     place = (*table, "control_rate")

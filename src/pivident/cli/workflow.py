@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pivident.cli.console import Progress, error_line, note
 from pivident.consistency.method_names import PREFIX, free_methods
-from pivident.errors import IdentificationError, PividentError
+from pivident.errors import IdentificationError
 from pivident.estimation.export import save_identification
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
