@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
 from pivident.cli import main
@@ -14,13 +16,7 @@ def ask(tmp_path, monkeypatch, capsys):
 
     def asked(case: Case) -> tuple[int, list[str]]:
         monkeypatch.chdir(tmp_path)
-        contents: dict[str, str | bytes] = {"experiment.toml": case.text, **case.files}
-        if case.log is not None:
-            contents["log.csv"] = csv(case.log) if isinstance(case.log, dict) else case.log
-        for name, content in contents.items():
-            path = tmp_path / name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_bytes(content.encode() if isinstance(content, str) else content)
+        lay_out(case, tmp_path)
         code = main(list(case.command))
         printed = capsys.readouterr()
         lines = [*printed.out.splitlines(), *printed.err.splitlines()]
@@ -28,6 +24,17 @@ def ask(tmp_path, monkeypatch, capsys):
         return code, lines
 
     return asked
+
+
+def lay_out(case: Case, folder: Path) -> None:
+    """Write the files of a case."""
+    contents: dict[str, str | bytes] = {"experiment.toml": case.text, **case.files}
+    if case.log is not None:
+        contents["log.csv"] = csv(case.log) if isinstance(case.log, dict) else case.log
+    for name, content in contents.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content.encode() if isinstance(content, str) else content)
 
 
 def answered(lines: list[str], words: tuple[str, ...]) -> bool:

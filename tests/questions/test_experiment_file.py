@@ -48,7 +48,7 @@ CASES = [
     swap("a list is not closed", '"tau2"]}', '"tau2"', "not TOML", "line"),
     swap("an inline table goes over lines", 'columns = {t = "time", ', 'columns = {t = "time",\n  ', "not TOML", "line 5"),
     swap("a Windows path has backslashes", '"log.csv"', '"C:\\Users\\log.csv"', "not TOML", "line 4", "backslash"),
-    swap("numbers have decimal commas", "kd = [180, 60]", "kd = [180,5, 60,0]", "line 10", "kd", "4 number(s) for 2 joint(s)"),
+    swap("gains have decimal commas", "kd = [180, 60]", "kd = [180,5, 60,0]", "line 10", "kd", "4 number(s) for 2 joint(s)"),
     said("the file is JSON", "JSON", "TOML", text='{"robot": "planar_2r"}'),
     said("the file is a URDF", "robot description", "robot =", text="<robot name='arm'/>"),
     said("the file is empty", "There is no robot", text=""),
@@ -69,7 +69,7 @@ CASES = [
     swap("a column is a number", '"tau2"', "7", "columns of tau", "a name or a list of names is needed"),
     swap("the recording is a text", '[recording]\nfiles = "log.csv"\n' + COLUMNS, 'recording = "log.csv"', "recording", "must be"),
     # methods, parameters, options
-    swap("a method is misspelt", '["ls"]', '["pvi"]', "line 13", "no method 'pvi'", "'piv'"),
+    swap("a method of the file is misspelt", '["ls"]', '["pvi"]', "line 13", "no method 'pvi'", "'piv'"),
     swap("a method has another name elsewhere", '["ls"]', '["idim-piv"]', "line 13", "no method 'idim-piv'", "'piv'"),
     swap("a method is named twice", '["ls"]', '["ls", "ls"]', "line 13", "twice"),
     said("a method needs a loop and there is no controller", "'piv'", "no table [controller]", "virtual_pd", text=replaced(('["ls"]', '["piv"]'), (f"[controller]\n{CONTROLLER}", ""))),
@@ -153,7 +153,7 @@ CASES = [
     swap("the position offset is for another arm", "files =", "position_offset = [0, 0, 0]\nfiles =", "line 4", "position_offset", "2 joint(s)"),
     # output, payload, consistency, gains
     add("the folder of the results lies elsewhere", '[output]\nfolder = "../results"', "line 15", "beside or below", "--out"),
-    add("the folder of the results is a file", '[output]\nfolder = "log.csv"', "line 15", "log.csv is a file", "--out"),
+    add("the folder of the results is a file of that name", '[output]\nfolder = "log.csv"', "line 15", "log.csv is a file", "--out"),
     add("the load hangs on a joint that does not exist", '[payload]\nlink = "wrist"\n[[payload.recording]]\nfiles = "log.csv"\n' + COLUMNS, "line 15", "wrist", "shoulder"),
     add("the record with the load is that without it", '[[payload.recording]]\nfiles = "log.csv"\n' + COLUMNS, "same motion", "with the load", code=4),
     add("the load has a negative mass", '[payload]\nmass = -1\n[[payload.recording]]\nfiles = "log.csv"\n' + COLUMNS, "line 15", "'mass'", "greater than 0"),

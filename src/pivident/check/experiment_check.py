@@ -166,7 +166,7 @@ class _Check:
         self.experiment, self.say = experiment, say
         self.content = experiment.content
         self.folder = experiment.path.parent
-        self.plain = self.content.model_dump(exclude_unset=True, by_alias=True)
+        self.plain = self.content.model_dump(exclude_unset=True, by_alias=True, warnings=False)
         self.remarks: list[Remark] = []
         self.looked_at: list[str] = []
         self.plan: Plan | None = None

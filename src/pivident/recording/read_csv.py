@@ -256,7 +256,7 @@ def _why_no_number(cell: str, name: str, line: int) -> str:
         return "the cell is empty"
     reason = f"{_quoted(cell)} is not a number"
     if _DECIMAL_COMMA.fullmatch(cell):
-        return f"{reason} (a decimal comma; export with decimal points)"
+        return f"{reason} (a decimal comma: export with decimal points)"
     if cell == name:
         return f"{reason} but the header once more (were two logs joined?)"
     if line == 2:

@@ -100,7 +100,8 @@ def _reader(path: Path) -> tuple[Names, Read]:
     text_only = name.endswith(".gz")
     if suffix in SPREADSHEETS:
         raise FileFormatError(
-            f"{path.name} is a workbook of a spreadsheet program; export its sheet as CSV"
+            f"{path.name}: no reader for this kind of file, the workbook of a spreadsheet program; "
+            "export its sheet as CSV"
         )
     if suffix in (".urdf", ".xacro"):
         raise FileFormatError(f"{path.name} is a robot description, not a log; name the log")
