@@ -280,6 +280,8 @@ class UnknownColumn(FileFormatError):
     def __init__(self, file: str, column: str, near: Sequence[str], known: Sequence[str]) -> None:
         self.file, self.column, self.near = file, column, tuple(near)
         hint = f"did you mean {', '.join(self.near)}?" if near else f"it has {_shortened(known)}"
+        if known[:1] == ("column_1",):
+            hint = f"it has no header, so its columns are called column_1 to column_{len(known)}"
         super().__init__(f"{file} has no column or array {column!r}; {hint}")
 
 

@@ -45,6 +45,25 @@ def regular_file(path: str | PathLike[str]) -> Path:
     return path
 
 
+def check_output(folder: Path) -> None:
+    """Refuse an output folder that could not be written after minutes of work.
+
+    Args:
+        folder: where results are to go; it need not exist.
+
+    Raises:
+        PividentError: it is a file, or may not be written to.
+    """
+    folder = folder.absolute()
+    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    if not existing.is_dir():
+        raise PividentError(f"cannot write to {folder}: {existing} is a file; choose another --out")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise PividentError(
+            f"cannot write to {folder}: no permission in {existing}; choose another --out"
+        )
+
+
 @contextmanager
 def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
     """Build the content of a folder aside, and move it in once all of it is there.

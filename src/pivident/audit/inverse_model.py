@@ -140,13 +140,13 @@ class InverseModel:
         return rows > 1.5 * self.bases[joint].shape[1] + BLOCKS and rows > 50
 
 
-def build_inverse_model(log: Log, timing: Timing, scale: float = 1.0) -> InverseModel:
+def build_inverse_model(log: Log, timing: Timing, scale: float | np.ndarray = 1.0) -> InverseModel:
     """Prepare rows of the inverse model from a log.
 
     Args:
         log: a log with robot, positions and torques.
         timing: its clock.
-        scale: factor on the positions, to try another unit.
+        scale: factor on the positions, for all or by joint, to try another unit or side.
 
     Raises:
         RecordingError: the log is too short, too slow or too broken for it; says why.

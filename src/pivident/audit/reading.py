@@ -173,7 +173,8 @@ def described_log(
     size = next(iter(logged.values())).shape[1] if logged else 0
     names = tuple(joint_names or [f"joint_{j + 1}" for j in range(size)])[: size or None]
     logged = {kind: np.array(v[:, : len(names)]) for kind, v in logged.items()}
-    clocks, unit, notes = _clocks(stamps, (units or {}).get("t"))
+    declared = clock_place.columns if clock_place is not None else ()
+    clocks, unit, notes = _clocks(stamps, (units or {}).get("t"), declared)
     channels, commands = _to_si(logged, units or {}, side, transmission, position_offset, robot)
     first = places.get("q", next(iter(places.values()), None))
     return Log(
@@ -288,10 +289,14 @@ def _vectors(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _clocks(
-    columns: Mapping[str, np.ndarray], unit: str | None
+    columns: Mapping[str, np.ndarray], unit: str | None, declared: Sequence[str] = ()
 ) -> tuple[dict[str, np.ndarray], str, list[str]]:
     """Time columns in seconds, their unit, and a sentence where it was guessed."""
-    found = {n: np.asarray(v, float) for n, v in columns.items() if unit or is_clock(n, v)}
+    found = {
+        n: np.asarray(v, float)
+        for n, v in columns.items()
+        if unit or n in declared or is_clock(n, v)
+    }
     if not found:
         return {}, unit or "s", []
     factors, notes = {}, []

@@ -88,8 +88,9 @@ def check_scale(log: Log, model: InverseModel) -> Scale:
     joints = model.robot.size
     factors, deviations = np.full(joints, np.nan), np.full(joints, np.nan)
     tau = model.tau()
+    described = any(np.any(link.inertia) for link in model.robot.links)
     for j in range(joints):
-        if model.usable(j):
+        if described and model.usable(j):
             factors[j], deviations[j] = _gain(model, j, tau[:, j])
     blunt = ~(deviations < BLUNT * np.abs(factors))
     factors[blunt] = np.nan
@@ -113,7 +114,7 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             check_within_reach("q", finite, _only(robot, j))
         except PividentError as error:
             sentence, _, step = str(error).partition("; ")
-            text = sentence[0].upper() + sentence[1:] + "."
+            text = sentence + "."
             findings.append(
                 Finding("wrong", "scale", "reach", text, joint.name, step[0].upper() + step[1:])
             )
@@ -155,6 +156,8 @@ def _another_position_unit(
     here = _total_error(model)
     if not any(joint.kind == "revolute" for joint in model.robot.joints):
         return None
+    if log.side == "motor":
+        return _joint_side_already(log, model, timing)
     for factor, said, meant in (
         (np.pi / 180.0, "rad", "deg"),
         (180.0 / np.pi, "deg", "rad"),
@@ -181,6 +184,35 @@ def _another_position_unit(
             )
             return finding, other
     return None
+
+
+def _joint_side_already(
+    log: Log, model: InverseModel, timing: Timing
+) -> tuple[Finding, InverseModel] | None:
+    """Positions that were divided by a gear ratio although they are of the joint side."""
+    here = _total_error(model)
+    ratio = np.abs(np.diag(model.robot.transmission.reduction))
+    try:
+        other = build_inverse_model(log, timing, ratio)
+    except PividentError:
+        return None
+    there = _total_error(other)
+    if not there < BETTER * here:
+        return None
+    finding = Finding(
+        "wrong",
+        "scale",
+        "side",
+        "The positions seem to be of the joint side, but were divided by the gear ratios: the "
+        f"inverse model leaves {100 * there:.3g} % of the torque without that, instead of "
+        f"{100 * here:.3g} %.",
+        "q",
+        'Set side = {q = "joint"} under [recording].',
+        value=100 * here,
+        unit="%",
+        bound=100 * here * BETTER,
+    )
+    return finding, other
 
 
 def _total_error(model: InverseModel) -> float:

@@ -18,6 +18,7 @@ from typing import Annotated
 from cyclopts import App, CycloptsError, Parameter
 
 from pivident import __version__
+from pivident.cli.check import check
 from pivident.cli.compare import compare
 from pivident.cli.completion import completion
 from pivident.cli.consistent import consistent
@@ -48,6 +49,7 @@ datasets_app = App(
     suppress_keyboard_interrupt=False,
 )
 app.command(datasets_app)
+app.command(check)
 app.command(study)
 app.command(fleet)
 app.command(friction)
@@ -256,7 +258,8 @@ def _check_methods(names: Sequence[str]) -> None:
         raise UsageError(f"--method names no method; choose from {', '.join(known)}")
     for name in names:
         if name not in known:
-            raise UsageError(f"there is no method {name!r}; {nearest(name, known)}")
+            bare = name.lower().removeprefix("idim-")
+            raise UsageError(f"there is no method {name!r}; {nearest(bare, known)}")
 
 
 def main(tokens: Sequence[str] | None = None) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import statistics
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +11,7 @@ from pathlib import Path
 
 from pivident.cli.console import Progress, error_line, note
 from pivident.consistency.method_names import PREFIX, free_methods
-from pivident.errors import IdentificationError, PividentError
+from pivident.errors import IdentificationError
 from pivident.estimation.export import save_identification
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
@@ -21,7 +20,7 @@ from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.shapes import identify_shapes
 from pivident.estimation.tables import comparison_table, rows_kind
-from pivident.files import atomic_folder
+from pivident.files import atomic_folder, check_output
 from pivident.validation.consistent_estimate import (
     ConsistentEstimate,
     NoConsistentEstimate,
@@ -236,22 +235,6 @@ def write_results(
                 title=title,
                 examination=results.examination,
             )
-
-
-def check_output(folder: Path) -> None:
-    """Refuse an output folder that could not be written after minutes of work.
-
-    Raises:
-        PividentError: it is a file, or may not be written to.
-    """
-    folder = folder.absolute()
-    existing = next(path for path in (folder, *folder.parents) if path.exists())
-    if not existing.is_dir():
-        raise PividentError(f"cannot write to {folder}: {existing} is a file; choose another --out")
-    if not os.access(existing, os.W_OK | os.X_OK):
-        raise PividentError(
-            f"cannot write to {folder}: no permission in {existing}; choose another --out"
-        )
 
 
 def truth_lines(results: Sequence[Identification], truth: Mapping[str, float]) -> str:

@@ -211,7 +211,7 @@ class Problem:
                 nominal[k] = 0.0
         values = self.base.values(nominal)
         for name, value in self.initial.items():
-            values[_index(self.base, name)] = float(value)
+            values[parameter_index(self.base, name)] = float(value)
         return values[list(self.selection)]
 
 
@@ -219,16 +219,25 @@ def _selection(base: BaseParameters, names: Sequence[str] | None) -> tuple[int, 
     """Indices of the chosen base parameters, in the base set's order."""
     if names is None:
         return tuple(range(len(base)))
-    chosen = [_index(base, name) for name in names]
+    chosen = [parameter_index(base, name) for name in names]
     if len(set(chosen)) != len(chosen):
-        twice = next(name for name in names if chosen.count(_index(base, name)) > 1)
+        twice = next(name for name in names if chosen.count(parameter_index(base, name)) > 1)
         raise ExperimentError(f"parameter {twice!r} is asked for twice")
     if not chosen:
         raise ExperimentError("the list of parameters is empty; leave it out to estimate all")
     return tuple(sorted(chosen))
 
 
-def _index(base: BaseParameters, name: str) -> int:
+def parameter_index(base: BaseParameters, name: str) -> int:
+    """Index of a base parameter by its name.
+
+    Args:
+        base: the base parameters.
+        name: with or without the trailing ``r``.
+
+    Raises:
+        ExperimentError: names the nearest ones that there are.
+    """
     try:
         return base.index(name)
     except KeyError:

@@ -22,6 +22,7 @@ Paths are relative to the file. All tables and keys are in `pivident.experiment.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -235,7 +236,7 @@ def load_experiment(path: str | Path) -> Experiment:
     path = Path(path)
     with errors_name(path, ""):
         content = toml_content(path)
-        experiment = Experiment(path, _with_every_run(validated(content), path.parent))
+        experiment = Experiment(path, with_every_run(validated(content), path.parent))
         for name in METHODS:
             method_of(name, experiment.content.identify)
     experiment.methods()
@@ -277,7 +278,28 @@ def toml_content(path: Path) -> dict[str, Any]:
     except ExperimentError:
         raise
     except ValueError as error:
-        raise ExperimentError(f"is not TOML: {error}; correct this line") from error
+        raise ExperimentError(f"is not TOML: {error}; {_advice(path, str(error))}") from error
+
+
+def _advice(path: Path, error: str) -> str:
+    """What to do about a text that is not TOML, as far as the text tells."""
+    text = _file_text(path)
+    beginning = text.lstrip("\ufeff \t\r\n")
+    first = beginning.partition("\n")[0]
+    if path.suffix.lower() in (".urdf", ".xacro") or beginning.startswith("<"):
+        return "this is a robot description: name it as robot = in an experiment file (.toml)"
+    if beginning.startswith("{"):
+        return "this looks like JSON; an experiment file is written in TOML"
+    if path.suffix.lower() != ".toml" and max(map(first.count, ",;\t")) > 1:
+        return (
+            "this looks like a log: name it as files = under [recording] of an experiment file, "
+            "or ask pivident audit about it"
+        )
+    line = re.search(r"at line (\d+)", error)
+    said = text.splitlines()[int(line[1]) - 1] if line else ""
+    if "\\" in said:
+        return "a backslash needs single quotes around it, or write / in paths"
+    return "correct this line"
 
 
 def _file_text(path: Path) -> str:
@@ -303,8 +325,16 @@ def _file_text(path: Path) -> str:
         raise ExperimentError(f"is not UTF-8 text (byte {error.start}); save it as UTF-8") from None
 
 
-def _with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
-    """The tables with one recording for each file of a pattern."""
+def with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
+    """The tables with one recording for each file of a pattern.
+
+    Args:
+        content: the tables.
+        folder: what paths are relative to.
+
+    Raises:
+        ExperimentError: no file fits a pattern, or one name is given to several runs.
+    """
     unseen = one_by_one(content.validation.recording, folder)
     validation = content.validation.model_copy(update={"recording": unseen})
     runs = one_by_one(content.recording, folder)

@@ -38,7 +38,23 @@ def validated(content: dict[str, Any]) -> ExperimentFile:
         ExperimentError: table, key, value and what was expected; of several problems the first,
             and how many more there are.
     """
+    refuse_robot_file(content)
     return checked(plain_form(content), ExperimentFile)
+
+
+def refuse_robot_file(content: dict[str, Any]) -> None:
+    """Tell a robot's description, which is TOML too, from an experiment.
+
+    Args:
+        content: the tables of a file.
+
+    Raises:
+        ExperimentError: it describes a robot.
+    """
+    if "joints" in content and "recording" not in content:
+        raise ExperimentError(
+            "this is a robot description, not an experiment file; name it as robot = in one"
+        )
 
 
 def checked(plain: dict[str, Any], root: type[Root]) -> Root:
@@ -57,6 +73,28 @@ def checked(plain: dict[str, Any], root: type[Root]) -> Root:
         problems = _causes(error.errors())
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
         raise ExperimentError(f"{explained(problems[0], plain, root)}{more}") from None
+
+
+def every_problem(
+    plain: dict[str, Any], root: type[BaseModel] = ExperimentFile
+) -> list[tuple[tuple[int | str, ...], str, bool]]:
+    """Everything that the schema finds wrong with a file's content, not only the first of it.
+
+    Args:
+        plain: the content, its short forms written out.
+        root: what the file holds.
+
+    Returns:
+        Place, sentence, and whether the place is a key that nothing knows, problem by problem.
+    """
+    try:
+        root.model_validate(plain)
+    except ValidationError as error:
+        return [
+            (details["loc"], explained(details, plain, root), details["type"] == "extra_forbidden")
+            for details in _causes(error.errors())
+        ]
+    return []
 
 
 def _causes(problems: Sequence[Any]) -> list[Any]:

@@ -85,10 +85,17 @@ def _methods(value: Any) -> Any:
         raise ValueError(f"must be a list with some of {', '.join(METHOD_NAMES)}")
     for name in names:
         if name not in METHOD_NAMES:
-            raise ValueError(f"there is no method {name!r}; {nearest(name, METHOD_NAMES)}")
+            bare = name.lower().replace("_", "-").removeprefix("idim-")
+            raise ValueError(f"there is no method {name!r}; {nearest(bare, METHOD_NAMES)}")
     if len(set(names)) < len(names):
         raise ValueError("names a method twice; name each one once")
     return names
+
+
+def _switch(value: Any) -> Any:
+    if isinstance(value, bool):
+        return value
+    raise ValueError("must be true or false, a boolean; names of parameters go under parameters")
 
 
 def _stages(value: Any) -> Any:
@@ -358,7 +365,7 @@ class IdentifyEntry(SharedOptions):
 
     methods: Methods | None = None
     parameters: Names | None = None
-    essential: bool = False
+    essential: Annotated[bool, PlainValidator(_switch)] = False
     shapes: Literal["given", "identify"] = "given"
     mask: Mask = "auto"
     initial: dict[str, float] = Field(default_factory=dict)

@@ -119,7 +119,10 @@ def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object =
             ("rad", "deg", "degrees") if joint.kind == "revolute" else ("m", "mm", "millimetres")
         )
         own = unit[j] if isinstance(unit, (list, tuple)) else unit
-        advice = f'are they {name}? set units = {{{channel} = "{other}"}}'
+        advice = (
+            f'are they {name}? set units = {{{channel} = "{other}"}}; or of the motor: side = '
+            '"motor", with the reduction of the gears'
+        )
         if own is not None and own != si:
             advice = f"check the unit {own!r}, position_offset and the limits of the robot"
         raise RecordingError(

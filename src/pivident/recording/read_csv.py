@@ -136,7 +136,29 @@ def _parsing(header: Dialect) -> dict[str, Any]:
 def _header(path: Path) -> Dialect:
     """What the first lines tell; see `pivident.recording.dialect`."""
     with _text(path) as lines:
-        return dialect_of(path.name, _lines(path, lines))
+        return dialect_of(path.name, _tables_only(path, _lines(path, lines)))
+
+
+def _tables_only(path: Path, lines: Iterable[str]) -> Iterator[str]:
+    """The same lines, while none tells that the file is something else."""
+    for line in lines:
+        _refuse_other_files(path, line)
+        yield line
+
+
+def _refuse_other_files(path: Path, line: str) -> None:
+    """Say what a file is that is no table, where one of its first lines tells."""
+    if "\0" in line or line.startswith(("\ufffdPNG", "%PDF", "PK\x03")):
+        raise FileFormatError(f"{path.name} is a binary file, not a text table")
+    if line.lstrip().lower().startswith(("<!doctype html", "<html", "<?xml")):
+        raise FileFormatError(
+            f"{path.name} is a web page or XML, not a table; the download went wrong, or another "
+            "file was meant"
+        )
+    if line.startswith("version https://git-lfs"):
+        raise FileFormatError(
+            f"{path.name} is a Git LFS pointer and not the log itself; fetch it with git lfs pull"
+        )
 
 
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
@@ -226,14 +248,28 @@ def _explain(path: Path, header: Dialect, wanted: Sequence[str], reason: str) ->
         for number, cells in _rows(lines, header):
             if len(cells) != len(header.names):
                 reason = f"it has {len(cells)} cells instead of {len(header.names)}"
+                if header.separator == "," and len(cells) > len(header.names):
+                    reason += ", perhaps because of decimal commas"
                 text = header.separator.join(cells)[:LONGEST_LINE]
                 raise BadCell(path.name, number, None, text, reason)
             for name, place in places.items():
                 cell = cells[place]
                 if not is_number(cell, header.decimal_comma):
-                    reason = f"{quoted(cell)} is not a number" if cell else "the cell is empty"
+                    reason = _why_no_number(cell, name, number)
                     raise BadCell(path.name, number, name, cell, reason)
     raise FileFormatError(f"{path.name} cannot be read as a table of numbers ({reason})")
+
+
+def _why_no_number(cell: str, name: str, line: int) -> str:
+    """What is wrong with a cell, as far as it tells."""
+    if not cell:
+        return "the cell is empty"
+    reason = f"{quoted(cell)} is not a number"
+    if cell == name:
+        return f"{reason} but the header once more (were two logs joined?)"
+    if line == 2:
+        return f"{reason} (a line of units, or a second line of header?)"
+    return reason
 
 
 def _rows(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, list[str]]]:

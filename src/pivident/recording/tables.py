@@ -10,6 +10,7 @@ import numpy as np
 
 from pivident.errors import FileFormatError, UnknownColumn
 from pivident.printable import is_printable
+from pivident.recording.files import existing_file
 from pivident.recording.read_bag import bag_names, is_bag, read_bag
 from pivident.recording.read_csv import csv_names, read_csv
 from pivident.recording.read_mat import mat_names, read_mat
@@ -18,6 +19,9 @@ from pivident.recording.read_parquet import parquet_names, read_parquet
 
 #: Longest name of a column or an array, in characters.
 LONGEST_NAME = 500
+
+#: Endings of spreadsheets, which are not read.
+SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
 
 Names = Callable[[Path], tuple[str, ...]]
 Read = Callable[[Path, Sequence[str] | None], dict[str, np.ndarray]]
@@ -44,7 +48,10 @@ def names_in(path: str | Path) -> tuple[str, ...]:
             would do something to a terminal or a page.
     """
     path = Path(path)
-    names = _reader(path)[0](path)
+    reader = _reader(path)[0]
+    if reader is not csv_names and path.is_file():
+        _refuse_text(path)
+    names = reader(path)
     for name in names:
         if len(name) > LONGEST_NAME or not is_printable(name):
             what = "control characters" if len(name) <= LONGEST_NAME else f"{len(name)} characters"
@@ -75,13 +82,36 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
     return _reader(path)[1](path, names)
 
 
+def _refuse_text(path: Path) -> None:
+    """Refuse a table of text whose ending promises another kind of file."""
+    with existing_file(path).open("rb") as stream:
+        beginning = stream.read(1024)
+    if len(beginning) > 16 and all(byte in b"\t\r\n" or 32 <= byte < 127 for byte in beginning):
+        raise FileFormatError(
+            f"{path.name} is text, not a {path.suffix} file; give it the ending .csv, or export "
+            "it again"
+        )
+
+
 def _reader(path: Path) -> tuple[Names, Read]:
     """The two functions for a kind of file, which its name tells."""
     if is_bag(path):
         return bag_names, read_bag
+    if path.is_dir():
+        raise FileFormatError(
+            f"{path.name} is a folder; name the file with the record in it, or a pattern such as "
+            f'"{path.name}/*.csv" for all of its runs'
+        )
     name = path.name.lower()
     suffix = Path(name.removesuffix(".gz")).suffix
     text_only = name.endswith(".gz")
+    if suffix in SPREADSHEETS:
+        raise FileFormatError(
+            f"{path.name}: no reader for this kind of file, the workbook of a spreadsheet program; "
+            "export its sheet as CSV"
+        )
+    if suffix in (".urdf", ".xacro"):
+        raise FileFormatError(f"{path.name} is a robot description, not a log; name the log")
     if suffix not in READERS or (text_only and READERS[suffix][1] is not read_csv):
         raise FileFormatError(
             f"{path.name}: no reader for this kind of file; "

@@ -97,6 +97,10 @@ def _gravity(value: Any) -> Any:
                 "frame) or three numbers in m/s²"
             )
         return GRAVITY_BY_NAME[value]
+    if not isinstance(value, list):
+        raise ValueError(
+            "gravity is a vector of three numbers in m/s², such as [0, 0, -9.81] in the base frame"
+        )
     return value
 
 
@@ -282,6 +286,11 @@ def validated(content: dict[str, Any]) -> TableFile:
     Raises:
         RobotDescriptionError: one line per problem: joint, key, value, what was expected.
     """
+    if "recording" in content and "joints" not in content:
+        raise RobotDescriptionError(
+            "this is an experiment file, not a robot; name the file or the gallery name that it "
+            "gives for robot ([[joints]] describes a robot)"
+        )
     try:
         return TableFile.model_validate(content)
     except ValidationError as error:

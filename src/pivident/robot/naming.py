@@ -26,6 +26,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
     plain = {choice.lower(): choice for choice in reversed(choices)}
     close = difflib.get_close_matches(name, choices, n=3)
     close = close or [plain[c] for c in difflib.get_close_matches(name.lower(), plain, n=3)]
+    close = close or [choice for choice in choices if sorted(choice) == sorted(name)]
     if close:
         return f"did you mean {' or '.join(map(repr, close))}?"
     return f"known are {', '.join(map(repr, choices)) or 'none'}"

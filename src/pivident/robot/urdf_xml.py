@@ -129,6 +129,17 @@ def file_content(path: Path) -> bytes:
     return content
 
 
+def _refuse_xacro(root: ElementTree.Element) -> None:
+    """Refuse a file whose macros nobody has carried out: links would be missing silently."""
+    macros = [e.tag for e in root.iter() if isinstance(e.tag, str) and "xacro" in e.tag]
+    if macros:
+        name = macros[0].rpartition("}")[2]
+        raise RobotDescriptionError(
+            f"still has xacro commands (<xacro:{name.removeprefix('xacro:')}>); write it out "
+            "first: xacro arm.urdf.xacro > arm.urdf"
+        )
+
+
 def parse_model(content: bytes | str) -> UrdfModel:
     """The records of a URDF.
 
@@ -140,6 +151,7 @@ def parse_model(content: bytes | str) -> UrdfModel:
             cannot be used.
     """
     root = _root(content)
+    _refuse_xacro(root)
     link_elements = root.findall("link")
     joint_elements = root.findall("joint")
     if max(len(link_elements), len(joint_elements)) > MOST_LINKS:

@@ -1,0 +1,225 @@
+"""What the names of the columns say against the experiment file: quantity, joint, unit, order."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+from pivident.audit.column_names import channel_of
+from pivident.check.remark import Place, Remark
+from pivident.robot.description import Robot
+
+#: What a channel is called in a sentence.
+CALLED = {
+    "q": "position",
+    "dq": "speed",
+    "ddq": "acceleration",
+    "tau": "torque",
+    "q_ref": "reference position",
+    "dq_ref": "reference speed",
+    "ddq_ref": "reference acceleration",
+}
+
+#: Words of a name that tell a unit, by quantity.
+UNITS: dict[str, dict[str, set[str]]] = {
+    "angle": {
+        "deg": {"deg", "degs", "degree", "degrees"},
+        "rad": {"rad", "radian", "radians"},
+        "mm": {"mm", "millimetre", "millimeter"},
+        "counts": {"counts", "count", "ticks", "inc", "increments"},
+        "rev": {"rev", "revs", "turns"},
+    },
+    "speed": {
+        "deg/s": {"deg", "degs", "dps", "degrees"},
+        "rad/s": {"rad", "rads"},
+        "rpm": {"rpm"},
+        "mm/s": {"mm", "mms"},
+    },
+    "torque": {
+        "N m": {"nm"},
+        "mN m": {"mnm"},
+        "A": {"a", "amp", "amps", "ampere", "current", "currents", "curr", "iq"},
+        "mA": {"ma", "milliamp", "milliamps"},
+        "V": {"v", "volt", "volts", "voltage"},
+    },
+    "time": {
+        "ms": {"ms", "msec", "millis", "milliseconds"},
+        "us": {"us", "usec", "micros", "microseconds"},
+        "ns": {"ns", "nsec", "nanos", "nanoseconds"},
+    },
+}
+
+_QUANTITY = {
+    "q": "angle",
+    "q_ref": "angle",
+    "q_link": "angle",
+    "dq_ref": "speed",
+    "tau": "torque",
+    "t": "time",
+}
+_SI = {"angle": "rad", "speed": "rad/s", "torque": "N m", "time": "s"}
+
+#: Units that stand for the same.
+_ALIKE = {"Nm": "N m", "m": "rad", "m/s": "rad/s", "N": "N m"}
+
+_ACCELERATION = {"ddq", "qddot", "acc", "accel", "acceleration"}
+
+_WORD = re.compile(r"[a-zA-Z]+")
+
+
+def check_columns(
+    columns: Mapping[str, Any], units: Mapping[str, Any], robot: Robot | None, table: Place
+) -> list[Remark]:
+    """Compare what a file says its columns are with what they are called.
+
+    Args:
+        columns: columns by channel, as in the experiment file.
+        units: units by channel, as in the experiment file.
+        robot: its joints have names, where it is known.
+        table: table of the recording.
+    """
+    named = {channel: _names(spec) for channel, spec in columns.items() if channel != "inputs"}
+    remarks = [*_used_twice(named, table)]
+    joints = robot.joint_names if robot else ()
+    for channel, names in named.items():
+        remarks += [*_another_quantity(channel, names, table)]
+        remarks += [*_another_order(channel, names, joints, table)]
+        remarks += [*_another_unit(channel, names, units.get(channel), table)]
+    return remarks
+
+
+def _names(spec: Any) -> list[str]:
+    """Names of the columns of one channel."""
+    if isinstance(spec, Mapping):
+        spec = spec.get("columns")
+    listed = [spec] if isinstance(spec, str) else spec
+    return [n for n in listed if isinstance(n, str)] if isinstance(listed, list | tuple) else []
+
+
+def _used_twice(named: Mapping[str, Sequence[str]], table: Place) -> Iterator[Remark]:
+    first: dict[str, str] = {}
+    told: set[tuple[str, str]] = set()
+    for channel, names in named.items():
+        for column in names:
+            other = first.setdefault(column, channel)
+            again = other != channel or list(names).count(column) > 1
+            if not again or (column, channel) in told or column.endswith("]"):
+                continue
+            told.add((column, channel))
+            of = f"for {other} and for {channel}" if other != channel else f"twice for {channel}"
+            yield Remark(
+                "wrong",
+                "columns",
+                "used twice",
+                f"The column {column!r} is used {of}.",
+                f"Name the column of {CALLED.get(channel, channel)} that was meant.",
+                column,
+                (*table, "columns", channel),
+            )
+
+
+def _another_quantity(channel: str, names: Sequence[str], table: Place) -> Iterator[Remark]:
+    for column in names:
+        words = [w.lower() for w in _WORD.findall(column)]
+        guess = channel_of(column)
+        kind = "ddq" if _ACCELERATION & set(words) else guess[0] if guess else None
+        if kind == "dq_ref" and "acc" in words:
+            kind = "ddq_ref"
+        if kind is None or kind == channel or channel not in CALLED:
+            continue
+        if f"{kind}_ref" == channel and kind != "q":
+            continue  # a reference whose name does not say so
+        yield Remark(
+            "look",
+            "columns",
+            "quantity",
+            f"The column {column!r} is taken for {channel} ({CALLED[channel]}), but its name "
+            f"reads like {kind} ({CALLED.get(kind, kind)}).",
+            "Columns may be swapped; check which is which.",
+            column,
+            (*table, "columns", channel),
+        )
+
+
+def _another_order(
+    channel: str, names: Sequence[str], joints: Sequence[str], table: Place
+) -> Iterator[Remark]:
+    """Columns that carry numbers or joints' names in another order than the joints."""
+    if len(names) < 2:
+        return
+    place = (*table, "columns", channel)
+    for j, (column, joint) in enumerate(zip(names, joints, strict=False)):
+        others = [o for o in joints if o != joint and _contains(column, o)]
+        if others and not _contains(column, joint):
+            yield Remark(
+                "wrong",
+                "columns",
+                "joint order",
+                f"Number {j + 1} of the columns of {channel} belongs to {joint}, but is "
+                f"{column!r}, which reads like {others[-1]}.",
+                "List the columns in the order of the robot's joints: " + ", ".join(joints) + ".",
+                joint,
+                place,
+            )
+            return
+    numbers = [re.findall(r"\d+", column) for column in names]
+    if all(len(found) == 1 for found in numbers):
+        values = [int(found[0]) for found in numbers]
+        if values != sorted(values) and len(set(values)) == len(values):
+            yield Remark(
+                "look",
+                "columns",
+                "joint order",
+                f"The columns of {channel} are numbered {', '.join(map(str, values))}, not in "
+                "order.",
+                "One column for each joint, from the base to the tip; two may be swapped.",
+                channel,
+                place,
+            )
+
+
+def _contains(column: str, joint: str) -> bool:
+    """Whether a column's name has the joint's name as words of its own."""
+    text = re.escape(joint.lower())
+    return re.search(rf"(?<![a-z0-9]){text}(?![a-z0-9])", column.lower()) is not None
+
+
+def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) -> Iterator[Remark]:
+    quantity = _QUANTITY.get(channel)
+    if quantity is None or isinstance(given, list | tuple) or isinstance(given, int | float):
+        return
+    declared = given.get("unit") if isinstance(given, Mapping) else given
+    taken = str(declared or _SI[quantity])
+    taken = _ALIKE.get(taken, taken)
+    for column in names:
+        words = {w.lower() for w in _WORD.findall(column)}
+        told = [unit for unit, own in UNITS[quantity].items() if own & words]
+        if not told or taken in told or (quantity == "torque" and taken in _drive_units(told)):
+            continue
+        how = "is given as" if declared else "is not given and taken for"
+        advice = f'Set units = {{{channel} = "{told[0]}"}} if the name is right.'
+        if quantity == "torque" and told[0] in ("A", "mA", "V"):
+            advice = (
+                f"A current or voltage needs N m per unit: units = "
+                f'{{tau = {{unit = "{told[0]}", gain = ...}}}}.'
+            )
+        if told[0] == "counts":
+            advice = 'Counts need their scale: {unit = "counts", per_revolution = ...}.'
+        severity = "look" if declared or quantity == "torque" else "wrong"
+        yield Remark(
+            severity,  # type: ignore[arg-type]
+            "columns",
+            "unit",
+            f"The name of the column {column!r} reads like {told[0]}, but the unit of {channel} "
+            f"{how} {taken}.",
+            advice,
+            column,
+            (*table, "units", channel),
+        )
+        return
+
+
+def _drive_units(told: Sequence[str]) -> set[str]:
+    """Commands of a drive may be called by one another's names."""
+    return {"command", "A", "mA", "V", "mV"} if set(told) & {"A", "mA", "V"} else set()

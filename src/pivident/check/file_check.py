@@ -1,0 +1,96 @@
+"""The experiment file itself: every wrong key and value, and what remains readable without them."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pivident.check.remark import Place, Remark, of_error, split_advice, with_key, without_table
+from pivident.errors import ExperimentError, PividentError
+from pivident.estimation.methods import METHODS
+from pivident.experiment.experiment import Experiment, toml_content, with_every_run
+from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
+from pivident.experiment.methods import method_of
+from pivident.experiment.schema import ExperimentFile
+
+
+def file_problems(
+    path: Path, robot: str | None = None
+) -> tuple[str, Experiment | None, list[Remark]]:
+    """The text of a file, the experiment as far as it can be used, and what is wrong with it.
+
+    Keys that nothing knows are left out, so that the rest can be looked at. Other problems of
+    the tables leave no experiment.
+
+    Args:
+        path: the experiment file.
+        robot: gallery name or robot file in place of the file's.
+
+    Raises:
+        ExperimentError: it cannot be read, or is not TOML.
+    """
+    try:
+        content = toml_content(path)
+        refuse_robot_file(content)
+    except PividentError as error:
+        raise ExperimentError(f"{path}: {error}") from error
+    text = path.read_text(encoding="utf-8")
+    if robot is not None:
+        model = robot if not _is_file(robot) else str(Path(robot).absolute())
+        content = content | {"robot": {"model": model}}
+    plain = plain_form(content)
+    remarks = []
+    problems = every_problem(plain)
+    for loc, sentence, unknown in problems:
+        kind = "unknown key" if unknown else "value"
+        seen, step = split_advice(without_table(sentence))
+        place = with_key(_place(loc, content), sentence, plain)
+        remarks.append(Remark("wrong", "file", kind, seen, step, "", place, refused=True))
+    usable = _without(plain, [loc for loc, _, unknown in problems if unknown])
+    if problems and every_problem(usable):
+        usable = _without(usable, [(loc[0],) for loc, _, _ in every_problem(usable) if loc])
+        if every_problem(usable):
+            return text, None, remarks
+    try:
+        checked = with_every_run(ExperimentFile.model_validate(usable), path.parent)
+    except PividentError as error:
+        return text, None, [*remarks, of_error(error, "file", ("recording", 0, "files"))]
+    experiment = Experiment(path, checked)
+    return text, experiment, [*remarks, *_options(experiment)]
+
+
+def _is_file(robot: str) -> bool:
+    return robot.endswith((".toml", ".urdf", ".urdf.gz"))
+
+
+def _place(loc: Sequence[int | str], content: dict[str, Any]) -> Place:
+    """A location of the schema as tables and keys of the file."""
+    place = list(loc)
+    if place[:1] == ["controller"] and "controller" not in content and "reference" in content:
+        place = place[1:]
+    return tuple(place)
+
+
+def _without(plain: dict[str, Any], locations: Sequence[Sequence[int | str]]) -> dict[str, Any]:
+    """The content without some keys."""
+    rest = copy.deepcopy(plain)
+    for loc in locations:
+        table: Any = rest
+        for part in loc[:-1]:
+            table = table[part]
+        if isinstance(table, dict):
+            table.pop(loc[-1], None)
+    return rest
+
+
+def _options(experiment: Experiment) -> list[Remark]:
+    """Options of single methods that they do not have, or that contradict each other."""
+    remarks = []
+    for name in METHODS:
+        try:
+            method_of(name, experiment.content.identify)
+        except PividentError as error:
+            remarks.append(of_error(error, "file", ("identify", name)))
+    return remarks

@@ -1,0 +1,143 @@
+"""Whether the robot is described as it stands and turns: gravity, zeros and senses of the joints.
+
+The inverse model of each joint has parameters of its own, which make good a part of a wrong
+geometry. What they cannot make good shows where another geometry leaves far less of the torque:
+another direction of gravity, a joint that turns the other way, a zero a quarter or half turn away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.audit.log import Log
+from pivident.audit.timing import Timing
+from pivident.check.remark import Place, Remark
+from pivident.errors import PividentError
+from pivident.robot.description import STANDARD_GRAVITY, Robot
+
+#: Relative error up to which no geometry is doubted.
+SMALL = 0.015
+
+#: Factor by which all joints' errors together must shrink, and by which one of them may grow.
+BETTER, WORSE = 6.0, 1.3
+
+#: Rate that is enough for the comparison [Hz].
+RATE = 400.0
+
+DIRECTIONS = {"+x": (0, 1), "-x": (0, -1), "+y": (1, 1), "-y": (1, -1), "+z": (2, 1), "-z": (2, -1)}
+
+
+def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) -> list[Remark]:
+    """Another geometry that explains the torque far better.
+
+    Args:
+        log: one log with a robot, of which nothing else is wrong.
+        timing: its clock.
+        model: rows of its inverse model.
+        table: table of the recording.
+    """
+    errors = model.relative_errors[np.isfinite(model.relative_errors)]
+    if not errors.size or errors.max() < SMALL or log.robot is None or not timing.rate:
+        return []
+    thin, timing = _thinned(log, timing)
+    here = _errors(thin, timing)
+    if here is None:
+        return []
+    best, remark = np.log(BETTER), None
+    for candidate, found in _candidates(thin, log.robot, table):
+        there = _errors(candidate, timing)
+        if there is None or np.any(there > WORSE * here + 1e-3):
+            continue
+        gain = float(np.nansum(np.log(np.maximum(here, 1e-6) / np.maximum(there, 1e-6))))
+        if gain > best:
+            share = f"{100 * _mean(there):.2g} % of the torque instead of {100 * _mean(here):.2g} %"
+            best = gain
+            remark = replace(found, sentence=f"{found.sentence}: the inverse model leaves {share}.")
+    return [] if remark is None else [remark]
+
+
+def _mean(errors: np.ndarray) -> float:
+    """Geometric mean."""
+    return float(np.exp(np.nanmean(np.log(np.maximum(errors, 1e-6)))))
+
+
+def _thinned(log: Log, timing: Timing) -> tuple[Log, Timing]:
+    """The log at a rate that is enough."""
+    assert timing.rate, "the caller has asked for it"
+    step = max(1, int(timing.rate // RATE))
+    channels = {kind: values[::step] for kind, values in log.channels.items()}
+    clocks = {name: t[::step] for name, t in log.clocks.items()}
+    thin = replace(log, channels=channels, clocks=clocks, logged={}, columns={})
+    return thin, replace(timing, rate=timing.rate / step)
+
+
+def _errors(log: Log, timing: Timing) -> np.ndarray | None:
+    """Relative error of each joint, or None where nothing can be compared."""
+    try:
+        model = build_inverse_model(log, timing)
+    except (PividentError, np.linalg.LinAlgError):
+        return None
+    return model.relative_errors
+
+
+def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Remark]]:
+    """The log with another geometry, and what is to be said if it is the right one."""
+    for name, (axis, sign) in DIRECTIONS.items():
+        gravity = np.zeros(3)
+        gravity[axis] = sign * STANDARD_GRAVITY
+        if np.allclose(gravity, robot.gravity, atol=0.5):
+            continue
+        listed = ", ".join(f"{g:g}" for g in gravity)
+        yield (
+            replace(log, robot=robot.with_gravity(gravity)),
+            Remark(
+                "wrong",
+                "geometry",
+                "gravity",
+                f"Gravity seems to point along {name} of the base frame",
+                f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under "
+                "[robot].",
+                "",
+                ("robot", "gravity"),
+            ),
+        )
+    for j, joint in enumerate(robot.joints):
+        turned = {kind: np.array(values) for kind, values in log.channels.items()}
+        for values in turned.values():
+            values[:, j] *= -1.0
+        yield (
+            replace(log, channels=turned),
+            Remark(
+                "wrong",
+                "geometry",
+                "sense",
+                f"{joint.name} seems to turn the other way than in the description",
+                "Reverse its axis in the description, or the signs of both its position and its "
+                "torque in the log.",
+                joint.name,
+                (*table, "columns", "q"),
+            ),
+        )
+        if joint.kind != "revolute":
+            continue
+        for degrees in (90, -90, 180):
+            moved = {kind: np.array(values) for kind, values in log.channels.items()}
+            moved["q"][:, j] += np.radians(degrees)
+            yield (
+                replace(log, channels=moved),
+                Remark(
+                    "wrong",
+                    "geometry",
+                    "zero",
+                    f"The zero of {joint.name} seems to lie {abs(degrees)}° elsewhere than in the "
+                    "description",
+                    f"Set position_offset to {np.radians(degrees):.4f} rad for it (radians, as "
+                    "added to the logged position), or change the description.",
+                    joint.name,
+                    (*table, "position_offset"),
+                ),
+            )

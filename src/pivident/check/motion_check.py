@@ -1,0 +1,298 @@
+"""What positions, torques and references say about one another before any model is fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+
+import numpy as np
+
+from pivident.audit.log import Log
+from pivident.audit.timing import Timing
+from pivident.check.channels import usable_rows
+from pivident.check.remark import Place, Remark
+from pivident.recording.timestamps import LOWEST_RATE
+from pivident.robot.description import Robot
+
+#: Travel below which a joint stands still [rad or m].
+STILL = 5e-3
+
+#: Shortest record that has room for a few motions [s], and fewest samples for each parameter.
+SHORTEST, SAMPLES_EACH = 2.0, 10
+
+#: Correlation above which one signal is another one.
+SAME = 0.995
+
+#: Samples that a band of motion needs in each of its periods.
+SAMPLES_PER_PERIOD = 20
+
+#: Share of changes that must fall on every n-th sample for a signal to be held.
+REGULAR = 0.98
+
+#: How far beyond limits a joint may be, in spans, and its torque, in limits.
+BEYOND, ABOVE = 0.02, 1.2
+
+
+def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> list[Remark]:
+    """Standstill, length, rate, held samples, limits, and channels that are something else.
+
+    Args:
+        log: one log.
+        timing: its clock.
+        parameters: number of base parameters of the robot, zero where it is not known.
+        table: table of the recording.
+    """
+    q, tau = log.channels.get("q"), log.channels.get("tau")
+    if q is None or tau is None or not timing.rate or len(q) < 50 or q.shape != tau.shape:
+        return []
+    rows = usable_rows(q, tau)
+    if len(rows) < 50:
+        return []
+    q, tau = q[rows], tau[rows]
+    remarks = [*_standing(log, q, table)]
+    remarks += [*_length(log, timing.rate, parameters, table)]
+    remarks += [*_something_else(log, q, tau, table)]
+    if timing.regular and not any(r.kind == "standstill" for r in remarks):
+        remarks += [*_slow_rate(q, timing.rate, table)]
+    remarks += [*_held(log, q, tau, timing.rate, table)]
+    if log.robot is not None and log.robot.size == q.shape[1]:
+        remarks += [*_limits(log.robot, q, tau, log.commands, table)]
+    return remarks
+
+
+def _standing(log: Log, q: np.ndarray, table: Place) -> Iterator[Remark]:
+    """Joints that do not move, but for noise."""
+    travel = np.quantile(q, 0.999, axis=0) - np.quantile(q, 0.001, axis=0)
+    still = [j for j in range(q.shape[1]) if 0 < travel[j] < STILL]
+    if not still:
+        return
+    names = ", ".join(log.joint_names[j] for j in still)
+    step = (
+        "Repeat the record with motion of this joint, or freeze it (URDF) and leave its columns "
+        "out; its parameters cannot be told. If it did move, check the unit of q."
+    )
+    if len(still) == q.shape[1]:
+        names = "the whole arm" if len(still) > 1 else names
+        step = "Name the part of the record in which the arm moves, or check the unit of q."
+    farthest = 1e3 * float(travel[still].max())
+    yield Remark(
+        "wrong",
+        "motion",
+        "standstill",
+        f"Standstill: {names} moves by {farthest:.3g} mrad (or mm) in the whole record.",
+        step,
+        names,
+        (*table, "columns", "q"),
+    )
+
+
+def _length(log: Log, rate: float, parameters: int, table: Place) -> Iterator[Remark]:
+    """A record that is too short for what is asked of it."""
+    seconds = log.samples / rate
+    needed = SAMPLES_EACH * parameters
+    if log.samples < needed:
+        yield Remark(
+            "wrong",
+            "motion",
+            "too short",
+            f"The record is too short: {log.samples} samples for {parameters} parameters.",
+            f"At least {needed} samples of motion are needed; log for longer, or check part.",
+            "",
+            (*table, "files"),
+        )
+    elif seconds < SHORTEST:
+        yield Remark(
+            "look",
+            "motion",
+            "too short",
+            f"The record is short: {seconds:.3g} s of motion.",
+            "Ten seconds and more, with moves of all joints, tell far better; log for longer, or "
+            "check part and the rate.",
+            "",
+            (*table, "files"),
+        )
+
+
+def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> Iterator[Remark]:
+    """A torque that is a position or a speed, and a position that is a speed."""
+    place = (*table, "columns")
+    speed = np.gradient(q, axis=0)
+    others = _other_columns(log)
+    for j, joint in enumerate(log.joint_names[: q.shape[1]]):
+        for channel, signal in (("position", q[:, j]), ("speed", speed[:, j])):
+            if _correlation(tau[:, j], signal) > SAME:
+                yield Remark(
+                    "wrong",
+                    "columns",
+                    "torque is motion",
+                    f"The torque of {joint} is its {channel}, but for a factor.",
+                    "Another column was named for tau; name that of the torque.",
+                    joint,
+                    (*place, "tau"),
+                )
+        for name, column in others.items():
+            if len(column) != len(q) or not np.isfinite(column).all():
+                continue
+            moves = _correlation(np.gradient(column), q[:, j])
+            if moves > SAME and abs(_correlation(column, q[:, j])) < 0.9:
+                yield Remark(
+                    "wrong",
+                    "columns",
+                    "position is speed",
+                    f"The position of {joint} is the derivative of the column {name!r}, that is "
+                    "a speed.",
+                    f"Positions and speeds seem swapped; name {name!r} for q.",
+                    joint,
+                    (*place, "q"),
+                )
+                break
+
+
+def _other_columns(log: Log) -> Mapping[str, np.ndarray]:
+    """Columns that might be the position itself."""
+    return {name: column for name, column in log.columns.items() if name not in log.clocks}
+
+
+def _correlation(x: np.ndarray, y: np.ndarray) -> float:
+    """Correlation of two signals, zero where one of them is constant."""
+    x, y = x - x.mean(), y - y.mean()
+    size = float(np.linalg.norm(x) * np.linalg.norm(y))
+    return float(x @ y) / size if size > 0 else 0.0
+
+
+def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
+    """A motion that is too fast for the rate at which it was logged."""
+    speed = np.diff(q[:, np.ptp(q, axis=0) > STILL], axis=0)
+    if not speed.size:
+        return
+    speed = speed - speed.mean(axis=0)
+    power = np.abs(np.fft.rfft(speed * np.hanning(len(speed))[:, None], axis=0)) ** 2
+    total = power.sum(axis=0)
+    share = np.median(np.cumsum(power, axis=0) / np.where(total > 0, total, 1.0), axis=1)
+    band = float(np.searchsorted(share, 0.99)) * rate / len(speed)
+    if band * SAMPLES_PER_PERIOD > rate:
+        yield Remark(
+            "look",
+            "motion",
+            "rate",
+            f"The rate of {rate:.4g} Hz is low for this motion: 99 % of its speed lies below "
+            f"{band:.3g} Hz.",
+            f"Accelerations come out too small; log at {SAMPLES_PER_PERIOD * band:.0f} Hz or "
+            "more, or move more smoothly.",
+            "",
+            (*table, "rate"),
+        )
+
+
+def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
+    """Signals that change only at every n-th sample, against the declared control rate."""
+    holds = [_hold(tau[:, j]) for j in range(tau.shape[1])]
+    place = (*table, "control_rate")
+    n = min(holds)
+    declared = log.control_rate or rate
+    if declared < LOWEST_RATE:
+        yield Remark(
+            "wrong",
+            "timing",
+            "control rate",
+            f"control_rate is {declared:.5g} Hz, which no control loop has.",
+            "It may be a period in seconds, or a rate in kHz; it is given in Hz.",
+            "",
+            place,
+        )
+    elif n > 1 and abs(declared * n / rate - 1) > 0.05:
+        yield Remark(
+            "look",
+            "timing",
+            "control rate",
+            f"The torque changes only at every {n}. sample: the control loop seems to run at "
+            f"{rate / n:.5g} Hz, not at {declared:.5g} Hz.",
+            f"Set control_rate = {rate / n:.5g} under [recording] if that is so.",
+            "tau",
+            place,
+        )
+    elif n == 1 and declared < 0.95 * rate:
+        yield Remark(
+            "look",
+            "timing",
+            "control rate",
+            f"control_rate is {declared:.5g} Hz, but the torque changes at every sample of "
+            f"{rate:.5g} Hz.",
+            "Correct control_rate (in Hz), or leave it out where the log runs at the loop's rate.",
+            "tau",
+            place,
+        )
+    elif declared > 50 * rate:
+        yield Remark(
+            "look",
+            "timing",
+            "control rate",
+            f"control_rate is {declared:.5g} Hz, {declared / rate:.3g} times the rate of the log.",
+            "It is in Hz; correct it.",
+            "",
+            place,
+        )
+    slow = [j for j in range(q.shape[1]) if _hold(q[:, j]) > 1]
+    if slow:
+        n = _hold(q[:, slow[0]])
+        yield Remark(
+            "look",
+            "timing",
+            "held position",
+            f"The position of {log.joint_names[slow[0]]} changes only at every {n}. sample: it "
+            f"was measured at {rate / n:.5g} Hz and repeated.",
+            "Log at the rate of the measurement; repeated positions have wrong accelerations.",
+            log.joint_names[slow[0]],
+            (*table, "columns", "q"),
+        )
+
+
+def _hold(x: np.ndarray) -> int:
+    """Samples for which a signal is held while it changes at all, 1 where it is not held."""
+    changes = np.flatnonzero(np.diff(x) != 0) + 1
+    if len(changes) < 50:
+        return 1
+    gaps = np.diff(changes)
+    n = int(np.median(gaps))
+    if n < 2:
+        return 1
+    phase = np.bincount(changes % n, minlength=n)
+    return n if phase.max() > REGULAR * len(changes) else 1
+
+
+def _limits(
+    robot: Robot, q: np.ndarray, tau: np.ndarray, commands: tuple[int, ...], table: Place
+) -> Iterator[Remark]:
+    """Positions a little beyond the limits, and torques that the drives do not have."""
+    for j, joint in enumerate(robot.joints):
+        turning = joint.kind == "revolute"
+        scale, unit = (180 / np.pi, "°") if turning else (1e3, " mm")
+        if joint.position_limits is not None and np.isfinite(joint.position_limits).all():
+            low, high = joint.position_limits
+            span = high - low
+            over = max(float(q[:, j].max()) - high, low - float(q[:, j].min()))
+            if BEYOND * span < over:
+                yield Remark(
+                    "look",
+                    "limits",
+                    "position",
+                    f"{joint.name} is logged from {scale * q[:, j].min():.4g}{unit} to "
+                    f"{scale * q[:, j].max():.4g}{unit}; its limits are {scale * low:.4g}{unit} "
+                    f"to {scale * high:.4g}{unit}.",
+                    "Another unit or gear ratio, or a zero that lies elsewhere: position_offset.",
+                    joint.name,
+                    (*table, "position_offset"),
+                )
+        limit = joint.torque_limit
+        largest = float(np.abs(tau[:, j]).max())
+        if limit and j not in commands and largest > ABOVE * limit:
+            unit = "N m" if turning else "N"
+            yield Remark(
+                "look",
+                "limits",
+                "torque",
+                f"The torque of {joint.name} reaches {largest:.4g} {unit}; its limit is "
+                f"{limit:.4g} {unit}.",
+                "Check unit, side and drive gain of tau, or the limit of the description.",
+                joint.name,
+                (*table, "units", "tau"),
+            )

@@ -1,0 +1,206 @@
+"""Whether a robot's description can be that of a machine: units, masses, limits, gravity."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pivident.audit.finding import Severity
+from pivident.check.remark import Remark
+from pivident.robot.description import Joint, Link, Robot
+from pivident.robot.inertia import Body
+
+#: Limits beyond these are degrees or millimetres that nobody converted.
+LARGEST_ANGLE, LARGEST_TRAVEL = 30.0, 50.0
+
+#: Rated speeds beyond these likewise [rad/s, m/s].
+FASTEST_TURN, FASTEST_SLIDE = 40.0, 20.0
+
+#: Distances between joints, and from a joint to a centre of mass, beyond this are millimetres [m].
+LARGEST_DISTANCE = 20.0
+
+#: Share by which a principal moment may exceed the sum of the other two.
+ROUNDING = 1e-3
+
+#: No body heavier than this [kg] has a smaller radius of gyration than that [m].
+HEAVY, SMALLEST = 20.0, 0.02
+
+#: Gravity on Earth, and how far from it a robot's may be [m/s²].
+EARTH, TOLERANCE = 9.81, 0.5
+
+
+def check_robot(robot: Robot, model: str) -> list[Remark]:
+    """Everything about a description that no machine has, or that an identification would miss.
+
+    Args:
+        robot: the robot.
+        model: what the experiment file names, a file or a name of the gallery.
+    """
+    file = Path(model).name
+    remarks = [*_gravity(robot)]
+    for joint, link in zip(robot.joints, robot.links, strict=True):
+        remarks += [*_limits(joint, file), *_distance(joint, file), *_body(joint, link, file)]
+    massless = [link.name for link in robot.links if not np.any(link.inertia)]
+    if massless:
+        text = f"No link in {file} has a mass."
+        if len(massless) < robot.size:
+            text = f"These links have no mass in {file}: {', '.join(massless)}."
+        remarks.append(
+            _robot_remark(
+                "look",
+                "no masses",
+                text,
+                "Least squares does not need them. IV and PIV start from them: give rough values "
+                "of mass, centre of mass and inertia. Gains and signs of the torque cannot be "
+                "compared with the description.",
+            )
+        )
+    unrated = [j.name for j in robot.joints if j.rated_speed is None]
+    if unrated:
+        remarks.append(
+            _robot_remark(
+                "look",
+                "rated speed",
+                f"No rated speed is known of {', '.join(unrated)}.",
+                "The fastest motion of the record and 5 rad/s take its place in the mask and in "
+                "the friction law; give velocity under <limit> of the URDF, or rated_speed.",
+            )
+        )
+    return remarks
+
+
+def _robot_remark(
+    severity: Severity, kind: str, sentence: str, step: str, where: str = "", key: str = "model"
+) -> Remark:
+    """A remark about the table ``[robot]``."""
+    return Remark(severity, "robot", kind, sentence, step, where, ("robot", key))
+
+
+def _gravity(robot: Robot) -> Iterator[Remark]:
+    size = float(np.linalg.norm(robot.gravity))
+    if size == 0.0:
+        yield _robot_remark(
+            "look",
+            "no gravity",
+            "Gravity is zero in the description.",
+            "That is right only if no joint feels its weight; say gravity = [0, 0, -9.81] "
+            "(m/s², in the base frame) otherwise.",
+            key="gravity",
+        )
+    elif abs(size - EARTH) > TOLERANCE:
+        cause = "in units of g" if abs(size - 1.0) < 0.1 else "in another unit"
+        yield _robot_remark(
+            "wrong",
+            "gravity",
+            f"Gravity is {size:.4g} m/s² in the description, 9.81 m/s² on Earth.",
+            f"It may have been given {cause}; it is a vector in m/s² in the base frame.",
+            key="gravity",
+        )
+
+
+def _limits(joint: Joint, file: str) -> Iterator[Remark]:
+    turning = joint.kind == "revolute"
+    unit, other = ("rad", "degrees") if turning else ("m", "millimetres")
+    if joint.position_limits is not None:
+        low, high = joint.position_limits
+        farthest = max(abs(low), abs(high))
+        if math.isfinite(farthest) and farthest > (LARGEST_ANGLE if turning else LARGEST_TRAVEL):
+            yield _robot_remark(
+                "wrong",
+                "position limits",
+                f"The limits of {joint.name} are {low:.4g} to {high:.4g} {unit} in {file}.",
+                f"They may be {other}; URDF limits are in {unit}. Positions in a wrong unit "
+                "cannot be told with them.",
+                joint.name,
+            )
+    speed = joint.rated_speed
+    if speed is not None and speed > (FASTEST_TURN if turning else FASTEST_SLIDE):
+        yield _robot_remark(
+            "wrong",
+            "rated speed",
+            f"The rated speed of {joint.name} is {speed:.4g} {unit}/s in {file}.",
+            f"It may be {other} per second; rows below 1 % of the rated speed do not vote, so "
+            "that most of the record would be left out.",
+            joint.name,
+        )
+
+
+def _distance(joint: Joint, file: str) -> Iterator[Remark]:
+    far = float(np.linalg.norm(joint.translation))
+    if far > LARGEST_DISTANCE:
+        yield _robot_remark(
+            "wrong",
+            "lengths",
+            f"The axis of {joint.name} is {far:.4g} m from its parent's in {file}.",
+            "Its origin may be in millimetres; lengths are in metres.",
+            joint.name,
+        )
+
+
+def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
+    """What no rigid body has: its moments must be positive, none larger than the two others."""
+    if not np.any(link.inertia):
+        return
+    body = Body.of_parameters(link.inertia)
+    place = f"of link {link.name} in {file}"
+    if body.mass == 0.0:
+        yield _robot_remark(
+            "wrong",
+            "no mass",
+            f"The mass {place} is 0 kg, but it has an inertia.",
+            "Give the mass in kg, or leave the inertia out too.",
+            joint.name,
+        )
+        return
+    away = float(np.linalg.norm(body.center_of_mass))
+    if away > LARGEST_DISTANCE:
+        yield _robot_remark(
+            "wrong",
+            "centre of mass",
+            f"The centre of mass {place} is {away:.4g} m from its joint.",
+            "It may be in millimetres; lengths are in metres.",
+            joint.name,
+        )
+        return
+    moments = body.principal[0]
+    numbers = ", ".join(f"{moment:.3g}" for moment in moments)
+    scale = float(np.abs(moments).max())
+    if moments[0] < -ROUNDING * scale:
+        yield _robot_remark(
+            "wrong",
+            "inertia",
+            f"The inertia {place} is not positive definite: its principal moments are {numbers} "
+            "kg m².",
+            "Check the signs, and that it is taken about the centre of mass, not the joint.",
+            joint.name,
+        )
+    elif moments[2] > (moments[0] + moments[1]) * (1 + ROUNDING) + ROUNDING * scale:
+        yield _robot_remark(
+            "look",
+            "inertia",
+            f"No body has the inertia {place}: of its principal moments, {numbers} kg m², one is "
+            "larger than the two others together.",
+            "Check the elements; a CAD program may give them about another point.",
+            joint.name,
+        )
+    elif body.mass > HEAVY and 0 < scale < body.mass * SMALLEST**2:
+        yield _robot_remark(
+            "wrong",
+            "mass",
+            f"The mass {place} is {body.mass:.4g} kg within "
+            f"{1e3 * math.sqrt(scale / body.mass):.3g} mm, more than any metal weighs.",
+            "It may be in grams; masses are in kg.",
+            joint.name,
+        )
+    elif scale > body.mass * 3.0**2:
+        radius = math.sqrt(scale / body.mass)
+        yield _robot_remark(
+            "wrong",
+            "inertia",
+            f"The inertia {place} is that of {body.mass:.3g} kg spread over {radius:.3g} m.",
+            "It may be in kg mm² or g mm²; it is in kg m².",
+            joint.name,
+        )
