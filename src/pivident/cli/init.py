@@ -126,7 +126,7 @@ def print_draft(draft: Draft, out: Path) -> None:
         note(f"to do: {trouble}")
     guessed = sum(row[0] == "guess" for row in rows)
     print(f"\nWritten: {escaped(str(out))}, {guessed} line(s) of it are guesses to be checked.")
-    print(f"Next:    pivident audit {escaped(str(out))}")
+    print(f"Next:    pivident check {escaped(str(out))}")
     print(f"         pivident identify {escaped(str(out))}")
 
 

@@ -18,7 +18,7 @@ HEADING = """\
 First draft by pivident init: {names}.
 Every line was guessed from the log and the robot's description; the comment above it says how
 sure it is and what was seen. Correct it here, then:
-    pivident audit {file}       what is wrong with the log
+    pivident check {file}       what is wrong with file, robot and log
     pivident identify {file}    the parameters
 All keys: docs/experiment_file.md
 """

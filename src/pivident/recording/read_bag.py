@@ -14,6 +14,7 @@ nanoseconds and bags of one day share a clock. Other messages are passed over.
 
 from __future__ import annotations
 
+import os
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -117,9 +118,11 @@ class Bag:
 
 
 def is_bag(path: str | Path) -> bool:
-    """Whether a path is read as a bag: its ending says so, or it is a folder."""
+    """Whether a path is read as a bag: its ending says so, or it is a folder with one in it."""
     path = Path(path)
-    return path.is_dir() or _kind(path) in CONTAINERS
+    if not os.path.isdir(path):  # which takes any name, as long or odd as it may be
+        return _kind(path) in CONTAINERS
+    return any(_kind(f) in CONTAINERS for f in path.iterdir())
 
 
 def bag_names(path: str | Path) -> tuple[str, ...]:
