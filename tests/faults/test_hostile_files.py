@@ -306,7 +306,7 @@ def test_results_do_not_go_where_a_file_from_elsewhere_likes(tmp_path, folder):
         (f'a,b\n1,"{"x" * 200_000}\n', "line 2|table"),
         (f"{'a' * 1000},b\n1,2\n", "1000 characters"),
         ("a\x1b[2J,b\n1,2\n", "control characters"),
-        ("a,b\n1,\0\n", "not a number"),
+        ("a,b\n1,\0\n", "not a number|binary"),
         (b"a,b\n1,\xff\xfe\n", "not a number"),
         ("a,a\n1,2\n", "more than one column"),
         ("a,b\n1,2\n3\n", "1 cells instead of 2"),

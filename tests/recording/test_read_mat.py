@@ -1,3 +1,5 @@
+import struct
+
 import h5py
 import numpy as np
 import pytest
@@ -47,6 +49,47 @@ def test_integers_and_all_names_are_found(tmp_path, save):
     save(tmp_path / "log.mat", {"pulses": np.array([[0], [5]], np.uint8), "kp": np.ones((1, 1))})
     assert set(names_in(tmp_path / "log.mat")) == {"pulses", "kp"}
     assert read_table(tmp_path / "log.mat")["pulses"].ravel().tolist() == [0, 5]
+
+
+KINDS = ["i1", "u1", "i2", "u2", "i4", "u4", "i8", "u8", "f4", "f8", "?"]
+
+
+@pytest.mark.parametrize("packed", [False, True])
+@pytest.mark.parametrize("shape", [(1, 1), (7, 1), (1, 3), (4, 5), (2, 3, 4), (0, 3)])
+def test_arrays_of_all_kinds_are_those_that_scipy_reads(tmp_path, packed, shape):
+    rng = np.random.default_rng(len(shape))
+    written = {f"a_{k}": (200 * rng.random(shape)).astype(k) for k in KINDS}
+    written["a_name_of_more_than_eight_letters"] = np.arange(3.0)
+    scipy.io.savemat(tmp_path / "log.mat", written, do_compression=packed)
+    expected = scipy.io.loadmat(tmp_path / "log.mat")
+    found = read_mat(tmp_path / "log.mat")
+    assert set(found) == set(written)
+    for name, values in found.items():
+        assert values.shape == expected[name].shape
+        np.testing.assert_array_equal(values, expected[name])
+
+
+def test_whole_numbers_that_stand_for_doubles_in_the_other_order_of_bytes(tmp_path):
+    """As MATLAB writes doubles that are small whole numbers, on a machine of the other kind."""
+
+    def element(kind, content):
+        return struct.pack(">II", kind, len(content)) + content.ljust(
+            -(-len(content) // 8) * 8, b"\0"
+        )
+
+    matrix = element(6, struct.pack(">II", 6, 0)) + element(5, struct.pack(">ii", 2, 3))
+    matrix += element(1, b"counts") + element(3, struct.pack(">6h", 1, 2, 300, -4, 5, 6))
+    header = b"MATLAB 5.0 MAT-file".ljust(124) + struct.pack(">H", 0x0100) + b"MI"
+    (tmp_path / "log.mat").write_bytes(header + element(14, matrix))
+    found = read_mat(tmp_path / "log.mat")["counts"]
+    np.testing.assert_array_equal(found, [[1, 300, 5], [2, -4, 6]])
+    np.testing.assert_array_equal(found, scipy.io.loadmat(tmp_path / "log.mat")["counts"])
+
+
+def test_files_of_version_4_are_told_apart(tmp_path):
+    scipy.io.savemat(tmp_path / "log.mat", {"q": np.ones((30, 1))}, format="4")
+    with pytest.raises(FileFormatError, match="save it with -v7"):
+        read_mat(tmp_path / "log.mat")
 
 
 def test_text_structs_and_cells_are_not_offered(tmp_path):

@@ -1,4 +1,4 @@
-"""MATLAB files: .mat, up to version 7.2 through SciPy, version 7.3 (HDF5) through h5py.
+"""MATLAB files: .mat of versions 5 to 7.2, see `mat_elements`, and 7.3 (HDF5) through h5py.
 
 Only top-level numeric variables are read. HDF5 stores MATLAB's columns first, so that arrays are
 transposed back into the shape they have in MATLAB.
@@ -14,6 +14,7 @@ import numpy as np
 
 from pivident.errors import FileFormatError
 from pivident.recording.files import existing_file, refuse_bomb
+from pivident.recording.mat_elements import array_of, variables
 
 #: MATLAB's classes of numbers.
 NUMERIC = {"double", "single", "logical"} | {
@@ -73,9 +74,7 @@ def _variables(path: Path) -> dict[str, tuple[int, ...]]:
 
 
 def _variables_v5(path: Path) -> dict[str, tuple[int, ...]]:
-    from scipy.io import whosmat
-
-    return {name: shape for name, shape, kind in whosmat(path) if kind in NUMERIC}
+    return {v.name: v.shape for v in variables(path) if v.numeric}
 
 
 def _variables_hdf5(path: Path) -> dict[str, tuple[int, ...]]:
@@ -101,13 +100,11 @@ def _is_numeric(dataset: Any) -> bool:
 
 
 def _read_v5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    from scipy.io import loadmat
-
-    content = loadmat(path, variable_names=list(names))
+    known = {v.name: v for v in variables(path) if v.numeric}
     for name in names:
-        if np.iscomplexobj(content[name]):
+        if known[name].is_complex:
             raise FileFormatError(f"{path.name}: {name!r} is complex; save its real part")
-    return {name: content[name] for name in names}
+    return {name: array_of(path, known[name]) for name in names}
 
 
 def _read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:

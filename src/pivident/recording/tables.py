@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from difflib import get_close_matches
 from pathlib import Path
@@ -97,7 +98,7 @@ def _reader(path: Path) -> tuple[Names, Read]:
     """The two functions for a kind of file, which its name tells."""
     if is_bag(path):
         return bag_names, read_bag
-    if path.is_dir():
+    if os.path.isdir(path):  # takes any name
         raise FileFormatError(
             f"{path.name} is a folder; name the file with the record in it, or a pattern such as "
             f'"{path.name}/*.csv" for all of its runs'
