@@ -93,7 +93,7 @@ def guess_channels(
     series = _by_series(names, joint_names)
     if not {"q", "tau"} <= set(channels):
         return series or (channels, joints)
-    if series is not None and all(series[0][kind] == channels[kind] for kind in ("q", "tau")):
+    if series is not None and all(series[0].get(kind) == channels[kind] for kind in ("q", "tau")):
         channels = series[0] | channels
     return channels, joints
 

@@ -50,7 +50,7 @@ def names_in(path: str | Path) -> tuple[str, ...]:
     """
     path = Path(path)
     reader = _reader(path)[0]
-    if reader is not csv_names and path.is_file():
+    if reader is not csv_names and os.path.isfile(path):
         _refuse_text(path)
     names = reader(path)
     for name in names:
