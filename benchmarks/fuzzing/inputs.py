@@ -339,14 +339,13 @@ def mat_seeds() -> tuple[bytes, ...]:
     from scipy.io import savemat
 
     made = []
-    for options in ({}, {"do_compression": True}, {"format": "4"}):
+    for options in ({}, {"do_compression": True}):
         stream = io.BytesIO()
         content = {
             name: np.atleast_2d(np.asarray(v, float)) for name, v in arrays().items() if v.size
         }
-        if options.get("format") != "4":
-            content |= {"text": "abc", "cell": np.array([1, "a"], dtype=object), "st": {"a": 1.0}}
-            content |= {"c": np.array([[1j]]), "u": np.uint8([[1, 2]]), "l": np.array([[True]])}
+        content |= {"text": "abc", "cell": np.array([1, "a"], dtype=object), "st": {"a": 1.0}}
+        content |= {"c": np.array([[1j]]), "u": np.uint8([[1, 2]]), "l": np.array([[True]])}
         savemat(stream, content, **options)
         made.append(stream.getvalue())
     return tuple(made)

@@ -1,11 +1,12 @@
 """MATLAB files: .mat of versions 5 to 7.2, see `mat_elements`, and 7.3 (HDF5) through h5py.
 
-Only top-level numeric variables are read. HDF5 stores MATLAB's columns first, so that arrays are
+Only top-level variables of real numbers are read. HDF5 stores MATLAB's columns first, so that arrays are
 transposed back into the shape they have in MATLAB.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ NUMERIC = {"double", "single", "logical"} | {
 
 
 def mat_names(path: str | Path) -> tuple[str, ...]:
-    """Names of the numeric variables, without loading them.
+    """Names of the variables of real numbers, without loading them.
 
     Raises:
         FileFormatError: the file is missing, empty or no MATLAB file.
@@ -46,9 +47,9 @@ def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
             in another file.
     """
     path = existing_file(path)
-    variables = _variables(path)
-    wanted = tuple(variables) if names is None else tuple(names)
-    refuse_bomb(path, sum(8 * int(np.prod(variables[name], dtype=object)) for name in wanted))
+    shapes = _variables(path)
+    wanted = tuple(shapes) if names is None else tuple(names)
+    refuse_bomb(path, sum(8 * math.prod(shapes.get(name, ())) for name in wanted))
     try:
         return _read_hdf5(path, wanted) if _is_hdf5(path) else _read_v5(path, wanted)
     except FileFormatError:
@@ -74,7 +75,7 @@ def _variables(path: Path) -> dict[str, tuple[int, ...]]:
 
 
 def _variables_v5(path: Path) -> dict[str, tuple[int, ...]]:
-    return {v.name: v.shape for v in variables(path) if v.numeric}
+    return {v.name: v.shape for v in variables(path) if v.numeric and not v.is_complex}
 
 
 def _variables_hdf5(path: Path) -> dict[str, tuple[int, ...]]:
@@ -100,7 +101,7 @@ def _is_numeric(dataset: Any) -> bool:
 
 
 def _read_v5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    known = {v.name: v for v in variables(path) if v.numeric}
+    known = {v.name: v for v in variables(path)}
     for name in names:
         if known[name].is_complex:
             raise FileFormatError(f"{path.name}: {name!r} is complex; save its real part")
