@@ -17,7 +17,7 @@ demo: .venv/.pivident
 	$(BIN)/pivident demo --out pivident-demo
 
 test: lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile
 
 lint: .venv/.pivident-test
 	$(BIN)/ruff check .

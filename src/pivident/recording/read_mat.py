@@ -1,7 +1,7 @@
 """MATLAB files: .mat of versions 5 to 7.2, see `mat_elements`, and 7.3 (HDF5) through h5py.
 
-Only top-level variables of real numbers are read. HDF5 stores MATLAB's columns first, so that arrays are
-transposed back into the shape they have in MATLAB.
+Only top-level variables of real numbers are read. HDF5 stores MATLAB's columns first, so that
+arrays are transposed back into the shape they have in MATLAB.
 """
 
 from __future__ import annotations
