@@ -56,7 +56,7 @@ MOST_INNER_STEPS = 5000
 RENEWAL = 2e-3
 
 #: Steps after which it is computed anew in any case: extrapolation goes on when the robot stops.
-RENEWAL_STEPS = 4.0
+RENEWAL_STEPS = 8.0
 
 #: Friction that the linearisation may miss over a step, relative to the joint's friction level.
 LINEAR_REMAINDER = 2e-4
