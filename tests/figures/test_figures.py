@@ -13,7 +13,7 @@ from pivident import figures
 from pivident.errors import PividentError
 from pivident.experiment import load_experiment
 from pivident.figures.paper import LINES, STYLE, WIDTHS
-from pivident.figures.residual_spectra import averaged_spectrum
+from pivident.validation.residual_spectrum import residual_spectra, welch_spectrum
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
 
@@ -72,23 +72,37 @@ def test_intervals_say_their_numbers(result):
     assert len(both.axes[0].get_yticklabels()) == 13
 
 
+def test_spectra_are_those_of_the_report(result):
+    (ax,) = axes_of(figures.figure_of_residual_spectra(result, ["elbow"], columns=1))
+    own = residual_spectra(result)[1].white
+    (line,), (band,) = ax.get_lines(), ax.collections
+    rate = result.recordings[0].whitened_rate
+    np.testing.assert_array_equal(line.get_xdata(), own.frequency)
+    np.testing.assert_allclose(line.get_ydata(), own.density * rate / 2.0)
+    low, high = own.band(1.0)
+    edges = band.get_paths()[0].vertices[:, 1]
+    assert edges.min() == low.min() and edges.max() == high.max()
+    assert line.get_ydata().mean() == pytest.approx(
+        np.nanvar(result.recordings[0].whitened[:, 1]), rel=0.2
+    )
+
+
 def test_white_noise_stays_in_its_band_and_coloured_noise_does_not():
     from scipy.signal import lfilter
-    from scipy.stats import chi2
 
     rng = np.random.default_rng(2)
-    white = rng.standard_normal(60_000)
-    white[10_000:10_400] = np.nan
-    frequency, power, freedom = averaged_spectrum([white], 1000.0)
-    low, high = chi2.ppf([0.025, 0.975], freedom) / freedom
-    inside = np.mean((power > low) & (power < high))
-    assert 0.92 < inside < 0.98 and power.mean() == pytest.approx(1.0, abs=0.02)
-    assert frequency[0] > 0 and frequency[-1] < 500.0
-    coloured = lfilter([1.0], [1.0, -0.9], rng.standard_normal(60_000))
-    _, power, _ = averaged_spectrum([coloured], 1000.0)
-    model = 1.0 / np.abs(1.0 - 0.9 * np.exp(-2j * np.pi * frequency / 1000.0)) ** 2
-    assert np.median(power / model) == pytest.approx(1.0, abs=0.05)
-    assert averaged_spectrum([white[:100]], 1000.0) is None
+    white = rng.standard_normal(200_000)
+    white[50_000:50_400] = np.nan
+    found = welch_spectrum([white], 1000.0)
+    assert found.outside(2.0 / 1000.0) < 0.12
+    assert found.density.mean() == pytest.approx(2.0 / 1000.0, rel=0.05)
+    coloured = lfilter([1.0], [1.0, -0.9], rng.standard_normal(200_000))
+    found = welch_spectrum([coloured], 1000.0)
+    turn = np.exp(-2j * np.pi * found.frequency / 1000.0)
+    model = 2.0 / 1000.0 / np.abs(1.0 - 0.9 * turn) ** 2
+    assert np.median(found.density / model) == pytest.approx(1.0, abs=0.05)
+    assert found.outside(2.0 / 1000.0) > 0.5
+    assert welch_spectrum([white[:100]], 1000.0) is None
 
 
 def test_prefilters_and_correlations_of_a_real_estimate(tmp_path):

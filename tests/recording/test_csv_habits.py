@@ -134,3 +134,19 @@ def test_prose_is_refused(tmp_path):
     path.write_text("This is no table.\nIt has words, and a comma.\nAnd an end.\n")
     with pytest.raises(FileFormatError):
         read_csv(path)
+
+
+@pytest.mark.parametrize("separator", [";", "\t"])
+def test_decimal_commas_without_a_header_are_not_separators(tmp_path, separator):
+    path = tmp_path / "log.csv"
+    rows = [("0,004", "12,5", "-90,0"), ("0,008", "12,6", "-90,1")]
+    path.write_text("\n".join(map(separator.join, rows)) + "\n")
+    columns = read_csv(path)
+    assert list(columns) == ["column_1", "column_2", "column_3"]
+    np.testing.assert_array_equal(columns["column_3"], [-90.0, -90.1])
+
+
+def test_commas_in_the_names_of_columns_are_not_separators(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("t;force (A, right, low, up);q\n0,0;1,5;2\n0,1;2,5;3\n")
+    assert csv_names(path) == ("t", "force (A, right, low, up)", "q")

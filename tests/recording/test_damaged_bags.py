@@ -1,6 +1,7 @@
 """Bags that are cut off, broken or hostile end with an error that names them."""
 
 import bz2
+import io
 import re
 import sqlite3
 import struct
@@ -12,7 +13,7 @@ import pytest
 from tests.bags import joint_states, typestore, write_bag
 
 from pivident.errors import FileFormatError
-from pivident.recording import decompression, files
+from pivident.recording import bag_containers, decompression, files, joint_topics
 from pivident.recording.message_definitions import parse_definition
 from pivident.recording.read_bag import open_bag
 
@@ -129,3 +130,74 @@ def test_no_code_is_made_of_a_definition(tmp_path):
     made.clear()
     assert open_bag(path).topics
     assert not made
+
+
+def mcap(path, definition, messages, channels=1):
+    """A file of one type whose messages are these bytes, on so many topics each."""
+
+    def text(words):
+        return struct.pack("<I", len(words.encode())) + words.encode()
+
+    def record(kind, data):
+        return struct.pack("<BQ", kind, len(data)) + data
+
+    parts = [record(3, struct.pack("<H", 1) + text("p/T") + text("ros1msg") + text(definition))]
+    for k in range(channels):
+        about = struct.pack("<HH", k, 1) + text(f"/t{k}") + text("ros1") + struct.pack("<I", 0)
+        parts.append(record(4, about))
+        parts += [
+            record(5, struct.pack("<HIQQ", k, 0, n + 1, n + 1) + data)
+            for n, data in enumerate(messages)
+        ]
+    path.write_bytes(b"\x89MCAP0\r\n" + b"".join(parts) + record(15, bytes(4)))
+    return path
+
+
+def named(number):
+    """A message of another structure each time: a string of its own, and a number."""
+    name = f"{number:06d}".encode()
+    return struct.pack("<I", len(name)) + name + struct.pack("<d", number)
+
+
+def test_a_bag_whose_every_message_is_built_differently_ends(tmp_path, monkeypatch):
+    definition = "string s\n" + "p/E e\n" * 500 + "float64 x\nMSG: p/E\n"
+    path = mcap(tmp_path / "log.mcap", definition, [named(k) for k in range(60)])
+    assert len(open_bag(path).column("/t0/x")) == 60
+    monkeypatch.setattr(joint_topics, "VISITS_OF_TOPIC", 20_000)
+    path.touch()
+    with pytest.raises(FileFormatError, match="built in too many ways"):
+        open_bag(path)
+
+
+def test_topics_share_the_work_that_a_bag_may_make(tmp_path, monkeypatch):
+    monkeypatch.setattr(joint_topics.Patience, "__init__", lambda self: setattr(self, "left", 2000))
+    path = mcap(tmp_path / "log.mcap", "string s\nfloat64 x\n", [named(k) for k in range(10)], 8)
+    bag = open_bag(path)
+    assert 0 < len(bag.topics) < 8
+    assert set(bag.passed_over.values()) <= {
+        "its messages are built in too many ways",
+        "the messages before it are built in too many ways",
+    }
+
+
+def test_a_bag_has_no_more_channels_than_topics(tmp_path, monkeypatch):
+    monkeypatch.setattr(bag_containers, "MOST_TOPICS", 5)
+    path = mcap(tmp_path / "log.mcap", "string s\nfloat64 x\n", [named(1)], 6)
+    with pytest.raises(FileFormatError, match="more than 5 channels"):
+        open_bag(path)
+
+
+def test_a_file_of_several_zstd_frames_is_read_to_its_end(tmp_path):
+    zstd = decompression._zstd()
+    path, content = tmp_path / "log.db3.zstd", np.arange(10**5).tobytes()
+    frames = [zstd.compress(content[:300_000]), zstd.compress(content[300_000:])]
+    path.write_bytes(b"".join(frames))
+    whole = io.BytesIO()
+    decompression.unpack_file(path, whole)
+    assert whole.getvalue() == content
+    path.write_bytes(frames[0] + frames[1][:-20])
+    with pytest.raises(FileFormatError, match="no whole zstd file"):
+        decompression.unpack_file(path, io.BytesIO())
+    path.write_bytes(frames[0] + b"something else")
+    with pytest.raises(FileFormatError, match="no whole zstd file"):
+        decompression.unpack_file(path, io.BytesIO())

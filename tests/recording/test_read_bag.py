@@ -281,3 +281,5 @@ def test_messages_are_never_kept_one_by_one(tmp_path, monkeypatch):
 def test_a_folder_that_is_no_bag_is_refused(tmp_path):
     with pytest.raises(FileFormatError, match="is a folder; name the file"):
         read_table(tmp_path)
+    with pytest.raises(FileFormatError, match=r"without the \.db3 or \.mcap files"):
+        open_bag(tmp_path)

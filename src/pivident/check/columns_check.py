@@ -8,6 +8,7 @@ from typing import Any
 
 from pivident.audit.column_names import channel_of
 from pivident.check.remark import Place, Remark
+from pivident.recording.channel_words import TIME_UNITS
 from pivident.robot.description import Robot
 
 #: What a channel is called in a sentence.
@@ -43,11 +44,7 @@ UNITS: dict[str, dict[str, set[str]]] = {
         "mA": {"ma", "milliamp", "milliamps"},
         "V": {"v", "volt", "volts", "voltage"},
     },
-    "time": {
-        "ms": {"ms", "msec", "millis", "milliseconds"},
-        "us": {"us", "usec", "micros", "microseconds"},
-        "ns": {"ns", "nsec", "nanos", "nanoseconds"},
-    },
+    "time": {unit: words for unit, words in TIME_UNITS.items() if unit != "s"},
 }
 
 _QUANTITY = {
@@ -66,6 +63,9 @@ _ALIKE = {"Nm": "N m", "m": "rad", "m/s": "rad/s", "N": "N m"}
 _ACCELERATION = {"ddq", "qddot", "acc", "accel", "acceleration"}
 
 _WORD = re.compile(r"[a-zA-Z]+")
+
+#: Words that may be units: the letter before a number is that of an axis, ``A1``.
+_UNIT_WORD = re.compile(r"[a-zA-Zµ]{2,}|[a-zA-Z](?![a-zA-Z\d])")
 
 
 def check_columns(
@@ -193,7 +193,7 @@ def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) 
     taken = str(declared or _SI[quantity])
     taken = _ALIKE.get(taken, taken)
     for column in names:
-        words = {w.lower() for w in _WORD.findall(column)}
+        words = {w.lower() for w in _UNIT_WORD.findall(column)}
         told = [unit for unit, own in UNITS[quantity].items() if own & words]
         if not told or taken in told or (quantity == "torque" and taken in _drive_units(told)):
             continue

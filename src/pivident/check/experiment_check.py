@@ -243,7 +243,8 @@ class _Check:
             own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
         self.remarks += own
         if audit.model is not None:
-            self.models.append(audit)
+            if place[0] == "recording":
+                self.models.append(audit)
             if not any(f.severity == "wrong" and f.kind in HIDES_GEOMETRY for f in audit.findings):
                 self.remarks += check_geometry(log, audit.timing, audit.model, place)
         slow = entry.rate is not None and entry.rate < LOWEST_RATE
@@ -291,13 +292,12 @@ class _Check:
     def _together(self) -> None:
         """Excitation belongs to all fitted recordings, not to each."""
         fitted = [a.model for a in self.models if a.model is not None]
-        if len(self.content.recording) < 2 or len(fitted) < 2:
+        if len(fitted) < 2:
             return
         from pivident.audit.excitation import check_excitation
 
-        count = len(self.content.recording)
         self.remarks = [r for r in self.remarks if r.check != "excitation"]
-        together = check_excitation(fitted[:count]).findings
+        together = check_excitation(fitted).findings
         self.remarks += [of_finding(f, ()) for f in together if f.severity != "fine"]
 
     def _methods_and_plan(self, robot: Robot | None) -> None:

@@ -148,6 +148,11 @@ def _joints_of(series: Series, joint_names: Sequence[str]) -> tuple[dict[str, st
     numbers = sorted(keys, key=int)
     by_number = _by_number(joint_names)
     if len(numbers) == len(joint_names):
+        named = next((own for _, own in by_number if len(own) == len(joint_names)), None)
+        if named is not None and named != list(joint_names):
+            pairs = dict(zip(numbers, named, strict=True))
+            seen = f"{len(numbers)} numbered columns, as {named[0]} … {named[-1]}"
+            return pairs, "likely", seen
         pairs = dict(zip(numbers, joint_names, strict=True))
         seen = f"{len(numbers)} numbered columns for {len(joint_names)} joints, from the base on"
         return pairs, "likely", seen

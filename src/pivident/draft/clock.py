@@ -8,23 +8,15 @@ import numpy as np
 
 from pivident.audit.column_names import TIME as TIME_WORDS
 from pivident.draft.guess import Sureness
-from pivident.recording.channel_words import words_of
+from pivident.recording.channel_words import TIME_UNITS, words_of
 from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, round_rate
 from pivident.recording.units import TIME
 
 #: Time of day since 1970 [s], from 1985 to 2128.
 EPOCH = (5e8, 5e9)
 
-#: Words that name the unit of stamps.
-UNIT_WORDS = {
-    "s": {"s", "sec", "secs", "seconds", "second"},
-    "ms": {"ms", "msec", "msecs", "milliseconds", "millis"},
-    "us": {"us", "µs", "usec", "usecs", "microseconds", "micros"},
-    "ns": {"ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "nanos"},
-}
-
 #: Words of a clock beyond those that the audit knows.
-MORE_WORDS = {"rosbagtimestamp", "ts", "zeit", "uptime", *set().union(*UNIT_WORDS.values())}
+MORE_WORDS = {"rosbagtimestamp", "ts", "zeit", "uptime", *set().union(*TIME_UNITS.values())}
 
 #: Share of stamps that may repeat the one before in a clock that is only coarse.
 COARSE = 0.9
@@ -102,7 +94,7 @@ def stamp_unit(
     low, high = LIKELY_RATES
     likely = [unit for unit, s in TIME.items() if low <= 1.0 / (period * s) <= high]
     words = set(words_of(name))
-    for unit, own in UNIT_WORDS.items():
+    for unit, own in TIME_UNITS.items():
         if words & own and (unit in likely or not likely):
             return unit, f"its name says {unit}", "certain"
     size = float(np.median(np.abs(stamps)))
@@ -180,8 +172,8 @@ def _without(
 
 def _seconds_and_rest(columns: dict[str, np.ndarray]) -> tuple[str, float] | None:
     """Names of a column of whole seconds and one of the rest in ns, and the time they span [s]."""
-    whole = [n for n in columns if set(words_of(n)) & UNIT_WORDS["s"]]
-    rest = [n for n in columns if set(words_of(n)) & UNIT_WORDS["ns"]]
+    whole = [n for n in columns if set(words_of(n)) & TIME_UNITS["s"]]
+    rest = [n for n in columns if set(words_of(n)) & TIME_UNITS["ns"]]
     for a in whole:
         for b in rest:
             span = columns[a][-1] - columns[a][0] + 1e-9 * (columns[b][-1] - columns[b][0])

@@ -59,32 +59,38 @@ def position_unit(robot: Robot, q: np.ndarray, named: str | None, answer: str | 
 
     Args:
         robot: its joints' kinds and limits.
-        q: as logged, shape (samples, joints).
+        q: as logged, shape (samples, joints), NaN where there is none.
         named: unit written in the columns' names, or None.
         answer: unit that somebody told, or None.
     """
     turning = [j for j, joint in enumerate(robot.joints) if joint.kind == "revolute"]
+    some = any(np.isfinite(q[:, j]).any() for j in turning)
     sliding = [j for j, joint in enumerate(robot.joints) if joint.kind == "prismatic"]
     slide = _best(robot, q, sliding, ("m", "mm"))[0] if sliding else "m"
+    by_name = bool(sliding) and named in ("m", "mm")
+    slide = str(named) if by_name else slide
     if answer in POSITION or (named in POSITION and named not in ("m", "mm")):
         unit, sure = str(answer or named), "certain"
         seen = "answered" if answer else f"the columns' names say {unit}"
-    elif not turning:
+    elif not some:
         unit, sure, seen = slide, "likely", f"limits of the joints fit {slide}"
+        if by_name:
+            sure, seen = "certain", f"the columns' names say {slide}"
     else:
         unit, sure, seen = _angle(robot, q, turning)
     if unit in ("m", "mm"):
         slide = unit
     units = tuple(slide if j in sliding else unit for j in range(robot.size))
     if sliding and turning:
-        seen += f"; sliding joints in {slide}, by their limits"
+        seen += f"; sliding joints in {slide}, by their {'names' if by_name else 'limits'}"
     return UnitGuess(units, sure, seen)  # type: ignore[arg-type]
 
 
 def _angle(robot: Robot, q: np.ndarray, turning: Sequence[int]) -> tuple[str, str, str]:
     """Radians or degrees."""
     unit, outside = _best(robot, q, turning, ("rad", "deg"))
-    low, high = float(np.min(q[:, turning])), float(np.max(q[:, turning]))
+    logged = q[:, [j for j in turning if np.isfinite(q[:, j]).any()]]
+    low, high = float(np.nanmin(logged)), float(np.nanmax(logged))
     spans = [robot.joints[j].position_limits for j in turning]
     known = [span for span in spans if span is not None]
     text = f"values from {low:.4g} to {high:.4g}"
@@ -92,7 +98,7 @@ def _angle(robot: Robot, q: np.ndarray, turning: Sequence[int]) -> tuple[str, st
         ends = (min(s[0] for s in known), max(s[1] for s in known))
         text += f", limits of the robot {ends[0]:.4g} to {ends[1]:.4g} rad"
     other = "deg" if unit == "rad" else "rad"
-    moved = float(np.ptp(q[:, turning], axis=0).max()) * POSITION[unit]
+    moved = float((np.nanmax(logged, axis=0) - np.nanmin(logged, axis=0)).max()) * POSITION[unit]
     if outside[unit] > 0:
         return unit, "guess", f"{text}: beyond the limits in either unit, least so as {unit}"
     if outside[other] > 0 or (unit == "deg" and high - low > 20.0):
@@ -108,12 +114,14 @@ def _best(
     for unit in units:
         for j in joints:
             limits = robot.joints[j].position_limits
-            values = q[:, j] * POSITION[unit]
+            values = q[np.isfinite(q[:, j]), j] * POSITION[unit]
+            if not values.size:  # a joint that is in the log by name alone
+                continue
             if limits is None:
                 limits = (-FARTHEST, FARTHEST)
             slack = SLACK * (limits[1] - limits[0])
             beyond = np.maximum(limits[0] - slack - values, values - limits[1] - slack)
-            outside[unit] = max(outside[unit], float(np.nanmax(beyond)) / (limits[1] - limits[0]))
+            outside[unit] = max(outside[unit], float(beyond.max()) / (limits[1] - limits[0]))
     return min(units, key=lambda unit: max(outside[unit], 0.0)), outside
 
 

@@ -29,6 +29,9 @@ from pivident.robot.description import Robot
 #: Standstill at the ends that is worth cutting off [s].
 WORTH_CUTTING = 1.0
 
+#: Rows with positions of all joints, at least; fewer are no log.
+FEWEST = 10
+
 #: Tracking error below which a reference is only a copy of the measurement, relative.
 COPY = 1e-6
 
@@ -76,10 +79,16 @@ def recording_lines(
     q = joints.channels["q"]
     logged = machine.robot(kept.logged if machine.is_urdf else None)
     raw = q.values(run, logged.joint_names)
-    rows = np.isfinite(raw).all(axis=1)
+    own = [logged.joint_names.index(name) for name in kept.names]
+    rows = np.isfinite(raw[:, own]).all(axis=1)
+    if rows.sum() < FEWEST:
+        raise DraftError(
+            f"{int(rows.sum())} of {len(rows)} rows of {run.files[q.file].shown} have a position "
+            f"of every joint ({', '.join(kept.names)}); export the joints on one clock without "
+            "empty cells, or a longer log"
+        )
     unit = position_unit(logged, raw[rows], q.unit, answers.get("unit of q"))
     si = raw * unit.factors(POSITION)
-    own = [logged.joint_names.index(name) for name in kept.names]
     first, last, still = motion_window(si[rows][:, own], clock.seconds[rows])
     frozen = _frozen(machine, logged, kept, si, clock, (first, last))
     robot = machine.robot(kept.names, {n: v for n, (v, _) in frozen.items()})

@@ -38,6 +38,9 @@ BLUNT, FAR = 0.3, 5.0
 #: Deviations that a reversed sign must have.
 CLEAR = 4.0
 
+#: Rows below which nothing is compared.
+FEWEST = 10
+
 #: Words with which a question for the unit is answered.
 ANSWERS = ("N m", "A", "unknown scale")
 
@@ -103,8 +106,13 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         robot=robot,
     )
     nothing = np.full(robot.size, np.nan)
+    if len(seconds) < FEWEST:
+        seen = f"{len(seconds)} rows have positions and torques of all joints while they move"
+        return Comparison(nothing, nothing, trouble=seen)
     try:
         timing = check_timing(log)
+        if not timing.rate:
+            return Comparison(nothing, nothing, trouble="the clock tells no rate")
         model = build_inverse_model(log, timing)
         findings, better = check_positions(log, timing, model)
         if any(f.kind == "angle unit" for f in findings):

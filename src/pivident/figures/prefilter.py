@@ -48,21 +48,14 @@ def figure_of_prefilters(
         raise FigureError(f"{result.method} filters by a band-pass and has no prefilters")
     rate = chosen_recording(result, 0).whitened_rate
     frequency = np.geomspace(rate / 2.0e4, 0.5 * rate, _POINTS)
-    shift = np.exp(-2j * np.pi * frequency / rate)
     with paper_style():
         figure, (ax,) = new_figure(1, columns=columns, row_height=2.1)
         for k, j in enumerate(chosen):
             own = equations.filters[j]
-            response = _of(own.numerator, shift) / _of(own.denominator, shift)
-            gain = np.abs(response * _of(own.fir, shift))
+            gain = np.abs(own.response(frequency, rate))
             decibel = 20.0 * np.log10(np.maximum(gain / max(gain[0], 1e-300), 1e-300))
             name = plain(result.robot.joint_names[j])
             ax.semilogx(frequency, decibel, label=name, **line_style(k))
         ax.set(xlabel="frequency [Hz]", ylabel="gain [dB], lowest frequency 0")
         ax.legend(ncols=2)
     return figure
-
-
-def _of(coefficients: Sequence[float] | np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """A polynomial in z⁻¹ at the frequencies."""
-    return np.polyval(np.asarray(coefficients, dtype=float)[::-1], shift)

@@ -212,6 +212,8 @@ class _McapState:
                 )
                 own = text if language in ("ros1msg", "ros2msg") else ""
                 self.channels[number] = Topic(topic, name, own, encoding == "cdr", readable)
+                if len(self.channels) > MOST_TOPICS:
+                    raise _damaged(self.path, f"it has more than {MOST_TOPICS} channels")
         except struct.error:
             raise _damaged(self.path, "a record is too short") from None
 

@@ -53,6 +53,14 @@ UNITS: dict[str, tuple[str, str]] = {
     "ma": ("mA", "current"), "v": ("V", "tau"),
 }  # fmt: skip
 
+#: Words that name the unit of time stamps.
+TIME_UNITS: dict[str, set[str]] = {
+    "s": {"s", "sec", "secs", "seconds", "second"},
+    "ms": {"ms", "msec", "msecs", "milliseconds", "millis"},
+    "us": {"us", "µs", "usec", "usecs", "microseconds", "micros"},
+    "ns": {"ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "nanos"},
+}
+
 #: Units that stand as a word of their own, without brackets around them.
 BARE_UNITS = {"deg", "degs", "degree", "degrees", "rad", "rads", "nm", "mnm", "mm", "rpm", "°"}
 

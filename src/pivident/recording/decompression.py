@@ -94,15 +94,23 @@ def unpack_file(path: Path, out: BinaryIO) -> None:
 
 
 def _blocks(path: Path, step: int = 2**22) -> Iterator[bytes]:
-    """Content of a Zstandard file of one frame, block by block."""
+    """Content of a Zstandard file, block by block; parallel compressors write several frames."""
     decompressor = _decompressor(path, "zstd")
     try:
         with path.open("rb") as stream:
-            while not decompressor.eof:
-                data = stream.read(step) if decompressor.needs_input else b""
-                if decompressor.needs_input and not data:
-                    raise EOFError("it ends too early")
+            data = b""
+            while True:
+                if decompressor.eof:
+                    data = decompressor.unused_data or stream.read(step)
+                    if not data:
+                        return
+                    decompressor = _decompressor(path, "zstd")
+                elif decompressor.needs_input:
+                    data = stream.read(step)
+                    if not data:
+                        raise EOFError("it ends too early")
                 yield decompressor.decompress(data, step)
+                data = b""
     except (FileFormatError, GeneratorExit):
         raise
     except Exception as error:

@@ -88,7 +88,7 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     title = _title(looked_at)
     rows = looked_at[title:]
     first = rows[0][1]
-    separator = max(SEPARATORS, key=first.count)
+    separator = _separator([line for _, line in rows])
     blanks = not first.count(separator) and _by_blanks([line for _, line in rows])
     if first.count(separator) >= MOST_COLUMNS or (blanks and len(first.split()) > MOST_COLUMNS):
         raise FileFormatError(
@@ -152,6 +152,19 @@ def is_number(cell: str, decimal_comma: bool = False) -> bool:
     except ValueError:
         return False
     return True
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """What stands between cells.
+
+    A semicolon or a tab that every line has alike does: commas beside it, be they ever so many,
+    belong to numbers or to names. Else it is what the first line has most of.
+    """
+    for separator in SEPARATORS[1:]:
+        counts = {line.count(separator) for line in lines}
+        if len(counts) == 1 and counts.pop():
+            return separator
+    return max(SEPARATORS, key=lines[0].count)
 
 
 def _title(lines: Sequence[tuple[int, str]]) -> int:

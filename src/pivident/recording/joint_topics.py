@@ -22,7 +22,7 @@ from pivident.recording.message_definitions import (
     parse_definition,
     short_name,
 )
-from pivident.recording.message_layout import Layout, layout_of
+from pivident.recording.message_layout import MOST_VISITS, Layout, layout_of
 from pivident.scratch import working_array
 
 #: Messages that are read together, and the bytes that they may have.
@@ -36,6 +36,13 @@ LONELY = 8
 
 #: Most columns of a topic.
 MOST_COLUMNS = 2_000
+
+#: Fields that may be visited in search of structures, in one bag and in one of its topics. Bags
+#: from recorders need some hundreds; one whose every message is built differently ends here.
+VISITS_OF_BAG, VISITS_OF_TOPIC = 2**23, 2**22
+
+#: What one walk costs beside its fields, in visits, and characters of a definition for one visit.
+WALK, READ_IN_A_VISIT = 40, 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,15 +70,32 @@ class TopicTable:
 
 
 @dataclass
+class Patience:
+    """How much work the structures of a bag's messages may still make; shared by its topics.
+
+    Attributes:
+        left: visits of fields.
+    """
+
+    left: int = VISITS_OF_BAG
+
+    def spend(self, visits: int) -> None:
+        """Take some of it; what is owed may go below zero."""
+        self.left -= visits
+
+
+@dataclass
 class TopicReader:
     """Takes the messages of one topic, one by one.
 
     Attributes:
         topic: the topic.
+        patience: what all topics of the bag share.
         why_not: why its messages cannot be read, empty as long as they can.
     """
 
     topic: Topic
+    patience: Patience = field(default_factory=Patience)
     why_not: str = ""
     _versions: list[Definitions] = field(default_factory=list)
     _waiting: list[bytes] = field(default_factory=list)
@@ -83,6 +107,7 @@ class TopicReader:
     )
     _names: set[str] = field(default_factory=set)
     _read: int = 0
+    _visits: int = 0
 
     def __post_init__(self) -> None:
         known = KNOWN.get(short_name(self.topic.type), ())
@@ -90,6 +115,10 @@ class TopicReader:
         if not self.topic.readable or not texts:
             self.why_not = "its encoding or type is not known"
             return
+        if self.patience.left <= 0:
+            self.why_not = "the messages before it are built in too many ways"
+            return
+        self.patience.spend(sum(map(len, texts)) // READ_IN_A_VISIT)
         try:
             self._versions = [parse_definition(self.topic.type, text) for text in texts]
         except FileFormatError as error:
@@ -134,7 +163,8 @@ class TopicReader:
         refuse_bomb(path, 8 * len(names) * samples)
         place = {name: k for k, name in enumerate(names)}
         values = working_array((len(names), samples))
-        together = all(set(part[0]) == set(names) for part in self._parts)
+        every = set(names)
+        together = all(set(part[0]) == every for part in self._parts)
         present = np.zeros((0 if together else len(names), samples), dtype=bool)
         stamps = np.zeros(samples, dtype=np.int64)
         if not together:
@@ -217,14 +247,27 @@ class TopicReader:
         self._parts.append((names, rows, layout.values(stack), layout.stamps(stack)))
 
     def _layout(self, message: bytes) -> Layout:
-        """The structure of a message; the first one settles the version of its type."""
+        """The structure of a message; the first one settles the version of its type.
+
+        Raises:
+            FileFormatError: it is not what its type says, or there were too many structures.
+        """
+        if self._visits > VISITS_OF_TOPIC or self.patience.left <= 0:
+            raise FileFormatError("its messages are built in too many ways")
         for version in tuple(self._versions):
             try:
                 layout = layout_of(message, short_name(self.topic.type), version, self.topic.cdr)
             except FileFormatError:
+                self._spend(MOST_VISITS)  # how far the walk came is not known
                 if version is self._versions[-1]:
                     raise
                 continue
+            self._spend(layout.visits)
             self._versions = [version]
             return layout
         raise FileFormatError("its type has no definition")
+
+    def _spend(self, visits: int) -> None:
+        """Count the work of one walk."""
+        self._visits += visits + WALK
+        self.patience.spend(visits + WALK)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from functools import lru_cache
 
 from pivident.errors import FileFormatError
 
@@ -120,8 +121,9 @@ KNOWN: dict[str, tuple[str, ...]] = {
 }
 
 
+@lru_cache(maxsize=64)
 def parse_definition(type_name: str, text: str) -> Definitions:
-    """Fields of a type and of the types it is made of.
+    """Fields of a type and of the types it is made of; topics of one type are read once.
 
     Args:
         type_name: full name of the message's own type, such as ``sensor_msgs/JointState``.

@@ -79,6 +79,7 @@ class Layout:
         order: ``<`` or ``>``.
         places: indices of the bytes that make the structure, and ``bytes_there`` their values.
         bytes_there: see ``places``.
+        visits: fields that the walk met.
     """
 
     size: int
@@ -88,6 +89,7 @@ class Layout:
     order: str
     places: np.ndarray
     bytes_there: np.ndarray
+    visits: int = 0
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -138,8 +140,9 @@ def layout_of(message: bytes, type_name: str, definitions: Definitions, cdr: boo
     content = np.frombuffer(message, np.uint8)
     names = next((walk.names[key] for key in NAMING if walk.names.get(key)), ())
     return Layout(
-        len(message), tuple(walk.runs), names, walk.stamp, walk.order, places, content[places]
-    )
+        len(message), tuple(walk.runs), names, walk.stamp, walk.order, places, content[places],
+        walk.visits,
+    )  # fmt: skip
 
 
 @dataclass
@@ -209,6 +212,7 @@ class _Walk:
             raise _Unreadable(f"an array of {count} elements lies in {len(self.data)} bytes")
         if type_name == "string":
             texts = tuple(self._string() for _ in range(count))
+            self.visits += count
             if path is not None and len(path) == 1:
                 self.names[path[0]] = texts
             return

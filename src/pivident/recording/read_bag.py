@@ -35,7 +35,7 @@ from pivident.recording.bag_containers import (
 )
 from pivident.recording.decompression import unpack_file
 from pivident.recording.files import bag_files, existing_file
-from pivident.recording.joint_topics import TopicReader, TopicTable
+from pivident.recording.joint_topics import Patience, TopicReader, TopicTable
 
 #: What reads which kind of file.
 CONTAINERS: dict[str, Callable[[Path], Iterator[Message]]] = {
@@ -179,11 +179,12 @@ def _state(file: Path) -> tuple[int, int, int]:
 def _opened(path: Path, states: tuple[tuple[Path, int, int, int], ...]) -> Bag:
     """Read every message once."""
     readers: dict[Topic, TopicReader] = {}
+    patience = Patience()
     for file, *_ in states:
         for topic, received, message in _messages(file):
             reader = readers.get(topic)
             if reader is None:
-                reader = readers[topic] = TopicReader(topic)
+                reader = readers[topic] = TopicReader(topic, patience)
             if not reader.why_not:
                 reader.take(received, message)
     largest = max((file for file, *_ in states), key=lambda file: file.stat().st_size)
