@@ -35,6 +35,7 @@ PAGE_SCRIPTS = (
     "theme.js",
     "contents.js",
     "figures.js",
+    "zoom.js",
     "time.js",
     "tables.js",
     "downloads.js",
@@ -123,6 +124,7 @@ def page_environment() -> Environment:
         "known": known,
         "script_json": _script_json,
         "powers": _powers,
+        "sentence": _sentence,
     }
     environment.globals |= {
         "with_spread": with_spread,
@@ -145,6 +147,12 @@ def _script_json(figure: Figure) -> Markup:
 def _method_class(method: int) -> str:
     """CSS class of a method's colour."""
     return f"m{method % len(METHOD_COLOURS)}"
+
+
+def _sentence(text: str) -> Markup:
+    """A sentence whose numbers in powers of ten are written as such."""
+    parts = re.split(r"(?<![\w.])(-?\d+(?:\.\d+)?e[+-]\d+)(?!\w)", str(text))
+    return Markup("").join(_powers(part) if k % 2 else part for k, part in enumerate(parts))
 
 
 def _powers(number: str) -> Markup:
