@@ -11,7 +11,6 @@ import plotly.io
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.errors import PividentError
@@ -24,6 +23,7 @@ from pivident.estimation.parameter_rows import (
     with_spread,
 )
 from pivident.files import atomic_folder
+from pivident.report.drawing_library import drawing_library
 from pivident.report.figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.intervals import marker
 from pivident.report.material import Material
@@ -34,6 +34,7 @@ from pivident.validation.examination import Examination, examine_alone
 PAGE_SCRIPTS = (
     "theme.js",
     "contents.js",
+    "inflate.js",
     "figures.js",
     "zoom.js",
     "time.js",
@@ -104,7 +105,6 @@ def render_report(
         title=title,
         head=sections[0],
         sections=sections[1:],
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 
@@ -130,6 +130,7 @@ def page_environment() -> Environment:
         "with_spread": with_spread,
         "method_class": _method_class,
         "page_scripts": PAGE_SCRIPTS,
+        "drawing_library": drawing_library,
         "method_colours": METHOD_COLOURS,
         "dark_colours": DARK_COLOURS,
         "measured_colour": MEASURED,

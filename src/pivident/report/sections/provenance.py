@@ -1,4 +1,4 @@
-"""Options, recordings, input files with their hashes, versions: what it takes to repeat the result."""
+"""Options, recordings, input files and versions: what it takes to repeat the result."""
 
 from __future__ import annotations
 
