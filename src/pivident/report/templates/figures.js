@@ -93,7 +93,8 @@ const figures = (() => {
     plots.filter((plot) => !isDrawn(plot)).forEach(draw);
     plots.forEach(bring);
     // A printed page is narrower than the window that was drawn for.
-    plots.forEach((plot) => Plotly.relayout(plot, { width: PAPER, autosize: false }));
+    const width = (plot) => (plot.closest(".figures") ? PAPER : 2 * PAPER);
+    plots.forEach((plot) => Plotly.relayout(plot, { width: width(plot), autosize: false }));
   });
   addEventListener("afterprint", () => {
     folded.forEach((part) => { part.open = false; });
