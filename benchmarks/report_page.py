@@ -60,7 +60,7 @@ def main() -> None:
         begin = time.perf_counter()
         text = render_report(results)
         print(f"rendered in {time.perf_counter() - begin:.1f} s")
-    print(f"size {len(text.encode()) / 1e6:.2f} MB (asked: below 8 MB; plotly, packed, takes 2 MB of it)")
+    print(f"size {len(text.encode()) / 1e6:.2f} MB (asked: below 8 MB)")
     found = [_opened(text) for _ in range(options.runs)]
     for key, words in (
         ("paint", "first contentful paint"),
