@@ -93,8 +93,7 @@ const figures = (() => {
     plots.filter((plot) => !isDrawn(plot)).forEach(draw);
     plots.forEach(bring);
     // A printed page is narrower than the window that was drawn for.
-    const width = (plot) => (plot.closest(".figures") ? PAPER : 2 * PAPER);
-    plots.forEach((plot) => Plotly.relayout(plot, { width: width(plot), autosize: false }));
+    plots.forEach((plot) => Plotly.relayout(plot, { width: PAPER, autosize: false }));
   });
   addEventListener("afterprint", () => {
     folded.forEach((part) => { part.open = false; });
