@@ -5,13 +5,14 @@ from pathlib import Path
 
 from pivident.audit.finding import SEVERITIES
 from pivident.audit.page import CHECKS
+from pivident.report.drawing_library import DrawingLibrary
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "audit.md").read_text("utf-8")
 
 
 def test_example_runs(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("pivident.audit.page.get_plotlyjs", lambda: "")
+    monkeypatch.setattr("pivident.report.builder.drawing_library", lambda: DrawingLibrary("", 0))
     (code,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     exec(compile(code, "docs/audit.md", "exec"), {})
     assert (tmp_path / "log-audit" / "audit.html").is_file()

@@ -12,6 +12,7 @@ from pivident.audit import audit_log, write_audit
 from pivident.audit.page import render_page
 from pivident.cli import main
 from pivident.errors import PividentError
+from pivident.report.drawing_library import DrawingLibrary
 from tests.audit.logs import planar, with_torque
 from tests.planar_log import write_experiment
 
@@ -19,7 +20,7 @@ from tests.planar_log import write_experiment
 @pytest.fixture(autouse=True)
 def _without_plotly(monkeypatch):
     """Five megabytes of script, which say nothing here; test_browser has them."""
-    monkeypatch.setattr("pivident.audit.page.get_plotlyjs", lambda: "")
+    monkeypatch.setattr("pivident.report.builder.drawing_library", lambda: DrawingLibrary("", 0))
 
 
 @pytest.fixture(scope="module")

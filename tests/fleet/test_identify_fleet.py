@@ -19,6 +19,7 @@ from pivident.fleet.errors import FleetError, OtherFleet
 from pivident.fleet.identify_fleet import identify_fleet
 from pivident.fleet.judgement import ALARMS, PARAMETERS, conclude, judge
 from pivident.fleet.one_log import identify_log
+from pivident.report.drawing_library import DrawingLibrary
 from tests.fleet.planar_fleet import TEMPLATE, WARMTH, write_fleet
 
 ROBOTS, WORN = 6, {"arm_2": 1.1}
@@ -27,7 +28,7 @@ ROBOTS, WORN = 6, {"arm_2": 1.1}
 @pytest.fixture(autouse=True)
 def _without_plotly(monkeypatch):
     """Five megabytes of script, which say nothing here."""
-    monkeypatch.setattr("pivident.fleet.page.get_plotlyjs", lambda: "")
+    monkeypatch.setattr("pivident.report.builder.drawing_library", lambda: DrawingLibrary("", 0))
 
 
 @pytest.fixture(scope="module")

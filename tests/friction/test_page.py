@@ -14,6 +14,7 @@ from pivident.errors import PividentError
 from pivident.friction.curves import curves_table, write_friction
 from pivident.friction.examination import FrictionExamination, joint_friction
 from pivident.friction.page import render_page
+from pivident.report.drawing_library import DrawingLibrary
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.friction.made_up import friction_torque
 from tests.friction.test_ripple_lines import cosine, found_in, record
@@ -29,7 +30,7 @@ def examination():
 @pytest.fixture
 def _without_plotly(monkeypatch):
     """Five megabytes of script, which say nothing here."""
-    monkeypatch.setattr("pivident.friction.page.get_plotlyjs", lambda: "")
+    monkeypatch.setattr("pivident.report.builder.drawing_library", lambda: DrawingLibrary("", 0))
 
 
 @pytest.mark.usefixtures("_without_plotly")

@@ -6,7 +6,6 @@ from collections.abc import Callable, Sequence
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.audit import figures
@@ -59,7 +58,6 @@ def render_page(audits: Sequence[Audit]) -> str:
         title=f"Audit of {', '.join(audit.log.name for audit in audits)}",
         sections=sections,
         **head,
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 

@@ -10,7 +10,6 @@ import numpy as np
 import plotly.graph_objects as go
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.comparison.compare import ComparedParameter, Comparison
@@ -76,7 +75,6 @@ def render_page(comparison: Comparison) -> str:
         title=f"{robots}: {len(comparison.entries)} results compared",
         sections=sections,
         colours=METHOD_COLOURS,
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 

@@ -70,6 +70,7 @@ def decimated_answer(
                 np.where(votes, error / scale[:, None], np.nan).T,
                 float(rate),
                 None if recording.q_ref is None else recording.q_ref[index],
+                recording.account,
             )
         )
     answer = make_identification(

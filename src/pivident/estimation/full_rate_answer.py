@@ -108,6 +108,7 @@ def full_rate_answer(
                 white[:, part].T,
                 k.recording.rate,
                 None if k.recording.q_ref is None else k.recording.q_ref[part],
+                k.recording.account,
             )
         )
     answer = make_identification(

@@ -88,6 +88,7 @@ class FittedRecording:
             rows of the estimator, shape (rows, joints); NaN on rows that did not vote.
         whitened_rate: rate of ``whitened`` [Hz].
         q_ref: recorded or reconstructed reference on the same rows [rad or m], or None.
+        account: how the record was logged and what was done to its samples, in sentences.
     """
 
     name: str
@@ -102,6 +103,7 @@ class FittedRecording:
     whitened: np.ndarray
     whitened_rate: float
     q_ref: np.ndarray | None = None
+    account: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,6 @@ from typing import Any
 
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.fleet.figures import chart_figure, overview_figure
@@ -68,7 +67,6 @@ def render_page(judgement: Judgement) -> str:
         title=f"{fleet.template.experiment.title}: {len(fleet.robots)} robots, "
         f"{len(fleet.logs)} logs",
         sections=sections,
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 

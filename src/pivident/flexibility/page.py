@@ -8,7 +8,6 @@ from collections.abc import Sequence
 import numpy as np
 import plotly.graph_objects as go
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.audit.figures import empty_plot
@@ -48,7 +47,6 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
     return environment.get_template("page.html").render(
         title="Flexible joints",
         sections=sections,
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.friction.examination import FrictionExamination
@@ -46,7 +45,6 @@ def render_page(examination: FrictionExamination, title: str | None = None) -> s
     return environment.get_template("page.html").render(
         title=title or f"{examination.robot}: friction",
         sections=sections,
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 

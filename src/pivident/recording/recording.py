@@ -28,6 +28,13 @@ LONGEST_DRIVE_DELAY = 0.1
 #: Which instant a torque sample speaks of, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
 
+#: The same in words.
+TIMING_WORDS = {
+    "held": "applied from its instant until the next control instant",
+    "averaged": "the mean over the period before its instant",
+    "sampled": "the value at its instant",
+}
+
 #: What to do with a torque that is cut off at a limit.
 Saturation = Literal["refuse", "allow"]
 
@@ -194,6 +201,27 @@ class Recording:
     def t(self) -> np.ndarray:
         """Time of each sample, shape (samples,) [s]."""
         return self.start_time + np.arange(self.samples) / self.rate
+
+    @property
+    def account(self) -> tuple[str, ...]:
+        """How it was logged and what was done to its samples, in sentences."""
+        sentences = [
+            f"{self.samples} samples at {self.rate:.6g} Hz, control loop at "
+            f"{self.control_rate:.6g} Hz{', simulated' if self.simulated else ''}.",
+            f"A torque sample is {TIMING_WORDS[self.torque_timing]}.",
+        ]
+        if self.delay:
+            late = "later" if self.delay > 0 else "earlier"
+            sentences.append(
+                f"The torque channel is {1e3 * abs(self.delay):.4g} ms {late} than the positions, "
+                "which is allowed for."
+            )
+        if self.drive_delay:
+            sentences.append(
+                f"A logged torque acts {1e3 * self.drive_delay:.4g} ms after its sample, which is "
+                "allowed for."
+            )
+        return (*sentences, *self.notes)
 
     def part(self, start: int, stop: int) -> Recording:
         """The samples start … stop-1 as a recording of their own, without copying.

@@ -11,7 +11,6 @@ import plotly.io
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.errors import PividentError
@@ -24,6 +23,7 @@ from pivident.estimation.parameter_rows import (
     with_spread,
 )
 from pivident.files import atomic_folder
+from pivident.report.drawing_library import drawing_library
 from pivident.report.figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.intervals import marker
 from pivident.report.material import Material
@@ -34,7 +34,9 @@ from pivident.validation.examination import Examination, examine_alone
 PAGE_SCRIPTS = (
     "theme.js",
     "contents.js",
+    "inflate.js",
     "figures.js",
+    "zoom.js",
     "time.js",
     "tables.js",
     "downloads.js",
@@ -103,7 +105,6 @@ def render_report(
         title=title,
         head=sections[0],
         sections=sections[1:],
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 
@@ -123,11 +124,13 @@ def page_environment() -> Environment:
         "known": known,
         "script_json": _script_json,
         "powers": _powers,
+        "sentence": _sentence,
     }
     environment.globals |= {
         "with_spread": with_spread,
         "method_class": _method_class,
         "page_scripts": PAGE_SCRIPTS,
+        "drawing_library": drawing_library,
         "method_colours": METHOD_COLOURS,
         "dark_colours": DARK_COLOURS,
         "measured_colour": MEASURED,
@@ -145,6 +148,12 @@ def _script_json(figure: Figure) -> Markup:
 def _method_class(method: int) -> str:
     """CSS class of a method's colour."""
     return f"m{method % len(METHOD_COLOURS)}"
+
+
+def _sentence(text: str) -> Markup:
+    """A sentence whose numbers in powers of ten are written as such."""
+    parts = re.split(r"(?<![\w.])(-?\d+(?:\.\d+)?e[+-]\d+)(?!\w)", str(text))
+    return Markup("").join(_powers(part) if k % 2 else part for k, part in enumerate(parts))
 
 
 def _powers(number: str) -> Markup:

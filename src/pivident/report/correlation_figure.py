@@ -15,8 +15,8 @@ _SCALE = [[0.0, "#2f7fd1"], [0.5, "rgba(138, 147, 163, 0.12)"], [1.0, "#e07b00"]
 #: Pairs that the words list.
 _LISTED = 5
 
-#: Beyond so many parameters their names are written smaller.
-_MANY = 40
+#: Size of the names [px] up to so many parameters, and beyond.
+_FONTS, _SMALLEST_FONT = ((20, 11), (40, 9)), 8
 
 #: Size of a cell and of the rest [px].
 _CELL, _REST, _SMALLEST, _LARGEST = 13, 120, 300, 780
@@ -43,7 +43,7 @@ def correlation_figure(correlation: ParameterCorrelation) -> Figure:
         hovertemplate="%{y} and %{x}: ρ = %{z:.2f}<extra></extra>",
         hoverongaps=False,
     )
-    size = 9 if len(names) <= _MANY else 7
+    size = next((size for most, size in _FONTS if len(names) <= most), _SMALLEST_FONT)
     ticks = {"dtick": 1, "tickfont": {"size": size}, "automargin": True, "showgrid": False}
     plot.update_xaxes(tickangle=-90, **ticks)
     plot.update_yaxes(autorange="reversed", **ticks)

@@ -259,7 +259,7 @@ def change_figure(identification: Identification) -> Figure:
     history = identification.history
     plot = empty_plot("%")
     plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
-    plot.update_yaxes(type="log")
+    plot.update_yaxes(type="log", exponentformat="power")
     for name, line_colour, values in (
         ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
         ("relative error of the torque", METHOD_COLOURS[1], [i.residual for i in history]),

@@ -274,7 +274,7 @@ def _stacked(upper: str, lower: str) -> go.Figure:
 
 
 def _log_frequency(plot: go.Figure) -> None:
-    plot.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1)
+    plot.update_xaxes(title_text="frequency [Hz]", type="log")
 
 
 def _gain(

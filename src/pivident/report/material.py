@@ -17,8 +17,8 @@ from pivident.validation.consistent_estimate import NoConsistentEstimate
 from pivident.validation.examination import Examination
 from pivident.validation.verdict import Verdict, verdict
 
-#: Points of all signals together; a point takes 11 bytes, plotly itself 5 MB.
-TOTAL_POINTS = 90_000
+#: Points of all signals together; a point takes 11 bytes, plotly itself 2 MB.
+TOTAL_POINTS = 150_000
 
 #: A trace has at most so many points, which is more than a screen has columns …
 MOST_POINTS = 3000

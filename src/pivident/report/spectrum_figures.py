@@ -18,7 +18,7 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
     """
     white, level = spectra.white, spectra.white_level
     plot = empty_plot("")
-    plot.update_xaxes(title_text="frequency [Hz]", type="log", dtick=1)
+    plot.update_xaxes(title_text="frequency [Hz]", type="log")
     plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
     below = {"title": {"text": "re white", "standoff": 4}, "type": "log", "dtick": 1}
     below["exponentformat"] = "power"

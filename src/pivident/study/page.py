@@ -11,7 +11,6 @@ import numpy as np
 import plotly.graph_objects as go
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
-from plotly.offline import get_plotlyjs
 
 from pivident import __version__
 from pivident.report.builder import page_environment
@@ -78,7 +77,6 @@ def render_page(
     return environment.get_template("page.html").render(
         title=f"Study {summary.scenario}: {summary.runs} runs",
         sections=sections,
-        plotly=Markup(get_plotlyjs()),
         version=__version__,
     )
 

@@ -128,7 +128,7 @@ def _band_pass_remarks(
             remarks.append((True, f"{what}: {rule}, which agrees within a factor of 1.5."))
             continue
         consequence = too_low if side < 0 else too_high
-        advice = f"Try {option} = {wanted:.2g} and see whether the estimate moves."
+        advice = f"Try {option} = {significant(wanted, 2)} and see whether the estimate moves."
         if wanted >= 0.5 * rate:
             advice = (
                 f"The record's rate of {significant(rate)} Hz does not allow it: record faster."

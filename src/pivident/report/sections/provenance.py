@@ -1,4 +1,4 @@
-"""Options, input files with their hashes, versions: what it takes to repeat the result."""
+"""Options, recordings, input files and versions: what it takes to repeat the result."""
 
 from __future__ import annotations
 
@@ -16,18 +16,24 @@ class ProvenanceSection(Section):
     template = "provenance.html"
 
     def context(self) -> dict[str, Any]:
-        """Flat options by name, sources and versions."""
+        """Flat options by name, recordings, sources and versions."""
         identifications = self.material.identifications
         options = [dict(_flat(i.options)) for i in identifications]
         names = dict.fromkeys(name for entry in options for name in entry)
         return {
             "labels": self.material.labels,
             "options": {name: [entry.get(name, "–") for entry in options] for name in names},
+            "recordings": [(name, text) for name, text in self._accounts().items() if text],
             "sources": {
                 name: digest for i in identifications for name, digest in i.sources.items()
             },
             "versions": list(dict.fromkeys(i.version or "unknown" for i in identifications)),
         }
+
+    def _accounts(self) -> dict[str, tuple[str, ...]]:
+        """How each recording was logged and what was done to its samples."""
+        recordings = (r for i in self.material.identifications for r in i.recordings)
+        return {recording.name: recording.account for recording in recordings}
 
 
 def _flat(options: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, str]]:

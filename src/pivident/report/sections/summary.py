@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.estimation.tables import ending
+from pivident.estimation.tables import ending, error_rows
 from pivident.report.findings import disagreements, findings
 from pivident.report.sections.base import Section
 
@@ -22,7 +22,7 @@ class SummarySection(Section):
         apart = disagreements(material.identifications, material.labels)
         return {
             "methods": [
-                (label, i, ending(i))
+                (label, i, ending(i), error_rows(i))
                 for label, i in zip(material.labels, material.identifications, strict=True)
             ],
             "remarks": [

@@ -29,6 +29,7 @@ class VerdictSection(Section):
             "recordings": [
                 (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()
             ],
+            "accounts": any(r.account for r in recordings.values()),
             "labels": material.labels,
             "several": material.several,
             "key_figures": self._key_figures(best),

@@ -8,12 +8,13 @@ const figures = (() => {
   const dark = {{ dark_colours | tojson }};
 
   function load() {
-    // Five megabytes of script are compiled when the first figure wants them, not before.
+    // Five megabytes of script are unpacked and compiled when the first figure wants them, not before.
     const source = document.getElementById("plotly");
     if (source.dataset.loaded) return;
     source.dataset.loaded = "yes";
     const script = document.createElement("script");
-    script.textContent = source.textContent;
+    const packed = Uint8Array.from(atob(source.textContent), (letter) => letter.charCodeAt(0));
+    script.textContent = new TextDecoder().decode(inflate(packed, Number(source.dataset.size)));
     document.head.append(script);
   }
 
@@ -21,7 +22,7 @@ const figures = (() => {
   const recoloured = (text) =>
     theme.isDark() ? text.replace(/#[0-9a-f]{6}/g, (colour) => dark[colour] ?? colour) : text;
 
-  function themed(layout) {
+  function themed(layout, plot) {
     const font = { family: getComputedStyle(document.body).fontFamily, size: 12, color: theme.variable("--soft") };
     const axis = { gridcolor: theme.variable("--grid"), zerolinecolor: theme.variable("--line"), linecolor: theme.variable("--line") };
     const look = {
@@ -29,28 +30,28 @@ const figures = (() => {
       uirevision: "kept",
       paper_bgcolor: "rgba(0,0,0,0)",
       plot_bgcolor: "rgba(0,0,0,0)",
-      modebar: { bgcolor: "rgba(0,0,0,0)", color: theme.variable("--edge"), activecolor: theme.variable("--ink") },
       hoverlabel: { bgcolor: theme.variable("--panel"), bordercolor: theme.variable("--edge"), font: { color: theme.variable("--ink") } },
     };
     for (const key of Object.keys(layout)) {
       if (/^[xy]axis\d*$/.test(key)) look[key] = { ...layout[key], ...axis };
     }
-    // A finger that meets a figure scrolls the page.
-    if (touch.matches) look.dragmode = false;
+    if (!draggable(plot)) look.dragmode = false;
     return { ...layout, ...look };
   }
+
+  // A finger that meets a figure scrolls the page, until the reader asks to zoom.
+  const draggable = (plot) => !touch.matches || plot.dataset.zoom === "on";
 
   function draw(plot) {
     load();
     const { data, layout } = JSON.parse(recoloured(plot.nextElementSibling.textContent));
     const first = !plot.dataset.drawn;
     plot.dataset.drawn = "yes";
-    const done = Plotly.react(plot, data, themed(layout), {
+    const done = Plotly.react(plot, data, themed(layout, plot), {
       responsive: true,
       displaylogo: false,
-      displayModeBar: touch.matches ? false : "hover",
-      // A log may be confidential: nothing on the page offers to send it anywhere.
-      modeBarButtonsToRemove: ["sendChartToCloud", "select2d", "lasso2d", "autoScale2d"],
+      // Its icons lie over curves and legends, and no key reaches them; tools stand above the figure.
+      displayModeBar: false,
     });
     if (first) drawers.forEach((drawer) => drawer(plot));
     return done;
@@ -106,6 +107,11 @@ const figures = (() => {
     plots,
     isDrawn,
     near,
+    /** Lets a finger draw the window to zoom into, or scroll the page again. */
+    zooming: (plot, on) => {
+      plot.dataset.zoom = on ? "on" : "off";
+      if (isDrawn(plot)) Plotly.relayout(plot, { dragmode: draggable(plot) ? "zoom" : false });
+    },
     /** Calls back with each figure after its first drawing. */
     whenDrawn: (callback) => drawers.push(callback),
     /** Calls back with each figure that comes near the window. */

@@ -176,6 +176,8 @@
   choice("docked").addEventListener("change", (event) => { stage.classList.toggle("docked", event.target.checked); ask(); });
   stage.querySelectorAll("[data-view]").forEach((button) =>
     button.addEventListener("click", () => look(button.dataset.view)));
+  stage.querySelectorAll("[data-closer]").forEach((button) =>
+    button.addEventListener("click", () => zoom(Number(button.dataset.closer))));
 
   const KEYS = {
     ArrowLeft: () => turn(0.1, 0), ArrowRight: () => turn(-0.1, 0),
