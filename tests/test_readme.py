@@ -87,7 +87,8 @@ def test_block_on_linear_models_prints_one(capsys):
 
 
 def test_commands_of_the_readme_exist():
-    code = re.findall(r"```\n(.*?)```", README, flags=re.DOTALL)
+    fences = re.findall(r"^```(\w*)\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+    code = [text for language, text in fences if not language]
     code += re.findall(r"`(pivident [^`]*)`", README)
     named = {name for text in code for name in re.findall(r"\bpivident ([a-z]\w+)", text)}
     assert {"demo", "init", "check", "identify", "robots", "datasets", "compare"} <= named
