@@ -1,13 +1,18 @@
 """The README's Python runs as it stands, its experiment file loads, its commands exist."""
 
 import re
+import shlex
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from pivident.cli import main
 from pivident.cli.app import app
 from pivident.experiment import load_experiment
+from pivident.export.runnable_model import runnable_model
+from pivident.export.urdf import to_urdf
+from pivident.robot import load_robot
 from tests.planar_log import planar_truth, write_log
 
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")
@@ -28,6 +33,20 @@ def test_python_block_identifies_a_log(tmp_path, monkeypatch, capsys):
     assert (tmp_path / "report.html").stat().st_size > 10_000
     for name, value in planar_truth().items():
         assert names["results"][-1].value(name) == pytest.approx(value, rel=0.05, abs=0.01), name
+
+
+def test_first_commands_lead_from_urdf_and_log_to_a_result(tmp_path, monkeypatch):
+    first = next(b for b in re.findall(r"```\n(.*?)```", README, flags=re.DOTALL) if " init " in b)
+    lines = [shlex.split(line, comments=True) for line in first.splitlines()]
+    assert [line[1] for line in lines] == ["init", "check", "identify"]
+    write_log(tmp_path / "log.csv")
+    arm = to_urdf(runnable_model(load_robot("planar_2r")))
+    (tmp_path / "arm.urdf").write_bytes(arm.content)
+    monkeypatch.chdir(tmp_path)
+    for _, *words in lines:
+        quick = ["--folds", "0", "--method", "ls"] if words[0] == "identify" else []
+        assert main([*words, *quick]) in ((0, 4) if words[0] == "check" else (0,)), words
+    assert (tmp_path / "experiment-results" / "report.html").is_file()
 
 
 def test_experiment_block_loads_and_describes_the_same_problem(tmp_path):
@@ -68,9 +87,12 @@ def test_block_on_linear_models_prints_one(capsys):
 
 
 def test_commands_of_the_readme_exist():
-    named = set(re.findall(r"\bpivident (demo|identify|robots|datasets|\w+)\b(?= )", README))
-    for command in {"demo", "identify", "robots", "datasets"}:
-        assert command in named
+    fences = re.findall(r"^```(\w*)\n(.*?)^```", README, flags=re.DOTALL | re.MULTILINE)
+    code = [text for language, text in fences if not language]
+    code += re.findall(r"`(pivident [^`]*)`", README)
+    named = {name for text in code for name in re.findall(r"\bpivident ([a-z]\w+)", text)}
+    assert {"demo", "init", "check", "identify", "robots", "datasets", "compare"} <= named
+    for command in named:
         assert app[command]
 
 

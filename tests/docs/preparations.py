@@ -30,6 +30,52 @@ def synthetic_results() -> None:
     synthetic_identification(relative_std=0.02).save("my_robot-results")
 
 
+def results_of_two_days() -> None:
+    """`monday` and, with more friction, `friday`; `my_robot-results` of two methods."""
+    from pivident.cli import main
+    from tests.comparison.results import result
+
+    result(1).save("monday/piv")
+    result(3, fv1=1.25).save("friday/piv")
+    result(1).save("my_robot-results/piv")
+    result(2, "IDIM-WLS", record=1).save("my_robot-results/ls")
+    assert main(["consistent", "monday/piv"]) == 0
+
+
+def first_logs() -> None:
+    """A URDF as `arm.urdf` and `my_arm.urdf`, and a log whole, in two files, and as two runs."""
+    planar_robot_files()
+    for name in ("arm.urdf", "my_arm.urdf"):
+        Path(name).write_bytes(Path("my_robot.urdf").read_bytes())
+    rows, names = planar.planar_log(samples=2500), planar.HEADER.split(",")
+    for name, columns in {
+        "log": range(7),
+        "position": range(5),
+        "effort": (0, 5, 6),
+        "run1": range(7),
+        "run2": range(7),
+    }.items():
+        chosen = list(columns)
+        header = ",".join(names[k] for k in chosen)
+        np.savetxt(
+            f"{name}.csv", rows[:, chosen], fmt="%.9g", delimiter=",", header=header, comments=""
+        )
+
+
+def planar_bag() -> dict:
+    """`run_3`, a ROS 2 bag of the planar arm, and its robot."""
+    import pivident as pv
+    from tests import bags
+
+    rows = planar.planar_log(samples=2500)[::4]
+    store = bags.typestore("sqlite3")
+    states = bags.joint_states(
+        store, False, ["shoulder", "elbow"], rows[:, 0], np.deg2rad(rows[:, 1:3]), rows[:, 5:7]
+    )
+    os.replace(bags.write_bag(Path(), "sqlite3", store, [states]), "run_3")
+    return {"pv": pv, "robot": pv.load_robot("planar_2r")}
+
+
 def ampere_logs() -> dict:
     """Logs in amperes without and with a payload, `my_robot.toml` with both."""
     import pivident as pv

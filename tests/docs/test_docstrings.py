@@ -13,7 +13,26 @@ import pivident
 from pivident import errors
 
 #: Packages with a front door of their own; modules that its functions lead to are in the pages.
-PACKAGES = ("pivident.linear", "pivident.consistency", "pivident.payload", "pivident.flexibility")
+PACKAGES = (
+    "pivident.linear",
+    "pivident.consistency",
+    "pivident.payload",
+    "pivident.flexibility",
+    "pivident.tables",
+    "pivident.figures",
+    "pivident.check",
+)
+
+#: Other names that the reference promises.
+OTHERS = (
+    "pivident.draft.Draft",
+    "pivident.draft.Guess",
+    "pivident.draft.draft_experiment",
+    "pivident.simulation.joint_loop.JointLoop",
+    "pivident.simulation.joint_loop.joint_feedbacks",
+    "pivident.validation.identified_loop.IdentifiedLoop",
+    "pivident.validation.identified_loop.identified_loop",
+)
 
 #: What an array argument or attribute says about itself: a unit or the lack of one, or a shape.
 UNIT_OR_SHAPE = re.compile(
@@ -33,7 +52,7 @@ def public_names() -> list[str]:
     found = [f"pivident.{name}" for name in pivident.__all__ if name != "__version__"]
     for package in PACKAGES:
         found += [f"{package}.{name}" for name in importlib.import_module(package).__all__]
-    return found
+    return found + list(OTHERS)
 
 
 @cache

@@ -133,6 +133,9 @@ def check_experiment(
         robot: gallery name or robot file to check it with, in place of the file's.
         progress: called with one line at each stage.
 
+    Returns:
+        The remarks, the gravest first, and what an identification would do.
+
     Raises:
         ExperimentError: the file cannot be read, or is no TOML.
     """

@@ -156,6 +156,9 @@ def compare(
         labels: a name for each; None: the methods where they differ, else parts of the paths.
         level: probability of one false mark or more.
 
+    Returns:
+        The comparison; printed, it is a table with a mark at what differs.
+
     Raises:
         ComparisonError: fewer than two results, or labels that do not fit.
         IdentificationFileError: a file cannot be used.

@@ -64,6 +64,9 @@ def draft_experiment(
         answers: what a person answered to `Draft.questions`, by what they are about.
         progress: called with one line at each stage.
 
+    Returns:
+        The text of the file, every guess in it, and what only a person can answer.
+
     Raises:
         DraftError: no robot, no positions or no torques can be told.
         FileFormatError: a log cannot be read.

@@ -20,6 +20,9 @@ def figure_of_convergence(result: Identification, *, columns: int = 1) -> Figure
         result: an identification by an iterative method.
         columns: width, 1 or 2 columns of a page.
 
+    Returns:
+        The figure; `save_figure` writes it.
+
     Raises:
         FigureError: it was solved in one step.
     """

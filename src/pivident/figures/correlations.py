@@ -26,6 +26,9 @@ def figure_of_correlations(result: Identification, *, columns: int = 1) -> Figur
         result: the identification.
         columns: width, 1 or 2 columns of a page.
 
+    Returns:
+        The figure; `save_figure` writes it.
+
     Raises:
         FigureError: its covariance is not finite.
     """

@@ -42,6 +42,9 @@ def figure_of_friction(
         labels: names of the results; None: their methods.
         columns: width, 1 or 2 columns of a page.
 
+    Returns:
+        The figure; `save_figure` writes it.
+
     Raises:
         FigureError: no friction was estimated, the robots differ, or there is no such joint.
     """

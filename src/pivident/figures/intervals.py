@@ -46,6 +46,9 @@ def figure_of_intervals(
         truth: known values by parameter name.
         columns: width, 1 or 2 columns of a page.
 
+    Returns:
+        The figure; `save_figure` writes it.
+
     Raises:
         FigureError: an unknown parameter, or labels that do not fit.
     """

@@ -36,6 +36,9 @@ def figure_of_residual_spectra(
         joints: names or numbers from 1; None: all.
         columns: width, 1 or 2 columns of a page.
 
+    Returns:
+        The figure; `save_figure` writes it.
+
     Raises:
         FigureError: there are no signals, too few samples, or no such joint.
     """

@@ -44,6 +44,9 @@ def figure_of_torques(
         recording: its name or index.
         columns: width, 1 or 2 columns of a page.
 
+    Returns:
+        The figure; `save_figure` writes it.
+
     Raises:
         FigureError: there are no signals, or no such joint or recording.
     """

@@ -41,6 +41,9 @@ def figure_of_tracking(
         recording: its name or index.
         columns: width, 1 or 2 columns of a page.
 
+    Returns:
+        The figure; `save_figure` writes it.
+
     Raises:
         FigureError: there is no reference, or no such joint or recording.
     """

@@ -97,6 +97,9 @@ def joint_feedbacks(controller: Controller, rate: float, joints: int) -> tuple[J
         rate: control rate [Hz].
         joints: number of joints.
 
+    Returns:
+        One for each joint.
+
     Raises:
         ExperimentError: the law is a Python function without a linear law beside it, or runs at
             another rate only.
@@ -142,15 +145,27 @@ class JointLoop:
         return np.polyval(self._plant_numerator[::-1], back) / (slow * fade)
 
     def open_loop(self, frequency: np.ndarray) -> np.ndarray:
-        """G g C, complex, shape (points,)."""
+        """G g C, complex, shape (points,).
+
+        Args:
+            frequency: frequencies [Hz], shape (points,).
+        """
         return self.plant(frequency) * self.drive_gain * self.feedback.response(frequency)
 
     def sensitivity(self, frequency: np.ndarray) -> np.ndarray:
-        """S = 1/(1 + G g C), complex, shape (points,)."""
+        """S = 1/(1 + G g C), complex, shape (points,).
+
+        Args:
+            frequency: frequencies [Hz], shape (points,).
+        """
         return 1.0 / (1.0 + self.open_loop(frequency))
 
     def complementary(self, frequency: np.ndarray) -> np.ndarray:
-        """T = G g C/(1 + G g C), complex, shape (points,)."""
+        """T = G g C/(1 + G g C), complex, shape (points,).
+
+        Args:
+            frequency: frequencies [Hz], shape (points,).
+        """
         loop = self.open_loop(frequency)
         return loop / (1.0 + loop)
 

@@ -70,6 +70,9 @@ def table(thing: Any, name: str | None = None) -> Table:
             result of validation and consistency.
         name: which of its tables; None: the first of `table_names`.
 
+    Returns:
+        The table; ``to_pandas``, ``to_polars`` and ``to_csv`` hand it on.
+
     Raises:
         TableError: there is no table of that thing, or none of that name.
     """
@@ -88,6 +91,9 @@ def table_names(thing: Any) -> tuple[str, ...]:
 
     Args:
         thing: as for `table`.
+
+    Returns:
+        The names, the default first.
 
     Raises:
         TableError: it has none.

@@ -67,6 +67,9 @@ class Table:
             rows: entries by column.
             meanings: of the columns.
             empty: names of the columns where there are no rows.
+
+        Returns:
+            The table.
         """
         rows = list(rows)
         names = list(rows[0]) if rows else list(empty)
