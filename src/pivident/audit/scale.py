@@ -16,6 +16,7 @@ import numpy as np
 
 from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
 from pivident.audit.finding import Finding, Severity
+from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.timing import Timing
@@ -94,7 +95,39 @@ def check_scale(log: Log, model: InverseModel) -> Scale:
             factors[j], deviations[j] = _gain(model, j, tau[:, j])
     blunt = ~(deviations < BLUNT * np.abs(factors))
     factors[blunt] = np.nan
-    return Scale(tuple(_gain_findings(log, model, factors, deviations)), factors, deviations)
+    findings = _gain_findings(log, model, factors, deviations)
+    if any(f.severity != "fine" for f in findings):
+        load = flange_load(model, factors)
+        if load is not None and _gains_agree(load, [j for j in range(joints) if j in log.commands]):
+            fine = [f for f in findings if f.severity == "fine"]
+            findings = [*fine, _load_finding(model.robot, load)]
+    return Scale(tuple(findings), factors, deviations)
+
+
+def _gains_agree(load: FlangeLoad, commands: list[int]) -> bool:
+    """Whether all torques are those of description and load; a command has no gain to agree."""
+    off = np.abs(load.factors - 1.0)
+    near = (load.factors > 1.0 / LOOK) & (load.factors < LOOK)
+    return not commands and bool(np.all(near | (off < CLEAR * load.deviations)))
+
+
+def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
+    """A body on the last link explains what looked like gains."""
+    last = robot.joints[-1].name
+    low, high = load.mass - 2 * load.deviation, load.mass + 2 * load.deviation
+    return Finding(
+        "look",
+        "scale",
+        "load",
+        f"The torques show a body of {load.mass:.2f} ± {2 * load.deviation:.2f} kg on the link of "
+        f"{last} that the description lacks; beside it their scale is right.",
+        last,
+        "A tool or a payload? Its parameters become part of those of this link; or add it to the "
+        "description.",
+        value=load.mass,
+        unit="kg",
+        interval=(low, high),
+    )
 
 
 def check_reach(log: Log, timing: Timing) -> list[Finding]:

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
+from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.power import check_power
@@ -56,6 +57,7 @@ class Comparison:
         angle_unit: whether positions in the other angle unit fit much better.
         errors: share of each joint's torque that no parameters explain.
         trouble: why nothing could be compared, or empty.
+        load: a body on the flange that the description lacks; the factors are beside it.
     """
 
     factors: np.ndarray
@@ -64,6 +66,7 @@ class Comparison:
     angle_unit: bool = False
     errors: np.ndarray | None = None
     trouble: str = ""
+    load: FlangeLoad | None = None
 
 
 @dataclass(frozen=True)
@@ -120,10 +123,16 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         model = better or model
         power = check_power(log, model)
         factors, deviations = description_factors(log, model)
+        load = flange_load(model, factors)
+        if load is not None:
+            factors, deviations = load.factors.copy(), load.deviations.copy()
+            factors[~(deviations < BLUNT * np.abs(factors))] = np.nan
     except (PividentError, np.linalg.LinAlgError) as error:
         return Comparison(nothing, nothing, trouble=str(error))
     reversed_ = tuple(j for j in power.reversed if not factors[j] > 0)
-    return Comparison(factors, deviations, reversed_, errors=model.relative_errors.copy())
+    return Comparison(
+        factors, deviations, reversed_, errors=model.relative_errors.copy(), load=load
+    )
 
 
 def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.ndarray]:
@@ -275,7 +284,7 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
         else:
             spread = 2.0 * found.deviations[j] / abs(found.factors[j])
             texts.append(f"{joint.name} {gains[j]:.3g} ± {100 * spread:.1g} %")
-    seen += f" ({', '.join(texts)})"
+    seen += f" ({', '.join(texts)})" + _load_text(robot, found)
     if (gains < 0).any():
         turned = ", ".join(joint.name for j, joint in enumerate(robot.joints) if gains[j] < 0)
         seen += f"; the sign of {turned} is reversed, as gravity or friction show"
@@ -330,4 +339,14 @@ def _factors_text(robot: Robot, found: Comparison) -> str:
         f"{robot.joints[j].name} {found.factors[j]:.2f} ± {2 * found.deviations[j]:.2f}"
         for j in known
     ]
-    return f"times the torque of the robot's masses: {', '.join(texts)}"
+    return f"times the torque of the robot's masses: {', '.join(texts)}" + _load_text(robot, found)
+
+
+def _load_text(robot: Robot, found: Comparison) -> str:
+    """The body on the flange, where there is one."""
+    if found.load is None:
+        return ""
+    return (
+        f"; beside a body of {found.load.mass:.2f} ± {2 * found.load.deviation:.2f} kg on the link "
+        f"of {robot.joints[-1].name} that the description lacks, such as a tool"
+    )
