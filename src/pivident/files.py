@@ -167,9 +167,13 @@ def _remainders(place: Path) -> list[Path]:
 
 
 def _settle(left: Path) -> None:
-    """Finish or remove one hidden folder, unless its process is alive."""
+    """Finish or remove one hidden folder, unless its process is alive.
+
+    One that was being moved in belongs to the mover of its folder, which the caller is now: its
+    process is dead, though the lock may outlive it for a moment.
+    """
     try:
-        handle = _lock(left)
+        handle = _lock(left, wait=left.name.startswith(COMPLETE))
     except OSError:
         return
     if handle is None:
