@@ -21,12 +21,16 @@ def main() -> None:
     import numpy as np
 
     from pivident.estimation.identify import identify
+    from pivident.estimation.methods import PrefilteredIV
     from pivident.simulation import scenarios
 
     from .workloads import simulated_record
 
     warm = simulated_record(8000, wanted.get("parameters", 28))
-    identify(warm, wanted["method"])
+    method = wanted["method"]
+    if wanted.get("iterations"):  # the same work at each length
+        method = PrefilteredIV(max_iterations=wanted["iterations"], tolerance=1e-12)
+    identify(warm, method)
     problem = simulated_record(wanted["samples"], wanted.get("parameters", 28))
     # a log has positions, torques and references; a simulation knows their derivatives too
     logged = replace(problem.recordings[0], dq_ref=None, ddq_ref=None)
@@ -38,7 +42,7 @@ def main() -> None:
     wall, cpu = [], []
     for _ in range(wanted.get("repeats", 1)):
         started, ticks = time.perf_counter(), time.process_time()
-        found = identify(problem, wanted["method"])
+        found = identify(problem, method)
         wall.append(time.perf_counter() - started)
         cpu.append(time.process_time() - ticks)
     raw = sum(r.q.nbytes + r.tau.nbytes for r in problem.recordings)

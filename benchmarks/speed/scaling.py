@@ -23,8 +23,11 @@ HOME = Path(__file__).resolve().parents[1]
 #: Joints of the arms, and of the tree with three branches.
 JOINTS = (2, 3, 4, 6, 7, 9, 12)
 
-#: Samples of the runs over joints.
-STRETCH = 5_000
+#: Samples of the runs over joints: their columns stay in the caches, as blocks do.
+STRETCH = 1_000
+
+#: Iterations of the runs over lengths: the same work at each length.
+ITERATIONS = 3
 
 
 @dataclass(frozen=True)
@@ -82,9 +85,22 @@ class JointPoint:
     entries: int
 
 
-def in_child(samples: int, parameters: int = 28, threads: int = 2, repeats: int = 1) -> LengthPoint:
-    """PIV in a process of its own, so that its peak memory is its own."""
-    wanted = {"samples": samples, "parameters": parameters, "method": "piv", "repeats": repeats}
+def in_child(
+    samples: int, parameters: int = 28, threads: int = 2, repeats: int = 1, iterations: int = 0
+) -> LengthPoint:
+    """PIV in a process of its own, so that its peak memory is its own.
+
+    Args:
+        samples: length of the record.
+        parameters: how many are estimated.
+        threads: given to the process.
+        repeats: the median of so many counts.
+        iterations: exactly so many; 0: until it converges.
+    """
+    wanted = {
+        "samples": samples, "parameters": parameters, "method": "piv", "repeats": repeats,
+        "iterations": iterations,
+    }  # fmt: skip
     environment = os.environ | {"PIVIDENT_THREADS": str(threads)}
     ran = subprocess.run(
         [sys.executable, "-m", "speed.child", json.dumps(wanted)],
@@ -98,7 +114,7 @@ def in_child(samples: int, parameters: int = 28, threads: int = 2, repeats: int 
 def over_samples(longest: int, threads: int) -> list[LengthPoint]:
     """34 parameters, from 30,000 samples to ``longest``, about a half decade a step."""
     lengths = [n for n in (30_000, 100_000, 300_000, 1_000_000, 3_000_000) if n <= longest]
-    return [in_child(n, 34, threads, repeats=3 if n <= 300_000 else 1) for n in lengths]
+    return [in_child(n, 34, threads, 3 if n <= 300_000 else 1, ITERATIONS) for n in lengths]
 
 
 def over_parameters() -> list[LengthPoint]:

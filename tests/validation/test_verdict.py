@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from pivident.estimation.methods import METHODS
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.simulation.scenarios import tx40_fine
 from pivident.validation.examination import examine, examine_alone
-from pivident.validation.verdict import Statement, Verdict, save_verdict, verdict
+from pivident.validation.verdict import Statement, Verdict, _further_warnings, save_verdict, verdict
 from pivident.validation.wanted_motion import wanted_motions
 
 
@@ -131,3 +132,14 @@ def test_spectral_lines_of_the_encoders_are_told(simulated):
     equations = dataclasses.replace(piv.equations, records=records)
     found = verdict(dataclasses.replace(piv, equations=equations))
     assert "joint_2 at 99.8 Hz, 1.2e-06 rad" in statement(found, "encoders").text
+
+
+def test_many_doubts_about_one_law_are_one_statement():
+    doubts = [f"kd of joint {j}: the record hardly tells it." for j in range(11)]
+    law = SimpleNamespace(identified=SimpleNamespace(warnings=doubts))
+    result = SimpleNamespace(loop=law, warnings=["another", *doubts, "Not converged at all"])
+    other, one = _further_warnings(result)
+    assert other == "another" and "leaves 11 doubts" in one and doubts[0] in one
+    few = SimpleNamespace(identified=SimpleNamespace(warnings=doubts[:2]))
+    shown = list(_further_warnings(SimpleNamespace(loop=few, warnings=doubts[:2])))
+    assert shown == doubts[:2]

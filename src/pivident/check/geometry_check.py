@@ -25,6 +25,10 @@ SMALL = 0.015
 #: Factor by which all joints' errors together must shrink, and by which one of them may grow.
 BETTER, WORSE = 6.0, 1.3
 
+#: Explanations are alike where their gains differ by less: a turned base of an upright arm is a
+#: turned zero of its first joint.
+ALIKE = 0.5
+
 #: Rate that is enough for the comparison [Hz].
 RATE = 400.0
 
@@ -47,17 +51,23 @@ def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) 
     here = _errors(thin, timing)
     if here is None:
         return []
-    best, remark = np.log(BETTER), None
+    explanations: list[tuple[float, Remark]] = []
     for candidate, found in _candidates(thin, log.robot, table):
         there = _errors(candidate, timing)
         if there is None or np.any(there > WORSE * here + 1e-3):
             continue
         gain = float(np.nansum(np.log(np.maximum(here, 1e-6) / np.maximum(there, 1e-6))))
-        if gain > best:
+        if gain > np.log(BETTER):
             share = f"{100 * _mean(there):.2g} % of the torque instead of {100 * _mean(here):.2g} %"
-            best = gain
-            remark = replace(found, sentence=f"{found.sentence}: the inverse model leaves {share}.")
-    return [] if remark is None else [remark]
+            sentence = f"{found.sentence}: the inverse model leaves {share}."
+            explanations.append((gain, replace(found, sentence=sentence)))
+    if not explanations:
+        return []
+    explanations.sort(key=lambda pair: -pair[0])
+    (most, best), *others = explanations
+    alike = [remark for gain, remark in others if gain > most - ALIKE][:2]
+    step = " Or as well: ".join([best.step, *(f"{r.sentence} {r.step}" for r in alike)])
+    return [replace(best, step=step)]
 
 
 def _mean(errors: np.ndarray) -> float:

@@ -34,6 +34,9 @@ WELL = 10.0
 #: Names listed in one sentence.
 LISTED = 8
 
+#: Most doubts about an identified law that are told one by one.
+DOUBTS = 3
+
 #: Parameters that differ least squares from instruments are named from so many deviations on.
 NAMED_SHIFT = 2.0
 
@@ -467,10 +470,19 @@ def _consistency(examination: Examination, name: str) -> Iterator[Statement]:
 
 
 def _further_warnings(result: Identification) -> Iterator[str]:
-    """The estimator's warnings that no statement above repeats."""
+    """The estimator's warnings that no statement above repeats; many of one law are one."""
+    found = None if result.loop is None else result.loop.identified
+    of_law = () if found is None or len(found.warnings) <= DOUBTS else tuple(found.warnings)
     for text in result.warnings:
-        if not text.startswith(("Not converged", "Exogeneity")):
-            yield text
+        if text in of_law or text.startswith(("Not converged", "Exogeneity")):
+            continue
+        yield text
+    if of_law:
+        yield (
+            f"The control law found from the record leaves {len(of_law)} doubts (all of them in "
+            f"the summary of the report), and the instruments rest on it. The first: {of_law[0]} "
+            'Give the law where it is known, or compare with type = "virtual_pd".'
+        )
 
 
 def _listed(names: tuple[str, ...] | list[str]) -> str:
