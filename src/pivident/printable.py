@@ -28,6 +28,15 @@ def shortened(text: str) -> str:
     return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 300]} … {text[-300:]}"
 
 
+def sheet_text(text: str) -> str:
+    """A cell of text that a spreadsheet does not take for a formula.
+
+    Args:
+        text: what may come from a file.
+    """
+    return f"'{text}" if text[:1] in ("=", "+", "-", "@", "\t", "\r") else text
+
+
 def escaped(text: str) -> str:
     r"""The text with such characters written out (``\x1b``); line ends and tabs stay.
 

@@ -17,7 +17,7 @@ from pivident.audit.log import CHANNELS, Log
 from pivident.errors import BadCell, FileFormatError, RecordingError
 from pivident.recording import public_records
 from pivident.recording.channel_reading import stamp_channels
-from pivident.recording.columns import array_of, assemble, locate
+from pivident.recording.columns import Channel, array_of, assemble, locate
 from pivident.recording.files import SourceFile
 from pivident.recording.read_bag import is_bag
 from pivident.recording.read_csv import read_csv_forgiving
@@ -134,47 +134,19 @@ def described_log(
     stamps_of = stamp_channels(columns.get("t"), places, paths)
     if "t" not in stamps_of and (stamps_of or any(is_bag(paths[p.file]) for p in places.values())):
         names = tuple(joint_names or ())
-        aligned = aligned_channels(places | stamps_of, paths, names, samples_axis, units, rate)
-        logged, clocks, notes = aligned
-        size = next(iter(logged.values())).shape[1] if logged else 0
-        names = names or tuple(f"joint_{j + 1}" for j in range(size))
-        channels, commands = _to_si(logged, units or {}, side, transmission, position_offset, robot)
-        return Log(
-            name or shown(paths[places["q" if "q" in places else next(iter(places))].file]),
-            names,
-            {},
-            clocks,
-            rate,
-            logged,
-            channels,
-            robot,
-            torque_timing or "held",
-            control_rate or 0.0,
-            delay or 0.0,
-            commands,
-            tuple(SourceFile.of(path) for path in paths.values()),
-            tuple(notes),
-            side.get("q", "joint") if isinstance(side, Mapping) else side,
+        logged, clocks, notes = aligned_channels(
+            places | stamps_of, paths, names, samples_axis, units, rate
         )
-    clock_place = locate("t", columns["t"], paths) if columns.get("t") is not None else None
-    logged, tables, stamps = {}, {}, {}
-    for key, path in paths.items():
-        tables[key] = table = _table(path)
-        for kind, place in places.items():
-            if place.file == key:
-                for column in place.columns:
-                    array_of(column, list(table), path)
-                joints = len(joint_names) if joint_names and place.per_joint else None
-                logged[kind] = assemble(place, table, joints, samples_axis, joint_names or ())
-        if clock_place is not None and clock_place.file == key:
-            array_of(clock_place.columns[0], list(table), path)
-            stamps[clock_place.columns[0]] = assemble(clock_place, table, 1)[:, 0]
-        stamps |= {n: v for n, v in _vectors(table).items() if is_clock(n, v) and n not in stamps}
-    size = next(iter(logged.values())).shape[1] if logged else 0
-    names = tuple(joint_names or [f"joint_{j + 1}" for j in range(size)])[: size or None]
-    logged = {kind: np.array(v[:, : len(names)]) for kind, v in logged.items()}
-    declared = clock_place.columns if clock_place is not None else ()
-    clocks, unit, notes = _clocks(stamps, (units or {}).get("t"), declared)
+        size = next(iter(logged.values())).shape[1] if logged else 0
+        names, unit = names or tuple(f"joint_{j + 1}" for j in range(size)), "s"
+    else:
+        clock_place = locate("t", columns["t"], paths) if columns.get("t") is not None else None
+        logged, stamps = _on_common_rows(paths, places, clock_place, joint_names, samples_axis)
+        size = next(iter(logged.values())).shape[1] if logged else 0
+        names = tuple(joint_names or [f"joint_{j + 1}" for j in range(size)])[: size or None]
+        logged = {kind: np.array(v[:, : len(names)]) for kind, v in logged.items()}
+        declared = clock_place.columns if clock_place is not None else ()
+        clocks, unit, notes = _clocks(stamps, (units or {}).get("t"), declared)
     channels, commands = _to_si(logged, units or {}, side, transmission, position_offset, robot)
     first = places.get("q", next(iter(places.values()), None))
     return Log(
@@ -195,6 +167,31 @@ def described_log(
         side.get("q", "joint") if isinstance(side, Mapping) else side,
         unit,
     )
+
+
+def _on_common_rows(
+    paths: Mapping[str, Path],
+    places: Mapping[str, Channel],
+    clock_place: Channel | None,
+    joint_names: Sequence[str] | None,
+    samples_axis: int | None,
+) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+    """Channels and time columns of files whose rows belong together, as they are logged."""
+    logged: dict[str, np.ndarray] = {}
+    stamps: dict[str, np.ndarray] = {}
+    for key, path in paths.items():
+        table = _table(path)
+        for kind, place in places.items():
+            if place.file == key:
+                for column in place.columns:
+                    array_of(column, list(table), path)
+                joints = len(joint_names) if joint_names and place.per_joint else None
+                logged[kind] = assemble(place, table, joints, samples_axis, joint_names or ())
+        if clock_place is not None and clock_place.file == key:
+            array_of(clock_place.columns[0], list(table), path)
+            stamps[clock_place.columns[0]] = assemble(clock_place, table, 1)[:, 0]
+        stamps |= {n: v for n, v in _vectors(table).items() if is_clock(n, v) and n not in stamps}
+    return logged, stamps
 
 
 def entry_log(

@@ -15,6 +15,7 @@ from pivident.estimation.parameter_rows import significant
 from pivident.export.latex import latex_number, latex_unit
 from pivident.files import atomic_folder
 from pivident.plain_values import json_of_entries, plain
+from pivident.printable import sheet_text
 from pivident.symbolic.identifiers import latex_name, latex_text, one_line
 
 if TYPE_CHECKING:
@@ -213,8 +214,8 @@ def _in_mathematics(text: str) -> str:
 def _cell(value: Any) -> Any:
     """A cell that a sheet does not take for a formula."""
     value = plain(value)
-    if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r"):
-        return f"'{value}"
+    if isinstance(value, str):
+        return sheet_text(value)
     return "" if value is None else value
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import PividentError
+from pivident.printable import sheet_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -183,9 +184,7 @@ def _series(values: Values) -> Any:
 def _cell(value: Any) -> Any:
     if value is None or (isinstance(value, float) and not np.isfinite(value)):
         return ""
-    if isinstance(value, str) and value[:1] in ("=", "+", "-", "@", "\t", "\r"):
-        return f"'{value}"
-    return value
+    return sheet_text(value) if isinstance(value, str) else value
 
 
 def _text(value: Any) -> str:
