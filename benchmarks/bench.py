@@ -19,6 +19,8 @@ from __future__ import annotations
 import argparse
 import os
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before numpy is imported
+
 import study_throughput
 from speed import plots, rows, scaling, startup
 from speed.report import RESULTS, machine, write_json
@@ -146,5 +148,4 @@ _RUN = {
 
 
 if __name__ == "__main__":
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     main()

@@ -9,6 +9,8 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from typing import TypeVar
 
+from threadpoolctl import threadpool_limits
+
 Item = TypeVar("Item")
 
 
@@ -37,3 +39,13 @@ def run_in_threads(work: Callable[[Item], object], items: Iterable[Item]) -> Non
         return
     for _ in _pool(os.getpid()).map(work, items):
         pass
+
+
+def linear_algebra_in_one_thread() -> threadpool_limits:
+    """A context in which the libraries of linear algebra use one thread.
+
+    Our matrices are of the size of the parameters, too small to be worth sharing; but a library
+    that has shared one leaves its threads waiting in a loop for the next, on the processors that
+    our own threads need, and its sums depend on the number of processors.
+    """
+    return threadpool_limits(limits=1, user_api="blas")

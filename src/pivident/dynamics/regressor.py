@@ -7,6 +7,7 @@ dense form (samples, joints, parameters) is made from it for people who want it.
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -15,13 +16,21 @@ import numpy as np
 from pivident.dynamics.entry_plan import EntryPlan, has_inner_signal, make_entry_plan
 from pivident.dynamics.friction import smoothed_sign
 from pivident.dynamics.friction_memory import memory_column
+from pivident.dynamics.joint_rows import TILE
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor_kernels import dense_entries, joint_torques, packed_entries
+from pivident.dynamics.regressor_kernels import (
+    dense_entries,
+    joint_torques,
+    packed_entries,
+    tile_rows,
+)
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
 from pivident.threads import run_in_threads
 
 BLOCK = 2048  # samples that a thread takes at a time
+
+_own = threading.local()
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,7 +137,8 @@ class Regressor:
             out = np.empty(shape)
         if len(out) < shape[0] or out.shape[1:] != shape[1:]:
             raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
-        packed_entries(self._plan, place, q, dq, ddq, self._inner_or_own(q, dq, ddq, inner), out)
+        own = self._inner_or_own(q, dq, ddq, inner)
+        packed_entries(self._plan, _tile(self._plan), place, q, dq, ddq, own, out)
         return out
 
     def matrix(
@@ -169,7 +179,8 @@ class Regressor:
         def block(part: slice) -> None:
             x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
             inside = np.ascontiguousarray(own[:, part])
-            dense_entries(self._plan, place, x, dx, ddx, inside, flat[part])
+            tile = _tile(self._plan)
+            dense_entries(self._plan, tile, place, x, dx, ddx, inside, flat[part])
 
         run_in_threads(block, _blocks(samples))
         return out
@@ -274,7 +285,8 @@ class Regressor:
             x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
             torque = np.empty(x.shape)
             inside = np.ascontiguousarray(inner[:, part])
-            joint_torques(self._plan, self.offsets, weights, x, dx, ddx, inside, torque)
+            tile = _tile(self._plan)
+            joint_torques(self._plan, tile, self.offsets, weights, x, dx, ddx, inside, torque)
             tau[part] = torque.T
 
         run_in_threads(block, _blocks(len(q)))
@@ -306,6 +318,19 @@ class Regressor:
                 f"q, dq, ddq have shapes {', '.join(map(str, shapes))}; all must be (samples, "
                 f"{self.robot.size}), with one row for a single state: q[None]"
             )
+
+
+def _tile(plan: EntryPlan) -> np.ndarray:
+    """Working memory of the compiled loops, kept by each thread.
+
+    Half a megabyte that is asked for at every call comes from the system at every call, page by
+    page, which takes longer than the columns of a thousand samples.
+    """
+    rows = tile_rows(plan)
+    kept: np.ndarray | None = getattr(_own, "tile", None)
+    if kept is None or len(kept) < rows:
+        kept = _own.tile = np.zeros((rows, TILE))
+    return kept
 
 
 def _blocks(samples: int) -> list[slice]:

@@ -18,11 +18,10 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numpy as np
 from numba import njit
 
 from pivident.dynamics.elementary import sine_and_cosine
-from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS
+from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS, EntryPlan
 from pivident.dynamics.joint_rows import TILE, joint_row
 
 # Rows of the tile. The joint at work: cosine and sine of its turn, its slide, and their rates.
@@ -178,19 +177,34 @@ class _Rows(NamedTuple):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _new_tile(plan):
-    """An empty tile, and where the links, screws, signals and columns are in it."""
+def _layout(plan):
+    """Where the links, screws, signals and columns are in the tile."""
     joints, depth = plan.work.shape
     links = _FIXED
     screws = links + (joints + 1) * _LINK
     signals = screws + joints * depth * 6
-    columns = signals + 3 * joints
-    tile = np.zeros((columns + plan.columns, TILE))
+    return _Rows(links, screws, signals, signals + 3 * joints)
+
+
+def tile_rows(plan: EntryPlan) -> int:
+    """Rows of the tile that the loops of a plan need."""
+    joints, depth = plan.work.shape
+    return _FIXED + (joints + 1) * _LINK + joints * depth * 6 + 3 * joints + plan.columns
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _prepare(plan, tile):
+    """Write the rows of the tile that no sample changes, whatever it was used for before."""
+    joints, depth = plan.work.shape
+    rows = _layout(plan)
+    tile[rows.links : rows.links + _LINK] = 0.0
     for k in range(3):  # the base does not move, but gravity accelerates it upwards
-        tile[links + _A + k] = -plan.tree.gravity[k]
+        tile[rows.links + _A + k] = -plan.tree.gravity[k]
     for i in range(joints):  # a joint's own screw is its z axis
-        tile[screws + i * depth * 6 + (2 if plan.tree.prismatic[i] else 5)] = 1.0
-    return tile, _Rows(links, screws, signals, columns)
+        own = rows.screws + i * depth * 6
+        tile[own : own + 6] = 0.0
+        tile[own + (2 if plan.tree.prismatic[i] else 5)] = 1.0
+    return rows
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -234,11 +248,12 @@ def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def packed_entries(plan, place, q, dq, ddq, inner, out):
+def packed_entries(plan, tile, place, q, dq, ddq, inner, out):
     """Packed entries of the observation matrix.
 
     Args:
         plan: which entries.
+        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
         place: row of ``out`` for each entry, shape (entries,).
         q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
@@ -247,7 +262,7 @@ def packed_entries(plan, place, q, dq, ddq, inner, out):
         out: receives the entries, time last, shape (rows, samples).
     """
     samples, source = q.shape[1], plan.source
-    tile, rows = _new_tile(plan)
+    rows = _prepare(plan, tile)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
@@ -258,11 +273,12 @@ def packed_entries(plan, place, q, dq, ddq, inner, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def dense_entries(plan, place, q, dq, ddq, inner, out):
+def dense_entries(plan, tile, place, q, dq, ddq, inner, out):
     """The same entries at their places in the dense matrix.
 
     Args:
         plan: which entries.
+        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
         place: place of each entry in a sample's matrix written row by row, shape (entries,).
         q: joint positions, time last, shape (joints, samples).
         dq: joint speeds.
@@ -271,7 +287,7 @@ def dense_entries(plan, place, q, dq, ddq, inner, out):
         out: receives the entries, shape (samples, joints · parameters).
     """
     samples, source = q.shape[1], plan.source
-    tile, rows = _new_tile(plan)
+    rows = _prepare(plan, tile)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
@@ -285,11 +301,12 @@ def dense_entries(plan, place, q, dq, ddq, inner, out):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def joint_torques(plan, offsets, weight, q, dq, ddq, inner, out):
+def joint_torques(plan, tile, offsets, weight, q, dq, ddq, inner, out):
     """Weighted sum of each joint's entries: its torque, without keeping the matrix.
 
     Args:
         plan: which entries.
+        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
         offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
         weight: parameter value of each entry, shape (entries,).
         q: joint positions, time last, shape (joints, samples).
@@ -299,7 +316,7 @@ def joint_torques(plan, offsets, weight, q, dq, ddq, inner, out):
         out: receives the torques, time last, shape (joints, samples).
     """
     samples, source = q.shape[1], plan.source
-    tile, rows = _new_tile(plan)
+    rows = _prepare(plan, tile)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, inner, start, count)

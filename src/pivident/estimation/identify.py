@@ -23,6 +23,7 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.prefiltered_iv import identify_piv
 from pivident.estimation.problem import Problem
+from pivident.threads import linear_algebra_in_one_thread
 
 Progress = Callable[[str], None]
 
@@ -52,14 +53,15 @@ def identify(
         )
     method = method_named(method)
     say = progress or (lambda line: None)
-    if isinstance(method, LeastSquares):
-        return identify_ls(problem, method, say)
-    if isinstance(method, InstrumentalVariables):
-        return identify_iv(problem, method, say)
-    if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
-        return identify_didim(problem, method, say)
-    if isinstance(method, PrefilteredIV):
-        return identify_piv(problem, method, say)
+    with linear_algebra_in_one_thread():
+        if isinstance(method, LeastSquares):
+            return identify_ls(problem, method, say)
+        if isinstance(method, InstrumentalVariables):
+            return identify_iv(problem, method, say)
+        if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
+            return identify_didim(problem, method, say)
+        if isinstance(method, PrefilteredIV):
+            return identify_piv(problem, method, say)
     raise IdentificationError(f"{method!r} is not a method; use a name such as 'piv'")
 
 
