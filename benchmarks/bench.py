@@ -87,12 +87,15 @@ def _lengths(points: list[scaling.LengthPoint]) -> list[dict[str, object]]:
 
 
 def _samples(options: argparse.Namespace) -> list[dict[str, object]]:
+    if not options.quick:
+        print(f"first touch of the memory: {scaling.touch_memory():.2f} s/GiB")
     points = scaling.over_samples(300_000 if options.quick else 3_000_000, threads=2)
     made = _lengths(points)
-    each = [p.microseconds for p in points]
-    print(
-        f"processor time per sample and iteration: {100 * (max(each) / min(each) - 1):.0f} % apart"
-    )
+    for what, each in (
+        ("clock", [p.seconds / p.samples for p in points]),
+        ("processor time", [p.cpu_seconds / p.samples for p in points]),
+    ):
+        print(f"{what} per sample: {100 * (max(each) / min(each) - 1):.0f} % apart")
     plots.samples(points, RESULTS)
     return made
 

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,9 +113,32 @@ def in_child(
 
 
 def over_samples(longest: int, threads: int) -> list[LengthPoint]:
-    """34 parameters, from 30,000 samples to ``longest``, about a half decade a step."""
+    """34 parameters, from 30,000 samples to ``longest``, about a half decade a step.
+
+    Short records are repeated until they have met as much of the machine's moods as a long one.
+    """
     lengths = [n for n in (30_000, 100_000, 300_000, 1_000_000, 3_000_000) if n <= longest]
-    return [in_child(n, 34, threads, 3 if n <= 300_000 else 1, ITERATIONS) for n in lengths]
+    return [in_child(n, 34, threads, max(1, 1_000_000 // n), ITERATIONS) for n in lengths]
+
+
+def touch_memory(share: float = 0.8) -> float:
+    """Write once to every page of a share of the free memory, and give it back.
+
+    A virtual machine gets a page from its host when it first writes to it, which can take longer
+    than what is done with it afterwards (4 s a GiB have been seen); that is no time of ours.
+
+    Returns:
+        What the first touch took [s/GiB].
+    """
+    import psutil
+
+    piece = 2**27  # bytes
+    started, kept = time.perf_counter(), []
+    for _ in range(int(share * psutil.virtual_memory().available / piece)):
+        page_by_page = np.empty(piece // 8)
+        page_by_page[::512] = 1.0
+        kept.append(page_by_page)
+    return (time.perf_counter() - started) / max(1, len(kept)) * 2**30 / piece
 
 
 def over_parameters() -> list[LengthPoint]:

@@ -4,10 +4,10 @@ A residual v is modelled as filtered white noise (the noise model of (P-28)),
 
     v_k = e_k / A(z⁻¹),     A = 1 + a_1 z⁻¹ + … + a_p z⁻ᵖ,     var e = λ
 
-so that A whitens it. Burg (1975) minimises the forward and backward prediction errors f and b
-order by order; with sums over all stretches of the record,
+so that A whitens it. Burg's method gives reflection coefficients k_p order by order (``burg.py``),
+and with them
 
-    k_p = -2 Σ f b / Σ (f² + b²),   f ← f + k_p b,   b ← b + k_p f,   λ_p = λ_{p-1} (1 - k_p²).
+    A_p = A_{p-1} + k_p z⁻ᵖ A_{p-1}(z),     λ_p = λ_{p-1} (1 - k_p²).
 
 All orders come out of one pass, every one of them stable, without the window of the Yule-Walker
 equations, which fail on spectra with a deep notch such as low-pass filtering leaves.
@@ -20,9 +20,9 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
-from numba import njit
 
 from pivident.errors import IdentificationError
+from pivident.signals.burg import reflection_coefficients
 from pivident.signals.prefilter import StreamingFilter
 
 Criterion = Literal["aic", "aicc", "bic"]
@@ -142,7 +142,8 @@ def fit_ar(
             f"the residual is constant ({mean:.6g}) over {used.size} samples; there is no noise "
             "to model. Check that the torque channel is not a computed one"
         )
-    reflections = _burg(used - mean, np.cumsum(segments[:, 1] - segments[:, 0]), highest)
+    stops = np.cumsum(segments[:, 1] - segments[:, 0])
+    reflections = reflection_coefficients(used - mean, stops, highest)
     variances = variance * np.cumprod(np.r_[1.0, 1 - reflections**2])
     criteria = _information(variances, used.size, criterion)
     chosen = int(np.argmin(criteria)) if order is None else order
@@ -235,58 +236,3 @@ def _step_up(reflections: np.ndarray) -> np.ndarray:
     for p, k in enumerate(reflections, start=2):
         a[:p] = a[:p] + k * a[:p][::-1]  # a[p - 1] is still zero
     return a
-
-
-@njit(cache=True, nogil=True)
-def _burg(v, stops, order):
-    """Reflection coefficients k_1 … k_p over stretches that lie one behind the other in v.
-
-    At order p the errors of a stretch pair f[p+1+i] with b[i]: forward errors lose their first
-    sample, backward errors their last, and nothing is ever moved.
-    """
-    forward, backward = v.copy(), v.copy()
-    reflections = np.zeros(order)
-    for p in range(order):
-        cross, energy = 0.0, 0.0
-        start = 0
-        for stop in stops:
-            if stop - start > p + 1:
-                part = _products(forward[start + p + 1 : stop], backward[start : stop - p - 1])
-                cross += part[0]
-                energy += part[1]
-            start = stop
-        if energy == 0:
-            break
-        k = -2 * cross / energy
-        reflections[p] = k
-        start = 0
-        for stop in stops:
-            if stop - start > p + 1:
-                _reflect(forward[start + p + 1 : stop], backward[start : stop - p - 1], k)
-            start = stop
-    return reflections
-
-
-@njit(cache=True, nogil=True)
-def _products(f, b):
-    """Σ f b and Σ (f² + b²), in eight interleaved sums that the processor adds side by side."""
-    cross, energy = np.zeros(8), np.zeros(8)
-    whole = f.size - f.size % 8
-    for i in range(0, whole, 8):
-        for lane in range(8):
-            x, y = f[i + lane], b[i + lane]
-            cross[lane] += x * y
-            energy[lane] += x * x + y * y
-    for i in range(whole, f.size):
-        cross[0] += f[i] * b[i]
-        energy[0] += f[i] * f[i] + b[i] * b[i]
-    return cross.sum(), energy.sum()
-
-
-@njit(cache=True, nogil=True)
-def _reflect(f, b, k):
-    """One order of the lattice in place: f ← f + k b, b ← b + k f."""
-    for i in range(f.size):
-        x, y = f[i], b[i]
-        f[i] = x + k * y
-        b[i] = y + k * x

@@ -60,8 +60,10 @@ class Controller(Protocol):
 
 def backward_difference(x: np.ndarray, rate: float) -> np.ndarray:
     """(x_k - x_{k-1}) rate, zero at the first sample, shape of ``x``."""
-    out = np.zeros_like(x)
-    out[1:] = np.diff(x, axis=0) * rate
+    out = np.empty_like(x)
+    out[0] = 0.0
+    np.subtract(x[1:], x[:-1], out=out[1:])
+    out *= rate
     return out
 
 
@@ -110,8 +112,9 @@ class PID:
         if dq_ref is None:
             dq_ref = _faded(backward_difference(q_ref, rate), fade)
         ki = zero if self.ki is None else _for_each(self.ki, n)
-        reference = kp * q_ref + kd * dq_ref
-        return SampledLaw(feedback, pole, integrand, ki, reference, q_ref.copy())
+        reference = kd * dq_ref
+        reference += kp * q_ref
+        return SampledLaw(feedback, pole, integrand, ki, reference, q_ref)
 
 
 def _faded(x: np.ndarray, fade: float) -> np.ndarray:
