@@ -192,7 +192,7 @@ def _floors(
     )
     sources = 2 * with_instruments + alone
     entries = sources * regressor.entries
-    burg = sum(4 * 150 + 4 * p for p in found.orders)
+    lags = sum(151 + (p + 1) for p in found.orders)  # of the search, and of the last model
     return {
         "smoother: NVR by maximum likelihood": [
             ("latency", evaluations * samples * joints * latency),
@@ -205,7 +205,7 @@ def _floors(
             ("memory", 8 * entries * samples / ceilings.bandwidth),
             ("arithmetic", _per_sample(regressor) * sources * samples / each),
         ],
-        "noise models": [("arithmetic", burg * samples / each)],
+        "noise models": [("arithmetic", lags * samples / each)],
         "simulation": [("latency", found.iterations * samples * _chain_of(joints) * latency)],
     }
 
