@@ -26,6 +26,7 @@ from pivident.estimation.methods import PrefilteredIV, RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
+from pivident.signals.lagged_sums import lagged_sums
 from pivident.signals.noise_models import fit_ar, whiten
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
@@ -33,7 +34,7 @@ from pivident.simulation.reference import point_to_point
 from pivident.validation.autocorrelation import durbin_watson, ljung_box
 from pivident.validation.heteroscedasticity import variance_test
 from pivident.validation.normality import normality
-from pivident.validation.residual import JointResidual, lagged_sums
+from pivident.validation.residual import JointResidual
 from pivident.validation.residual_tests import residual_tests
 
 SAMPLES = 1500

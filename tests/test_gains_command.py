@@ -4,18 +4,14 @@ import numpy as np
 import pytest
 
 from pivident.cli import main
-from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import make_model
-from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.known_payload import Payload
 from pivident.experiment import load_experiment
-from pivident.robot import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
+from tests.planar_arm import nominal_parameters, planar_motion, planar_record
 
 GAINS = np.array([12.0, 5.0])
 PAYLOAD = Payload(1.2, (0.35, 0.0, 0.0), (0.001, 0.0, 0.0, 0.001, 0.0, 0.001))
+LAW = PD(np.array([500.0, 500.0]), np.array([15.0, 12.0]))
 RATE, SAMPLES = 1000.0, 8000
 
 HEAD = """
@@ -46,31 +42,21 @@ inertia = [0.001, 0, 0, 0.001, 0, 0.001]
 
 
 def write_log(path, loaded: bool, warm: bool = False) -> None:
-    robot = load_robot("planar_2r")
-    base = base_parameters(robot)
-    theta = base.values(nominal_values(robot, base.standard))
+    base, theta = nominal_parameters()
     if loaded:
         theta = theta + PAYLOAD.base_columns(base) @ PAYLOAD.known()
     rng = np.random.default_rng(2 + loaded)
-    q_ref, _, _ = point_to_point(
-        rng.uniform(-1.5, 1.5, (30, 2)), 0.8 * robot.rated_speeds, RATE, SAMPLES
+    q_ref = planar_motion(rng, RATE, SAMPLES)
+    q, tau = planar_record(
+        base, theta, q_ref, RATE, rng, law=LAW, drive_gain=GAINS, encoder_noise=2e-7
     )
-    noise = 2e-7 * rng.standard_normal(q_ref.shape)
-    signals = LoopSignals(
-        RATE, q_ref, None, None, noise, GAINS, np.full(2, np.inf), np.full(2, 0.5),
-        np.full(2, 50.0),
-    )  # fmt: skip
-    law = PD(np.array([500.0, 500.0]), np.array([15.0, 12.0]))
-    made = simulate(make_model(robot, base.parameters, theta), law, signals, ("1", "2"))
     time = np.arange(SAMPLES) / RATE
     kelvin = 30.0 * time / time[-1]
     strength = 1.0 - 0.002 * kelvin if warm else np.ones(SAMPLES)
-    current = made.tau / GAINS / strength[:, None] + 0.01 * rng.standard_normal(q_ref.shape)
+    current = tau / GAINS / strength[:, None] + 0.01 * rng.standard_normal(q_ref.shape)
     np.savetxt(
         path,
-        np.column_stack(
-            [time, np.rad2deg(made.q + noise), np.rad2deg(q_ref), current, 20.0 + kelvin]
-        ),
+        np.column_stack([time, np.rad2deg(q), np.rad2deg(q_ref), current, 20.0 + kelvin]),
         fmt="%.9g",
         delimiter=",",
         header="time,q1,q2,r1,r2,i1,i2,celsius",

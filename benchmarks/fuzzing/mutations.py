@@ -144,6 +144,11 @@ def _other_token(text: str, rng: random.Random) -> str:
     return text[: token.start()] + new + text[token.end() :]
 
 
+def packed(content: bytes) -> bytes:
+    """Content as a gzip file."""
+    return gzip.compress(content, 1)
+
+
 def inside_gzip(rewrite: Rewrite) -> Rewrite:
     """A change of what a gzip file holds, packed again."""
 

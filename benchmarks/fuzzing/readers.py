@@ -14,12 +14,20 @@ from pathlib import Path
 
 import numpy as np
 
-from fuzzing import inputs
+from fuzzing import (
+    array_inputs,
+    bag_inputs,
+    json_inputs,
+    table_inputs,
+    toml_inputs,
+    urdf_inputs,
+)
 from fuzzing.mutations import (
     Rewrite,
     inside_gzip,
     inside_mat,
     inside_zip,
+    packed,
     spoilt_bag,
     spoilt_bytes,
     spoilt_text,
@@ -88,7 +96,7 @@ def _experiment(path: Path) -> object:
 
     log = path.parent / "log.csv"
     if not log.exists():
-        log.write_bytes(inputs.log_csv())
+        log.write_bytes(table_inputs.log_csv())
     experiment = load_experiment(path)
     experiment.robot  # noqa: B018 - building it is the check
     if any(entry.dataset for entry in experiment.content.recording):
@@ -123,13 +131,13 @@ def _manifest(path: Path) -> object:
 
     store = Store(path.parent)
     store.programs()
-    scenario = read_scenario(inputs.STUDY.decode().split("[vary")[0], "study")
+    scenario = read_scenario(toml_inputs.STUDY.decode().split("[vary")[0], "study")
     with store.opened(scenario, 6):
         return store.done()
 
 
 def _grown_toml(*bases: bytes) -> Callable[[random.Random], bytes]:
-    return lambda rng: inputs.grown_toml(rng, bases)
+    return lambda rng: toml_inputs.grown_toml(rng, bases)
 
 
 def _identification(path: Path) -> object:
@@ -157,85 +165,93 @@ def _bounds(path: Path) -> object:
 @cache
 def manifest() -> tuple[bytes, ...]:
     """The manifest of a study."""
-    return (inputs.manifest_seed(),)
+    return (json_inputs.manifest_seed(),)
 
 
-_TOML = _text(inputs.TOML_CHUNKS)
-_CSV = _text(inputs.CSV_CHUNKS)
-_URDF = _text(inputs.URDF_CHUNKS)
+_TOML = _text(toml_inputs.TOML_CHUNKS)
+_CSV = _text(table_inputs.CSV_CHUNKS)
+_URDF = _text(urdf_inputs.URDF_CHUNKS)
 
 READERS: dict[str, Reader] = {
-    "urdf": Reader("arm.urdf", lambda: (inputs.URDF,), _URDF, _urdf, inputs.grown_urdf),
+    "urdf": Reader("arm.urdf", lambda: (urdf_inputs.URDF,), _URDF, _urdf, urdf_inputs.grown_urdf),
     "urdf.gz": Reader(
         "arm.urdf.gz",
-        lambda: (inputs.packed(inputs.URDF),),
+        lambda: (packed(urdf_inputs.URDF),),
         inside_gzip(_URDF),
         _urdf,
-        lambda rng: inputs.packed(inputs.grown_urdf(rng)),
+        lambda rng: packed(urdf_inputs.grown_urdf(rng)),
         guided=False,
     ),
     "robot": Reader(
         "arm.toml",
-        inputs.gallery_toml,
+        toml_inputs.gallery_toml,
         _TOML,
         _robot,
-        lambda rng: inputs.grown_toml(rng, inputs.gallery_toml()),
+        lambda rng: toml_inputs.grown_toml(rng, toml_inputs.gallery_toml()),
     ),
     "experiment": Reader(
         "experiment.toml",
-        lambda: (inputs.EXPERIMENT, inputs.EXPERIMENT_2),
+        lambda: (toml_inputs.EXPERIMENT, toml_inputs.EXPERIMENT_2),
         _TOML,
         _experiment,
-        _grown_toml(inputs.EXPERIMENT, inputs.EXPERIMENT_2),
+        _grown_toml(toml_inputs.EXPERIMENT, toml_inputs.EXPERIMENT_2),
     ),
     "study": Reader(
-        "study.toml", lambda: (inputs.STUDY,), _TOML, _study, _grown_toml(inputs.STUDY)
+        "study.toml", lambda: (toml_inputs.STUDY,), _TOML, _study, _grown_toml(toml_inputs.STUDY)
     ),
-    "csv": Reader("log.csv", lambda: (inputs.log_csv(),), _CSV, _table, inputs.grown_csv, False),
+    "csv": Reader(
+        "log.csv", lambda: (table_inputs.log_csv(),), _CSV, _table, table_inputs.grown_csv, False
+    ),
     "csv.gz": Reader(
         "log.csv.gz",
-        lambda: (inputs.packed(inputs.log_csv()),),
+        lambda: (packed(table_inputs.log_csv()),),
         inside_gzip(_CSV),
         _table,
-        lambda rng: inputs.packed(inputs.grown_csv(rng)),
+        lambda rng: packed(table_inputs.grown_csv(rng)),
         guided=False,
     ),
     "csv-audit": Reader(
-        "log.csv", lambda: (inputs.log_csv(),), _CSV, _audited, inputs.grown_csv, False
+        "log.csv", lambda: (table_inputs.log_csv(),), _CSV, _audited, table_inputs.grown_csv, False
     ),
-    "npz": Reader("log.npz", inputs.npz_seeds, inside_zip, _table),
-    "npy": Reader("log.npy", inputs.npy_seeds, spoilt_bytes, _table),
-    "mat-v5": Reader("log.mat", inputs.mat_seeds, inside_mat, _table, guided=False),
-    "mat-v7.3": Reader("log.mat", inputs.hdf5_seeds, spoilt_bytes, _table, guided=False),
-    "parquet": Reader("log.parquet", inputs.parquet_seeds, spoilt_bytes, _table, guided=False),
-    "bag": Reader("log.bag", inputs.bag_seeds, spoilt_bag, _table),
-    "mcap": Reader("log.mcap", inputs.mcap_seeds, spoilt_bag, _table),
-    "db3": Reader("log.db3", inputs.db3_seeds, spoilt_bag, _table),
-    "bag-audit": Reader("log.mcap", inputs.mcap_seeds, spoilt_bag, _audited),
-    "csv-habits": Reader("log.txt", inputs.habit_seeds, _CSV, _table, None, False),
+    "npz": Reader("log.npz", array_inputs.npz_seeds, inside_zip, _table),
+    "npy": Reader("log.npy", array_inputs.npy_seeds, spoilt_bytes, _table),
+    "mat-v5": Reader("log.mat", array_inputs.mat_seeds, inside_mat, _table, guided=False),
+    "mat-v7.3": Reader("log.mat", array_inputs.hdf5_seeds, spoilt_bytes, _table, guided=False),
+    "parquet": Reader(
+        "log.parquet", array_inputs.parquet_seeds, spoilt_bytes, _table, guided=False
+    ),
+    "bag": Reader("log.bag", bag_inputs.bag_seeds, spoilt_bag, _table),
+    "mcap": Reader("log.mcap", bag_inputs.mcap_seeds, spoilt_bag, _table),
+    "db3": Reader("log.db3", bag_inputs.db3_seeds, spoilt_bag, _table),
+    "bag-audit": Reader("log.mcap", bag_inputs.mcap_seeds, spoilt_bag, _audited),
+    "csv-habits": Reader("log.txt", table_inputs.habit_seeds, _CSV, _table, None, False),
     "identification": Reader(
         "identification.json",
-        lambda: inputs.result_seeds()[:1],
-        _text(inputs.JSON_CHUNKS),
+        lambda: json_inputs.result_seeds()[:1],
+        _text(json_inputs.JSON_CHUNKS),
         _identification,
-        lambda rng: inputs.grown_json(rng, inputs.result_seeds()[0]),
+        lambda rng: json_inputs.grown_json(rng, json_inputs.result_seeds()[0]),
     ),
     "model": Reader(
         "model.json",
-        lambda: inputs.result_seeds()[1:],
-        _text(inputs.JSON_CHUNKS),
+        lambda: json_inputs.result_seeds()[1:],
+        _text(json_inputs.JSON_CHUNKS),
         _model,
-        lambda rng: inputs.grown_json(rng, inputs.result_seeds()[1]),
+        lambda rng: json_inputs.grown_json(rng, json_inputs.result_seeds()[1]),
     ),
     "bounds": Reader(
-        "bounds.toml", lambda: (inputs.BOUNDS,), _TOML, _bounds, _grown_toml(inputs.BOUNDS)
+        "bounds.toml",
+        lambda: (toml_inputs.BOUNDS,),
+        _TOML,
+        _bounds,
+        _grown_toml(toml_inputs.BOUNDS),
     ),
     "manifest": Reader(
         "manifest.json",
         manifest,
-        _text(inputs.JSON_CHUNKS),
+        _text(json_inputs.JSON_CHUNKS),
         _manifest,
-        lambda rng: inputs.grown_json(rng, manifest()[0]),
+        lambda rng: json_inputs.grown_json(rng, manifest()[0]),
         guided=False,
     ),
 }

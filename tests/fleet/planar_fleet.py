@@ -6,13 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import make_model
-from pivident.dynamics.parameters import nominal_values
-from pivident.robot import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
+from tests.planar_arm import nominal_parameters, planar_motion, planar_record
 
 RATE, SAMPLES = 500.0, 1000
 
@@ -41,38 +35,20 @@ temperature = "celsius"
 
 @cache
 def reference() -> np.ndarray:
-    rng = np.random.default_rng(2)
-    speeds = 0.8 * load_robot("planar_2r").rated_speeds
-    return point_to_point(rng.uniform(-1.5, 1.5, (30, 2)), speeds, RATE, SAMPLES)[0]
+    return planar_motion(np.random.default_rng(2), RATE, SAMPLES)
 
 
 def write_log(path: Path, factor: float, rng: np.random.Generator, celsius: float) -> None:
     """One record of an arm whose friction is so many times the nominal one at 30 °C."""
-    robot = load_robot("planar_2r")
-    base = base_parameters(robot)
-    theta = base.values(nominal_values(robot, base.standard))
+    base, theta = nominal_parameters()
     for k, p in enumerate(base.parameters):
         if p.friction is not None and p.friction.is_dissipative:
             theta[k] *= factor * (1.0 + SCATTER * rng.standard_normal())
             theta[k] *= 1.0 + WARMTH * (celsius - 30.0) * (p.stem == "fv")
-    q_ref = reference()
-    noise = 2e-6 * rng.standard_normal(q_ref.shape)
-    signals = LoopSignals(
-        rate=RATE,
-        q_ref=q_ref,
-        dq_ref=None,
-        inputs=None,
-        noise=noise,
-        drive_gain=np.ones(2),
-        limit=np.full(2, np.inf),
-        bound=np.full(2, 0.5),
-        speed_bound=np.full(2, 50.0),
-    )
-    controller = PD(np.array([6000.0, 2500.0]), np.array([180.0, 60.0]))
-    made = simulate(make_model(robot, base.parameters, theta), controller, signals, ("1", "2"))
+    q, tau = planar_record(base, theta, reference(), RATE, rng)
     path.parent.mkdir(parents=True, exist_ok=True)
     warm = celsius + 0.1 * rng.standard_normal(SAMPLES)
-    np.savez(path, q=made.q + noise, r=q_ref, tau=made.tau, celsius=warm)
+    np.savez(path, q=q, r=reference(), tau=tau, celsius=warm)
 
 
 def write_fleet(

@@ -9,13 +9,7 @@ from functools import cache
 
 import numpy as np
 
-from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.forward import make_model
-from pivident.dynamics.parameters import nominal_values
-from pivident.robot import load_robot
-from pivident.simulation.closed_loop import LoopSignals, simulate
-from pivident.simulation.controllers import PD
-from pivident.simulation.reference import point_to_point
+from tests.planar_arm import nominal_parameters, planar_motion, planar_record
 
 RATE = 1000.0
 
@@ -80,21 +74,10 @@ URDF = """\
 
 @cache
 def _simulated() -> tuple[np.ndarray, ...]:
-    robot = load_robot("planar_2r")
-    base = base_parameters(robot)
-    theta = base.values(nominal_values(robot, base.standard))
-    rng = np.random.default_rng(7)
-    samples = 3200
-    postures = rng.uniform(-1.2, 1.2, (12, 2))
-    q_ref, _, _ = point_to_point(postures, 0.8 * robot.rated_speeds, RATE, samples)
-    noise = 2e-6 * rng.standard_normal(q_ref.shape)
-    infinite = np.full(2, np.inf)
-    signals = LoopSignals(
-        RATE, q_ref, None, None, noise, np.ones(2), infinite, np.full(2, 0.5), np.full(2, 50.0)
-    )
-    law = PD(np.array([6000.0, 2500.0]), np.array([180.0, 60.0]))
-    made = simulate(make_model(robot, base.parameters, theta), law, signals, robot.joint_names)
-    return np.arange(samples) / RATE, made.q + noise, q_ref, made.tau
+    rng, samples = np.random.default_rng(7), 3200
+    q_ref = planar_motion(rng, RATE, samples, postures=12, reach=1.2)
+    q, tau = planar_record(*nominal_parameters(), q_ref, RATE, rng)
+    return np.arange(samples) / RATE, q, q_ref, tau
 
 
 def log() -> Columns:

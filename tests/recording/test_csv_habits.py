@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.audit.reading import read_columns
+from pivident.audit.file_columns import read_columns
 from pivident.errors import BadCell, FileFormatError
 from pivident.recording.load import load_recording
 from pivident.recording.read_csv import csv_names, read_csv

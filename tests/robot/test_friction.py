@@ -110,7 +110,7 @@ def test_presliding_takes_the_place_of_coulomb_friction():
 
 
 def test_an_unknown_constant_is_refused_with_the_nearest_one():
-    with pytest.raises(ValueError, match="no constant 'striebeck_speed'; did you mean stribeck"):
+    with pytest.raises(ValueError, match="no constant 'striebeck_speed'; did you mean 'stribeck"):
         FrictionLaw((stribeck(0.1),)).with_shapes({"striebeck_speed": 0.3})
 
 

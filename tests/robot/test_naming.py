@@ -3,7 +3,14 @@ import tomllib
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.naming import errors_name, find_joint, frozen_example, nearest, repeated
+from pivident.robot.naming import (
+    errors_name,
+    find_joint,
+    frozen_example,
+    near_names,
+    nearest,
+    repeated,
+)
 
 NAMES = ("shoulder", "elbow", "wrist")
 
@@ -36,6 +43,19 @@ def test_a_name_like_no_other_gets_the_whole_list():
 def test_case_does_not_hide_what_was_meant():
     assert nearest("Elbow", NAMES) == "did you mean 'elbow'?"
     assert nearest("kP", ("kp", "kd")) == "did you mean 'kp'?"
+
+
+def test_the_nearest_name_comes_first_and_letters_in_disorder_last():
+    known = ["tau_2", "tau2", "position"]
+    assert near_names("tau1", known) == ["tau2", "tau_2"]
+    assert near_names("TAU2", known)[0] == "tau2"
+    assert near_names("pk", ["kp", "kd"]) == ["kp"]
+    assert near_names("effort", known) == []
+
+
+def test_names_less_alike_are_found_where_that_is_allowed():
+    assert near_names("/states", ["/arm/joint_states"]) == []
+    assert near_names("/states", ["/arm/joint_states"], likeness=0.5) == ["/arm/joint_states"]
 
 
 @pytest.mark.parametrize("name", ["elbow", "left arm/elbow"])

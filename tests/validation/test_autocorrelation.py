@@ -6,6 +6,7 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from statsmodels.stats.stattools import durbin_watson as statsmodels_durbin_watson
 from statsmodels.tsa.stattools import acf
 
+from pivident.signals.lagged_sums import lagged_sums
 from pivident.signals.noise_models import fit_ar, whiten
 from pivident.validation.autocorrelation import (
     autocorrelation,
@@ -14,7 +15,7 @@ from pivident.validation.autocorrelation import (
     upper_tail,
     variance_factor,
 )
-from pivident.validation.residual import JointResidual, lagged_sums
+from pivident.validation.residual import JointResidual
 
 
 def ar1(n, a=0.3, seed=0):
@@ -44,22 +45,6 @@ def test_durbin_watson_is_that_of_statsmodels():
     assert found.statistic == pytest.approx(statsmodels_durbin_watson(x), rel=1e-10)
     assert found.significant and found.matters
     assert np.isnan(durbin_watson(JointResidual("a", (x,), order=2)).p_value)
-
-
-def test_only_pairs_within_a_recording_and_outside_gaps_count():
-    rng = np.random.default_rng(1)
-    pieces = [rng.standard_normal(n) for n in (90, 140)]
-    pieces[0][20:41] = np.nan
-    pieces[1][[3, 70]] = np.nan
-    sums = lagged_sums(pieces, 100)
-    mean = np.nanmean(np.concatenate(pieces))
-    for lag in (0, 1, 17, 100):
-        pairs = [(p[: p.size - lag] - mean) * (p[lag:] - mean) for p in pieces if p.size > lag]
-        products = np.concatenate(pairs)
-        products = products[np.isfinite(products)]
-        assert sums.pairs[lag] == products.size
-        assert sums.products[lag] == pytest.approx(products.sum(), abs=1e-10)
-        assert sums.squares[lag] == pytest.approx((products**2).sum(), abs=1e-9)
 
 
 def test_a_gap_hides_no_correlation_and_makes_none():

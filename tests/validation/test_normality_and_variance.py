@@ -6,9 +6,9 @@ from statsmodels.stats.diagnostic import het_breuschpagan, het_white
 from statsmodels.stats.stattools import jarque_bera
 from statsmodels.tools import add_constant
 
+from pivident.signals.lagged_sums import lagged_sums
 from pivident.validation.heteroscedasticity import variance_test
 from pivident.validation.normality import normality
-from pivident.validation.residual import lagged_sums
 
 DRIVERS = np.abs(np.sin(np.linspace(0.0, 9.0, 500)[:, None] * [1.0, 1.7, 0.6]))
 NAMES = ("speed", "acceleration", "torque")

@@ -7,36 +7,24 @@ from collections.abc import Mapping, Sequence, Sized
 
 import numpy as np
 
+from pivident.recording.channel_words import (
+    PLAIN_FILLING,
+    PLAIN_MEASURED,
+    PLAIN_QUANTITIES,
+    PLAIN_REFERENCE,
+    TIME_WORDS,
+)
 from pivident.recording.column_series import column_series
 
-#: Words that name a channel.
+#: Words that name a channel; a current stands for a torque.
 WORDS = {
-    "q": {"q", "qm", "pos", "position", "positions", "theta", "angle", "pfbk"},
-    "dq": {"dq", "qdot", "vel", "velocity", "velocities", "speed", "omega", "vfbk"},
-    "tau": {"tau", "torque", "torques", "effort", "efforts", "trq", "current", "curr", "force"},
+    "q": set(PLAIN_QUANTITIES["q"].split()),
+    "dq": set(PLAIN_QUANTITIES["dq"].split()),
+    "tau": {*PLAIN_QUANTITIES["tau"].split(), *PLAIN_QUANTITIES["current"].split()},
 }
-
-#: Words that make a reference of a position or a speed; ``r1`` is the reference of joint 1.
-REFERENCE = {"ref", "reference", "des", "desired", "cmd", "command", "target", "setpoint", "r"}
 
 #: Words that tell nothing about the joint.
-FILLING = {
-    "joint",
-    "j",
-    "axis",
-    "measured",
-    "meas",
-    "actual",
-    "act",
-    "motor",
-    "link",
-    "rad",
-    "deg",
-    "nm",
-}
-
-#: Words of a column that holds time stamps.
-TIME = {"t", "time", "timestamp", "stamp", "clock", "secs", "seconds", "sec", "ms", "us", "ns"}
+FILLING = PLAIN_FILLING | PLAIN_MEASURED | {"rad", "deg", "nm"}
 
 _WORD = re.compile(r"[a-z]+|\d+")
 
@@ -52,12 +40,12 @@ def channel_of(name: str) -> tuple[str, str] | None:
     """
     words = _WORD.findall(name.lower().replace("_ref", " ref"))
     kinds = [kind for kind, own in WORDS.items() if own & set(words)]
-    is_reference = bool(REFERENCE & set(words))
+    is_reference = bool(PLAIN_REFERENCE & set(words))
     if not kinds and "r" in words:
         kinds = ["q"]
     if len(kinds) != 1 or (is_reference and kinds[0] == "tau"):
         return None
-    known = set().union(*WORDS.values()) | REFERENCE | FILLING
+    known = set().union(*WORDS.values()) | PLAIN_REFERENCE | FILLING
     joint = " ".join(word for word in words if word not in known)
     return (f"{kinds[0]}_ref" if is_reference else kinds[0]), joint
 
@@ -70,7 +58,7 @@ def is_clock(name: str, values: np.ndarray) -> bool:
         values: shape (samples,).
     """
     words = set(_WORD.findall(name.lower()))
-    if not words & TIME or len(values) < 3:
+    if not words & TIME_WORDS or len(values) < 3:
         return False
     steps = np.diff(values[np.isfinite(values)])
     return bool(steps.size and np.mean(steps >= 0) > 0.9 and np.ptp(values[np.isfinite(values)]))

@@ -8,7 +8,7 @@ from typing import Any
 
 from pivident.audit.column_names import channel_of
 from pivident.check.remark import Place, Remark
-from pivident.recording.channel_words import TIME_UNITS
+from pivident.recording.channel_words import PLAIN_QUANTITIES, UNIT_WORDS
 from pivident.robot.description import Robot
 
 #: What a channel is called in a sentence.
@@ -20,31 +20,6 @@ CALLED = {
     "q_ref": "reference position",
     "dq_ref": "reference speed",
     "ddq_ref": "reference acceleration",
-}
-
-#: Words of a name that tell a unit, by quantity.
-UNITS: dict[str, dict[str, set[str]]] = {
-    "angle": {
-        "deg": {"deg", "degs", "degree", "degrees"},
-        "rad": {"rad", "radian", "radians"},
-        "mm": {"mm", "millimetre", "millimeter"},
-        "counts": {"counts", "count", "ticks", "inc", "increments"},
-        "rev": {"rev", "revs", "turns"},
-    },
-    "speed": {
-        "deg/s": {"deg", "degs", "dps", "degrees"},
-        "rad/s": {"rad", "rads"},
-        "rpm": {"rpm"},
-        "mm/s": {"mm", "mms"},
-    },
-    "torque": {
-        "N m": {"nm"},
-        "mN m": {"mnm"},
-        "A": {"a", "amp", "amps", "ampere", "current", "currents", "curr", "iq"},
-        "mA": {"ma", "milliamp", "milliamps"},
-        "V": {"v", "volt", "volts", "voltage"},
-    },
-    "time": {unit: words for unit, words in TIME_UNITS.items() if unit != "s"},
 }
 
 _QUANTITY = {
@@ -60,7 +35,7 @@ _SI = {"angle": "rad", "speed": "rad/s", "torque": "N m", "time": "s"}
 #: Units that stand for the same.
 _ALIKE = {"Nm": "N m", "m": "rad", "m/s": "rad/s", "N": "N m"}
 
-_ACCELERATION = {"ddq", "qddot", "acc", "accel", "acceleration"}
+_ACCELERATION = set(PLAIN_QUANTITIES["ddq"].split())
 
 _WORD = re.compile(r"[a-zA-Z]+")
 
@@ -194,7 +169,7 @@ def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) 
     taken = _ALIKE.get(taken, taken)
     for column in names:
         words = {w.lower() for w in _UNIT_WORD.findall(column)}
-        told = [unit for unit, own in UNITS[quantity].items() if own & words]
+        told = [unit for unit, own in UNIT_WORDS[quantity].items() if own & words]
         if not told or taken in told or (quantity == "torque" and taken in _drive_units(told)):
             continue
         how = "is given as" if declared else "is not given and taken for"

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 
 from pivident.audit.audit import Audit, audit_log
+from pivident.audit.file_columns import read_columns
 from pivident.audit.finding import SEVERITIES, Severity
 from pivident.audit.log import Log
-from pivident.audit.reading import entry_log, read_columns
+from pivident.audit.reading import entry_log
 from pivident.check.columns_check import check_columns
 from pivident.check.file_check import file_problems
 from pivident.check.filters_check import check_filters

@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.audit.column_names import TIME as TIME_WORDS
 from pivident.draft.guess import Sureness
-from pivident.recording.channel_words import TIME_UNITS, words_of
+from pivident.recording.channel_words import TIME_UNITS, TIME_WORDS, words_of
 from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, round_rate
 from pivident.recording.units import TIME
 

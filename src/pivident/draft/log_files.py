@@ -8,7 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.audit.reading import read_columns, shown
+from pivident.audit.clocked_reading import shown
+from pivident.audit.file_columns import read_columns
 from pivident.draft.guess import DraftError
 from pivident.recording.channel_words import Reading, read_words, words_of
 from pivident.recording.column_series import JOINT, Series, column_series

@@ -5,7 +5,6 @@ A ``Problem`` is method-free: the same one goes to ``identify`` with LS, IV and 
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -20,6 +19,7 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 from pivident.simulation.controllers import Controller
 
 if TYPE_CHECKING:
@@ -241,7 +241,6 @@ def parameter_index(base: BaseParameters, name: str) -> int:
     try:
         return base.index(name)
     except KeyError:
+        bare = name.lower().removesuffix("r")
         heads = [p.name for p in base.parameters]
-        near = difflib.get_close_matches(name.lower().removesuffix("r"), heads, n=3)
-        hint = f"did you mean {' or '.join(near)}?" if near else f"there are {', '.join(heads)}"
-        raise ExperimentError(f"no base parameter {name!r}; {hint}") from None
+        raise ExperimentError(f"no base parameter {name!r}; {nearest(bare, heads)}") from None

@@ -22,6 +22,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import AutoRegressive
 from pivident.recording.recording import Recording
+from pivident.signals.lagged_sums import lagged_products
 from pivident.signals.noise_models import unmasked_stretches
 
 #: Largest difference of two repetitions of a reference, as a share of its range …
@@ -225,12 +226,9 @@ def find_period(recording: Recording) -> int | None:
 
 def _squared_differences(x: np.ndarray) -> np.ndarray:
     """mean_k (x_{k+p} - x_k)² for p = 0 … half the samples."""
-    from scipy.fft import irfft, next_fast_len, rfft
-
     n, lags = x.size, np.arange(x.size // 2 + 1)
     x = x - x.mean()
-    length = next_fast_len(2 * n, real=True)
-    products = irfft(np.abs(rfft(x, length)) ** 2, length)[: lags.size]
+    products = lagged_products(x, n // 2)
     squares = np.r_[0.0, np.cumsum(x**2)]
     overlap = squares[n - lags] + squares[n] - squares[lags]
     return np.maximum(overlap - 2.0 * products, 0.0) / (n - lags)

@@ -27,6 +27,7 @@ from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.normal_equations import JointSums
+from pivident.signals.lagged_sums import lagged_products
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
@@ -169,12 +170,9 @@ class JointSpectra:
         leverage = np.einsum(
             "ik,ik->k", spectrum.conj(), self.metric @ spectrum, optimize=True
         ).real
-        for total, power in (
-            (self.pairs, np.abs(rfft(votes, self.length)) ** 2),
-            (self.products, np.abs(rfft(residual, self.length)) ** 2),
-            (self.taken, leverage),
-        ):
-            total += irfft(power, self.length)[: self.lags + 1]
+        self.pairs += lagged_products(votes, self.lags, self.length)
+        self.products += lagged_products(residual, self.lags, self.length)
+        self.taken += irfft(leverage, self.length)[: self.lags + 1]
         spectrum[:, 1 : (self.length + 1) // 2] *= np.sqrt(2.0)  # negative frequencies
         binned = np.zeros((len(z), self.bins * self.width), dtype=complex)
         binned[:, : spectrum.shape[1]] = spectrum

@@ -10,8 +10,9 @@ import numpy as np
 from pivident.consistency.constraints import Bounds, Interval
 from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, RobotDescriptionError
+from pivident.experiment.consistency_tables import ConsistencyEntry, ConsistencyFile
 from pivident.experiment.explained import checked, plain_form
-from pivident.experiment.schema import ConsistencyEntry, ConsistencyFile, ExperimentFile
+from pivident.experiment.schema import ExperimentFile
 from pivident.robot import Robot, load_robot, read_urdf
 
 #: Frames of a reference may differ by rounding of their files [m, and elements of rotations].

@@ -17,7 +17,7 @@
     bandpass = {cutoff = 50}               # of every method that has it …
     piv = {noise = {criterion = "bic"}}    # … and of one method
 
-Paths are relative to the file. All tables and keys are in `pivident.experiment.schema`.
+Paths are relative to the file. The tables and their keys are in `pivident.experiment.schema`.
 """
 
 from __future__ import annotations

@@ -21,7 +21,8 @@ from pivident.estimation.methods import (
     RandomWalk,
 )
 from pivident.estimation.repetition import Repetition
-from pivident.experiment.schema import Entry, IdentifyEntry, MethodEntry
+from pivident.experiment.method_tables import IdentifyEntry, MethodEntry
+from pivident.robot.mdh_schema import Entry
 
 _ITERATION = {"tolerance", "max_iterations"}
 

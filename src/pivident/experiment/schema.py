@@ -1,24 +1,22 @@
 """Keys of an experiment file, their types and defaults, and what contradicts each other.
 
 This module needs pydantic and is imported only when a file is read. `pivident.experiment` turns
-the checked tables into robot, recordings, loop and methods.
+the checked tables into robot, recordings, loop and methods. The tables ``[identify]`` and
+``[consistency]`` are in `method_tables` and `consistency_tables`.
 """
 
 from __future__ import annotations
 
-import math
-from pathlib import PurePath
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, model_validator
+from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
-from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
-from pivident.estimation.methods import METHODS
-from pivident.printable import is_printable
+from pivident.experiment.consistency_tables import ConsistencyEntry  # consistency
+from pivident.experiment.method_tables import IdentifyEntry
+from pivident.experiment.table_values import Folder, Interval, Names, Numbers, Paths, PerJoint
 from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
-from pivident.robot.naming import nearest
 
 #: Keys that every real loop may have.
 LOOP_KEYS = {"drive_gain", "limit", "feed_forward"}
@@ -35,99 +33,10 @@ LAW_KEYS = {
     "identify": (set(), {"drive_gain", "limit"}),
 }
 
-#: Names of methods, those of consistent estimates included.
-METHOD_NAMES = (*METHODS, *CONSISTENT_METHODS)
-
 #: Keys of a recording that a public record brings along.
 SET_BY_DATASET = (
     "columns", "units", "side", "rate", "resample", "samples_axis", "position_offset", "simulated",
 )  # fmt: skip
-
-
-def _is_number(value: Any) -> bool:
-    if not isinstance(value, (int, float)) or isinstance(value, bool):
-        return False
-    try:
-        return math.isfinite(value)
-    except OverflowError:  # a whole number of hundreds of digits
-        return False
-
-
-def _numbers(value: Any) -> Any:
-    if _is_number(value) or (isinstance(value, list) and value and all(map(_is_number, value))):
-        return value
-    raise ValueError("must be a number for all joints, or a list with one number for each joint")
-
-
-def _per_joint(value: Any) -> Any:
-    listed = value.values() if isinstance(value, dict) else value
-    if isinstance(value, (list, dict)) and value and all(map(_is_number, listed)):
-        return value
-    raise ValueError("must be a list with one number for each joint, or a table of joint = number")
-
-
-def _paths(value: Any) -> Any:
-    listed = list(value.values()) if isinstance(value, dict) else [value]
-    if listed and all(isinstance(path, str) and path for path in listed):
-        return value
-    raise ValueError("must be a file, or a table of channel = file")
-
-
-def _mask(value: Any) -> Any:
-    if value == "auto" or (_is_number(value) and 0 <= value < 1):
-        return value
-    raise ValueError('must be "auto" or a share of the rated speed, from 0 (none) to below 1')
-
-
-def _methods(value: Any) -> Any:
-    names = [value] if isinstance(value, str) else value
-    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
-        raise ValueError(f"must be a list with some of {', '.join(METHOD_NAMES)}")
-    for name in names:
-        if name not in METHOD_NAMES:
-            bare = name.lower().replace("_", "-").removeprefix("idim-")
-            raise ValueError(f"there is no method {name!r}; {nearest(bare, METHOD_NAMES)}")
-    if len(set(names)) < len(names):
-        raise ValueError("names a method twice; name each one once")
-    return names
-
-
-def _switch(value: Any) -> Any:
-    if isinstance(value, bool):
-        return value
-    raise ValueError("must be true or false, a boolean; names of parameters go under parameters")
-
-
-def _stages(value: Any) -> Any:
-    stages = value if isinstance(value, list) else [value]
-    if stages and all(type(stage) is int and stage >= 1 for stage in stages):
-        return tuple(stages) if isinstance(value, list) else value
-    raise ValueError("must be a whole factor, or a list with the factor of each stage")
-
-
-def _edge(value: Any) -> Any:
-    ends = value if isinstance(value, list) else [value, value]
-    if len(ends) == 2 and all(type(end) is int and end >= 0 for end in ends):
-        return tuple(value) if isinstance(value, list) else value
-    raise ValueError("must be a number of samples, or a list of two: at the start and at the end")
-
-
-def _motion_band(value: Any) -> Any:
-    if value == "auto" or (_is_number(value) and value >= 0):
-        return value
-    raise ValueError('must be "auto" or a frequency in Hz, 0 for no band')
-
-
-Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
-PerJoint = Annotated[list[float] | dict[str, float], PlainValidator(_per_joint)]
-Paths = Annotated[str | dict[str, str], PlainValidator(_paths)]
-Mask = Annotated[Literal["auto"] | float, PlainValidator(_mask)]
-Methods = Annotated[list[str], PlainValidator(_methods)]
-Stages = Annotated[int | tuple[int, ...], PlainValidator(_stages)]
-Edge = Annotated[int | tuple[int, int], PlainValidator(_edge)]
-MotionBand = Annotated[Literal["auto"] | float, PlainValidator(_motion_band)]
-Interval = Annotated[list[float], Field(min_length=2, max_length=2)]
-Names = Annotated[list[str], Field(min_length=1)]
 
 
 class CouplingEntry(Entry):
@@ -280,109 +189,6 @@ class ControllerEntry(Entry):
         return self.reference or ("smoothed" if self.type == "virtual_pd" else "recorded")
 
 
-class BandpassEntry(Entry):
-    """Options of `pivident.estimation.methods.Bandpass`."""
-
-    cutoff: PositiveFloat | None = None
-    order: Annotated[int, Field(ge=1, le=20)] | None = None
-    decimation: Stages | None = None
-    bandwidth: PositiveFloat | None = None
-    convention: Literal["matlab", "scipy"] | None = None
-    median: Annotated[int, Field(ge=1)] | None = None
-    padlen: Annotated[int, Field(ge=0)] | None = None
-    edge: Edge | None = None
-    align: bool | None = None
-
-    @model_validator(mode="after")
-    def _one_decimation(self) -> BandpassEntry:
-        if self.decimation is not None and self.bandwidth is not None:
-            raise ValueError("decimation and bandwidth are both given; the factor follows from one")
-        if self.median is not None and self.median % 2 == 0:
-            raise ValueError(f"median = {self.median} must be an odd number of samples")
-        return self
-
-
-class RandomWalkEntry(Entry):
-    """Options of `pivident.estimation.methods.RandomWalk`."""
-
-    order: Literal[1, 2, 3, 4] | None = None
-    passes: Annotated[int, Field(ge=1, le=10)] | None = None
-    f50_max: PositiveFloat | None = None
-    align: bool | None = None
-    measurement_noise: Literal["white", "auto"] | None = None
-
-
-class NoiseEntry(Entry):
-    """Options of `AutoRegressive` noise, or with orders of `Arma`, in `estimation.methods`."""
-
-    p_max: Annotated[int, Field(ge=1, le=5000)] | None = None
-    criterion: Literal["aic", "aicc", "bic"] | None = None
-    on_unmasked: bool | None = None
-    motion_band: MotionBand | None = None
-    repetition: bool | None = None
-    period: Annotated[int, Field(ge=10)] | None = None
-    ar_order: Annotated[int, Field(ge=1, le=200)] | None = None
-    ma_order: Annotated[int, Field(ge=1, le=50)] | None = None
-    largest_root: Annotated[float, Field(gt=0, lt=1)] | None = None
-
-    @model_validator(mode="after")
-    def _one_kind(self) -> NoiseEntry:
-        arma = {"ar_order", "ma_order", "largest_root"} & self.model_fields_set
-        others = {"p_max", "criterion", "motion_band", "repetition", "period"}
-        others &= self.model_fields_set
-        if arma and others:
-            raise ValueError(
-                f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} belong "
-                "to an AR model; keep one of the two"
-            )
-        if self.period is not None and not self.repetition:
-            raise ValueError("period belongs to noise from repetition; set repetition = true")
-        return self
-
-
-class SharedOptions(Entry):
-    """Options that apply to every method that has them."""
-
-    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
-    max_iterations: Annotated[int, Field(ge=1)] | None = None
-    bandpass: BandpassEntry = BandpassEntry()
-    random_walk: RandomWalkEntry = RandomWalkEntry()
-    noise: NoiseEntry = NoiseEntry()
-
-
-class MethodEntry(SharedOptions):
-    """Options of one method; they win over the shared ones."""
-
-    signals: Literal["bandpass", "random_walk"] | None = None
-    prefilter: Literal["controller", "direct"] | None = None
-    covariance: Literal["auto", "formula", "sandwich", "stationary"] | None = None
-    start: Literal["least-squares", "initial"] | None = None
-    as_printed: bool | None = None
-
-
-class IdentifyEntry(SharedOptions):
-    """What is estimated, and how."""
-
-    methods: Methods | None = None
-    parameters: Names | None = None
-    essential: Annotated[bool, PlainValidator(_switch)] = False
-    shapes: Literal["given", "identify"] = "given"
-    mask: Mask = "auto"
-    initial: dict[str, float] = Field(default_factory=dict)
-    ols: MethodEntry = MethodEntry()
-    ls: MethodEntry = MethodEntry()
-    wls: MethodEntry = MethodEntry()
-    iv: MethodEntry = MethodEntry()
-    iv_full_rate: MethodEntry = Field(MethodEntry(), alias="iv-full-rate")
-    piv: MethodEntry = MethodEntry()
-    didim: MethodEntry = MethodEntry()
-    piv_as_printed: MethodEntry = Field(MethodEntry(), alias="piv-as-printed")
-
-    def of(self, method: str) -> MethodEntry:
-        """The table of one method."""
-        return getattr(self, method.replace("-", "_"))
-
-
 class ValidationEntry(Entry):
     """How results are judged on motion that was not fitted."""
 
@@ -397,21 +203,10 @@ class ValidationEntry(Entry):
         return self
 
 
-def _below(folder: str) -> str:
-    """A folder beside or below the file: one from elsewhere must not write where it likes."""
-    path = PurePath(folder)
-    if path.is_absolute() or path.drive or ".." in path.parts or not is_printable(folder):
-        raise ValueError(
-            "must lie beside or below this file, without '..'; --out on the command line can name "
-            "any other folder"
-        )
-    return folder
-
-
 class OutputEntry(Entry):
     """Where results go and how they are headed."""
 
-    folder: Annotated[str, Field(min_length=1), AfterValidator(_below)] | None = None
+    folder: Folder | None = None
     title: str | None = None
     report: bool = True
 
@@ -448,71 +243,6 @@ class GainsEntry(Entry):
                 "both or neither"
             )
         return self
-
-
-def _range(value: Any) -> Any:
-    if isinstance(value, list) and len(value) == 2 and all(map(_is_number, value)):
-        if value[0] < value[1]:
-            return [float(end) for end in value]
-        raise ValueError("is empty; the lower end comes first, and must be below the upper one")
-    raise ValueError("must be two numbers, [lowest, highest]")
-
-
-def _masses(value: Any) -> Any:
-    if _range(value)[0] >= 0:
-        return _range(value)
-    raise ValueError("begins below zero, and no body has such a mass; begin at 0")
-
-
-def _ellipsoid(value: Any) -> Any:
-    if not (
-        isinstance(value, list)
-        and len(value) == 2
-        and all(isinstance(part, list) and len(part) == 3 for part in value)
-        and all(_is_number(x) for part in value for x in part)
-    ):
-        raise ValueError("must be [[x, y, z], [a, b, c]], centre and half axes")
-    if min(value[1]) <= 0:
-        raise ValueError("has a half axis that is not positive; use center_of_mass for a flat one")
-    return [[float(x) for x in part] for part in value]
-
-
-Range = Annotated[list[float], PlainValidator(_range)]
-Ellipsoid = Annotated[list[list[float]], PlainValidator(_ellipsoid)]
-Masses = Annotated[list[float], PlainValidator(_masses)]
-
-
-class LinkBoundsEntry(Entry):
-    """What is known about the body of one link; see `pivident.consistency`."""
-
-    mass: Masses | None = None
-    center_of_mass: Annotated[list[Range], Field(min_length=3, max_length=3)] | None = None
-    ellipsoid: Ellipsoid | None = None
-
-    @model_validator(mode="after")
-    def _bounds_something(self) -> LinkBoundsEntry:
-        if not self.model_fields_set:
-            raise ValueError(
-                "bounds nothing; give mass, center_of_mass or ellipsoid, or remove the table"
-            )
-        return self
-
-
-class ConsistencyEntry(Entry):
-    """Which real bodies the links may be, and which of them are preferred."""
-
-    prior: Literal["entropic", "euclidean", "none"] = "entropic"
-    reference: Annotated[str, Field(min_length=1)] | None = None
-    margin: Annotated[float, Field(gt=0, lt=1)] | None = None
-    accept_far: bool = False
-    total_mass: Masses | None = None
-    bounds: dict[str, LinkBoundsEntry] = Field(default_factory=dict)
-
-
-class ConsistencyFile(Entry):
-    """A file with nothing but ``[consistency]``, for `pivident consistent`."""
-
-    consistency: ConsistencyEntry
 
 
 class ToolFrameEntry(Entry):

@@ -12,16 +12,8 @@ from pivident.comparison.friction_curves import friction_curves
 from pivident.comparison.groups import difference_of_geometry
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
-from pivident.figures.paper import (
-    FigureError,
-    chosen_joints,
-    hide_unused,
-    line_style,
-    new_figure,
-    panels,
-    paper_style,
-    plain,
-)
+from pivident.figures.joint_panels import chosen_joints, joint_panels, legend_above
+from pivident.figures.paper import FigureError, line_style, paper_style, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -61,9 +53,8 @@ def figure_of_friction(
     if not curves:
         raise FigureError("no friction that depends on speed was estimated on these joints")
     with paper_style():
-        rows, across = panels(len(curves), columns)
-        figure, axes = new_figure(rows, across, columns=columns, row_height=1.6)
-        for ax, joint in zip(axes, curves, strict=False):
+        figure, axes = joint_panels(len(curves), columns=columns, row_height=1.6)
+        for ax, joint in zip(axes, curves, strict=True):
             for curve in joint.curves:
                 style = line_style(curve.entry)
                 if np.isfinite(curve.std).all():
@@ -76,8 +67,6 @@ def figure_of_friction(
                 ylabel=f"friction {quantity} [{joint.torque_unit}]",
                 title=plain(joint.name),
             )
-        hide_unused(axes, len(curves))
-        handles, names = axes[0].get_legend_handles_labels()
         if len(many) > 1:
-            figure.legend(handles, names, loc="outside upper center", ncols=min(len(many), 4))
+            legend_above(figure, axes[0], min(len(many), 4))
     return figure

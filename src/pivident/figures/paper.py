@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pivident.errors import PividentError
-from pivident.robot.naming import nearest
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from pivident.estimation.identification import FittedRecording, Identification
 
 #: Width of one and of two columns [inch], as journals of control and robotics print them.
 WIDTHS = {1: 3.5, 2: 7.16}
@@ -36,9 +32,6 @@ LINES: tuple[dict[str, Any], ...] = (
 )
 
 MEASURED, ERROR = "#9a9a9a", "#D55E00"
-
-#: Points of a trace; more than a printed column resolves.
-POINTS = 2400
 
 #: Type 42 embeds whole outline fonts, as publishers ask for; SVG text becomes outlines.
 STYLE: dict[str, Any] = {
@@ -115,28 +108,6 @@ def new_figure(
     return figure, list(axes.ravel())
 
 
-def panels(count: int, columns: int) -> tuple[int, int]:
-    """Rows and axes in a row for a number of panels.
-
-    Args:
-        count: of panels.
-        columns: width of the figure.
-    """
-    across = min(count, 1 if columns == 1 else 2)
-    return math.ceil(count / across), across
-
-
-def hide_unused(axes: Sequence[Axes], count: int) -> None:
-    """Take away the axes after the first ones.
-
-    Args:
-        axes: all axes.
-        count: how many are used.
-    """
-    for ax in axes[count:]:
-        ax.set_visible(False)
-
-
 def line_style(k: int, marker: bool = False) -> dict[str, Any]:
     """Colour, dash and marker of the k-th line.
 
@@ -148,56 +119,6 @@ def line_style(k: int, marker: bool = False) -> dict[str, Any]:
     if not marker:
         del style["marker"]
     return style
-
-
-def chosen_joints(result: Identification, joints: Sequence[str | int] | None) -> list[int]:
-    """Indices of joints by name or by number from 1.
-
-    Args:
-        result: the identification.
-        joints: names or numbers; None: all.
-
-    Raises:
-        FigureError: there is no such joint.
-    """
-    names = list(result.robot.joint_names)
-    if joints is None:
-        return list(range(len(names)))
-    if isinstance(joints, str | int):
-        joints = [joints]
-    found = []
-    for joint in joints:
-        if isinstance(joint, int) and 1 <= joint <= len(names):
-            found.append(joint - 1)
-        elif joint in names:
-            found.append(names.index(str(joint)))
-        else:
-            raise FigureError(
-                f"there is no joint {joint!r}; {nearest(str(joint), names)}; numbers count from 1"
-            )
-    return found
-
-
-def chosen_recording(result: Identification, recording: str | int) -> FittedRecording:
-    """One recording by its name or index.
-
-    Args:
-        result: the identification.
-        recording: name, or index from 0.
-
-    Raises:
-        FigureError: the result has no signals, or no such recording.
-    """
-    if not result.recordings:
-        raise FigureError(
-            "the identification holds no signals, as after reading it from a file; identify again"
-        )
-    names = [r.name for r in result.recordings]
-    if isinstance(recording, int) and 0 <= recording < len(names):
-        return result.recordings[recording]
-    if recording in names:
-        return result.recordings[names.index(str(recording))]
-    raise FigureError(f"there is no recording {recording!r}; there are {', '.join(names)}")
 
 
 def plain(text: str) -> str:

@@ -9,15 +9,8 @@ import numpy as np
 
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
-from pivident.figures.paper import (
-    FigureError,
-    chosen_joints,
-    chosen_recording,
-    line_style,
-    new_figure,
-    paper_style,
-    plain,
-)
+from pivident.figures.joint_panels import chosen_joints, chosen_recording
+from pivident.figures.paper import FigureError, line_style, new_figure, paper_style, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -6,17 +6,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from pivident.estimation.identification import Identification
-from pivident.figures.paper import (
-    FigureError,
-    chosen_joints,
-    chosen_recording,
-    hide_unused,
-    line_style,
-    new_figure,
-    panels,
-    paper_style,
-    plain,
-)
+from pivident.figures.joint_panels import chosen_signals, joint_panels, legend_above
+from pivident.figures.paper import FigureError, line_style, paper_style, plain
 from pivident.validation.residual_spectrum import residual_spectra
 
 if TYPE_CHECKING:
@@ -42,13 +33,13 @@ def figure_of_residual_spectra(
     Raises:
         FigureError: there are no signals, too few samples, or no such joint.
     """
-    chosen = chosen_joints(result, joints)
-    chosen_recording(result, 0)  # refuses a result without signals
+    chosen, *_ = chosen_signals(result, joints)
     spectra = residual_spectra(result)
     with paper_style():
-        rows, across = panels(len(chosen), columns)
-        figure, axes = new_figure(rows, across, columns=columns, row_height=1.4)
-        for ax, j in zip(axes, chosen, strict=False):
+        figure, axes = joint_panels(
+            len(chosen), columns=columns, row_height=1.4, xlabel="frequency [Hz]"
+        )
+        for ax, j in zip(axes, chosen, strict=True):
             name, found = result.robot.joint_names[j], spectra[j]
             if found is None:
                 raise FigureError(
@@ -64,9 +55,5 @@ def figure_of_residual_spectra(
             ax.loglog(frequency, power, label="residual", **line_style(1) | {"linestyle": "-"})
             ax.set(ylabel="power / white", title=plain(name))
             ax.set_ylim(min(0.1, 0.8 * float(power.min())), max(10.0, 1.2 * float(power.max())))
-        for ax in axes[max(len(chosen) - across, 0) : len(chosen)]:
-            ax.set_xlabel("frequency [Hz]")
-        hide_unused(axes, len(chosen))
-        handles, names = axes[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside upper center", ncols=2)
+        legend_above(figure, axes[0], 2)
     return figure

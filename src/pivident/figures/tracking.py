@@ -9,18 +9,15 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import significant
+from pivident.figures.joint_panels import chosen_signals, draw_trace, legend_above
 from pivident.figures.paper import (
     MEASURED,
-    POINTS,
     FigureError,
-    chosen_joints,
-    chosen_recording,
     line_style,
     new_figure,
     paper_style,
     plain,
 )
-from pivident.report.downsampling import kept_samples
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -47,31 +44,24 @@ def figure_of_tracking(
     Raises:
         FigureError: there is no reference, or no such joint or recording.
     """
-    chosen, record = chosen_joints(result, joints), chosen_recording(result, recording)
+    chosen, record, t = chosen_signals(result, joints, recording)
     if record.q_ref is None:
         raise FigureError(
             f"the recording {record.name!r} has no reference; log q_ref, or have it reconstructed"
         )
-    t = record.t - record.t[0]
     with paper_style():
         figure, axes = new_figure(len(chosen), 2, columns=columns, row_height=1.35, share_x=True)
         for left, right, j in zip(axes[::2], axes[1::2], chosen, strict=True):
             unit = "rad" if result.robot.joints[j].kind == "revolute" else "m"
             q, q_ref = record.q_measured[:, j], record.q_ref[:, j]
             apart = q_ref - q
-            for y, style, name in (
-                (q, {"color": MEASURED, "linewidth": 1.8}, "measured"),
-                (q_ref, line_style(1), "reference"),
-            ):
-                kept = kept_samples(np.asarray(y, dtype=float), POINTS)
-                left.plot(t[kept], y[kept], label=name, **style)
-            kept = kept_samples(np.asarray(apart, dtype=float), POINTS)
-            right.plot(t[kept], apart[kept], **line_style(0))
+            draw_trace(left, t, q, label="measured", color=MEASURED, linewidth=1.8)
+            draw_trace(left, t, q_ref, label="reference", **line_style(1))
+            draw_trace(right, t, apart, **line_style(0))
             rms = significant(float(np.sqrt(np.mean(apart**2))))
             left.set(ylabel=f"position [{unit}]", title=plain(result.robot.joint_names[j]))
             right.set(ylabel=f"error [{unit}]", title=f"reference less position, rms {rms} {unit}")
         for ax in axes[-2:]:
             ax.set(xlabel="time [s]", xlim=(0.0, float(t[-1])))
-        handles, names = axes[0].get_legend_handles_labels()
-        figure.legend(handles, names, loc="outside upper center", ncols=2)
+        legend_above(figure, axes[0], 2)
     return figure

@@ -1,46 +1,25 @@
-r"""The logs of a folder: which robot, which day, which files belong together.
+"""The logs of a folder: which robot, which day, which files belong together.
 
-A pattern is a path below the folder in which ``{name}`` stands for a part without ``/`` that tells
-logs apart, and ``*`` for a part that does not:
-
-    {robot}/{day}.csv                         arm_03/2026-03-01.csv
-    {robot}_{day}.csv                         arm_03_2026-03-01.csv: the first part takes most
-    {robot}/{day}/{run}.parquet               with together = ["robot", "day"]: runs of one problem
-    {q = "{robot}/{day}/q.csv", tau = "{robot}/{day}/tau.csv"}      files of one record
-
-Without a pattern every readable file is a log; its robot is the folder it lies in.
+Patterns of paths (`log_pattern`) tell logs apart, and a part of the path says when each was taken
+(`log_times`). Without a pattern every readable file is a log; its robot is the folder it lies in.
 """
 
 from __future__ import annotations
 
 import os
-import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime
 from pathlib import Path
 
 from pivident.errors import ExperimentError
+from pivident.fleet.log_pattern import ROBOT, Captures, Pattern
+from pivident.fleet.log_times import date_in, kind_of_times
 from pivident.fleet.schema import EVERY_LOG
 from pivident.recording.files import existing_file, sha256
 from pivident.recording.tables import READERS
 
 #: Captures that say when a record was taken, where the file does not name another one.
 TIMES = ("time", "day", "date")
-
-#: Most parts of one folder's or file's name that a pattern may tell apart.
-MOST_PARTS = 4
-
-#: The capture that says whose record it is.
-ROBOT = "robot"
-
-_CAPTURE = re.compile(r"\{([^{}]*)\}|(\*)")
-_DATE = re.compile(r"(?<!\d)(\d{4}-?[01]\d-?[0-3]\d)(?!\d)")
-
-Captures = tuple[tuple[str, str], ...]
-
-#: Place on the time axis and text of a moment, None where a text is none.
-Moment = Callable[[str], tuple[float, str] | None]
 
 
 @dataclass(frozen=True)
@@ -151,83 +130,6 @@ def find_logs(
     return _in_time(logs, named_time)
 
 
-class Pattern:
-    """One pattern of paths.
-
-    Args:
-        key: whose files it finds.
-        text: the pattern.
-
-    Raises:
-        ExperimentError: a capture has no usable name, two touch each other, or there is none.
-    """
-
-    def __init__(self, key: str, text: str) -> None:
-        self.text = text
-        self.names: tuple[str, ...] = ()
-        where = f"pattern {text!r}"
-        expression, end = "", 0
-        for found in _CAPTURE.finditer(text):
-            if end == found.start() and end > 0:
-                raise ExperimentError(
-                    f"{where}: {found.group()} follows another part directly, so that nobody knows "
-                    "where one ends; put a character such as _ or / between them"
-                )
-            expression += re.escape(text[end : found.start()])
-            end = found.end()
-            name = found[1]
-            if name is None:
-                expression += "[^/]*"
-                continue
-            if not re.fullmatch(r"[A-Za-z]\w{0,31}", name):
-                raise ExperimentError(
-                    f"{where}: {{{name}}} is no name; use letters, digits and _, such as {{robot}}"
-                )
-            if name in self.names:
-                expression += f"(?P={name})"
-            else:
-                expression += f"(?P<{name}>[^/]+)"
-                self.names += (name,)
-        if max(len(_CAPTURE.findall(part)) for part in text.split("/")) > MOST_PARTS:
-            raise ExperimentError(
-                f"{where} has more than {MOST_PARTS} parts in braces or * between two slashes, so "
-                "that names could be read in very many ways; use folders or fewer parts"
-            )
-        rest = text[end:]
-        if "{" in rest or "}" in rest or not self.names:
-            raise ExperimentError(
-                f"{where} of {key!r} needs parts in braces that tell logs apart, such as "
-                "'{robot}/{day}.csv'"
-            )
-        self.expression = re.compile(expression + re.escape(rest), re.DOTALL)
-
-    def matches(self, files: Sequence[str], robot: str) -> dict[Captures, str]:
-        """Files by what they capture.
-
-        Args:
-            files: paths below the folder.
-            robot: whose they are, where the pattern does not say.
-
-        Raises:
-            ExperimentError: two files capture the same.
-        """
-        found: dict[Captures, str] = {}
-        for file in files:
-            match = self.expression.fullmatch(file)
-            if match is None:
-                continue
-            captures = tuple(match.groupdict().items())
-            if ROBOT not in self.names:
-                captures = ((ROBOT, robot), *captures)
-            if captures in found:
-                raise ExperimentError(
-                    f"pattern {self.text!r} finds {found[captures]!r} and {file!r} for the same "
-                    f"{', '.join(f'{k} {v}' for k, v in captures)}; add a part such as {{run}}"
-                )
-            found[captures] = file
-        return found
-
-
 def _files(folder: Path, without: Path | None) -> list[str]:
     """Paths of all files below a folder, with slashes, sorted; hidden ones are left out."""
     found = []
@@ -323,8 +225,11 @@ def _grouped(
 
 def _in_time(logs: Sequence[Log], name: str | None) -> tuple[list[Log], TimeAxis]:
     """The logs with their positions in time, sorted by robot and time."""
-    said = {log.name: dict(log.captures)[name] if name else _date_in(log.captures) for log in logs}
-    kind, read = _kind(list(said.values()), required=name is not None)
+    said = {
+        log.name: dict(log.captures)[name] if name else date_in(dict(log.captures).get("log", ""))
+        for log in logs
+    }
+    kind, read = kind_of_times(list(said.values()), required=name is not None)
     if read is None:
         robots: dict[str, list[Log]] = {}
         for log in sorted(logs, key=lambda log: log.name):
@@ -347,50 +252,5 @@ def _in_time(logs: Sequence[Log], name: str | None) -> tuple[list[Log], TimeAxis
     return _sorted(made), TimeAxis(kind, "day" if kind == "date" else str(name))
 
 
-def _kind(texts: Sequence[str], required: bool) -> tuple[str, Moment | None]:
-    """Dates or numbers, as most of them are; neither where that would be a guess."""
-    for kind, read in (("date", _as_date), ("number", _as_number)):
-        wrong = sum(read(text) is None for text in texts)
-        if wrong == 0 or (required and 2 * wrong < len(texts)):
-            return kind, read
-    return "order", None
-
-
 def _sorted(logs: Sequence[Log]) -> list[Log]:
     return sorted(logs, key=lambda log: (log.robot, log.position, log.name))
-
-
-def _date_in(captures: Captures) -> str:
-    """A date in the name of a file."""
-    found = _DATE.search(dict(captures).get("log", ""))
-    return found[1] if found else ""
-
-
-def _as_date(text: str) -> tuple[float, str] | None:
-    """Days since 1970 and ISO text of a date (and time of day), None where it is none."""
-    for candidate in _spellings(text):
-        try:
-            moment = datetime.fromisoformat(candidate)
-        except ValueError:
-            continue
-        aware = moment if moment.tzinfo else moment.replace(tzinfo=UTC)
-        plain = moment.date().isoformat() if len(text) <= 10 else moment.isoformat()
-        return aware.timestamp() / 86400.0, plain
-    return None
-
-
-def _spellings(text: str) -> Iterator[str]:
-    """A moment as ISO has it, and as file names have it, where ':' is not allowed."""
-    yield text
-    found = re.fullmatch(r"(\d{4}-?\d\d-?\d\d)[T_ -](\d\d)[-_.]?(\d\d)(?:[-_.]?(\d\d))?", text)
-    if found:
-        yield f"{found[1]}T{found[2]}:{found[3]}:{found[4] or '00'}"
-
-
-def _as_number(text: str) -> tuple[float, str] | None:
-    """A finite number, None where it is none."""
-    try:
-        value = float(text)
-    except ValueError:
-        return None
-    return (value, text) if abs(value) < 1e15 else None

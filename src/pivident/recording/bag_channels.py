@@ -8,7 +8,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from pivident.errors import RecordingError, UnknownColumn
 from pivident.recording.clock_alignment import ClockedChannel, in_order, onto_sparsest
 from pivident.recording.joint_topics import TopicTable
 from pivident.recording.read_bag import RECEIVED, STAMP, Bag
+from pivident.robot.naming import near_names
 
 #: What the fields of messages hold, by the channel that a robot's record has for it.
 FIELDS: dict[str, tuple[str, ...]] = {
@@ -136,7 +136,7 @@ def _one_name(
         return short
     fits = [name for name in known if name.endswith("/" + short.lstrip("/"))]
     if not fits:
-        near = get_close_matches(short, known, n=3, cutoff=0.5)
+        near = near_names(short, known, likeness=0.5)  # a topic has its robot before it
         raise UnknownColumn(path.name, short, near, shown or known)
     if len(fits) > 1:
         raise RecordingError(

@@ -1,4 +1,9 @@
-"""What a column holds, told from the words of its name: ``actual_qd_0``, ``J1 (deg)``, ``I_A1``."""
+"""What a column holds, told from the words of its name: ``actual_qd_0``, ``J1 (deg)``, ``I_A1``.
+
+The vocabulary of all that reads names of columns stands here. Plain words are trusted in the name
+of a single column, as an audit or a check of an experiment file meets it; the others only where
+`pivident.recording.column_series` has found columns that differ in the joint alone.
+"""
 
 from __future__ import annotations
 
@@ -6,26 +11,33 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-#: Words that name a quantity. In "current_position" the last one counts.
-QUANTITIES = {
-    "q": (
-        "q qm pos position positions theta θ angle angles pfbk encoder encoders enc jointangle"
-        " jpos lage winkel"
-    ),
-    "dq": "dq qd qdot qp vel velocity velocities speed speeds omega ω vfbk dtheta dpos jvel",
-    "ddq": "ddq qdd qddot acc accel acceleration accelerations",
-    "tau": "tau τ torque torques effort efforts trq moment moments force forces drehmoment",
-    "current": "current currents curr i iq amp amps ampere strom",
+#: Words that name a quantity wherever they stand.
+PLAIN_QUANTITIES = {
+    "q": "q qm pos position positions theta angle pfbk",
+    "dq": "dq qdot vel velocity velocities speed omega vfbk",
+    "ddq": "ddq qddot acc accel acceleration",
+    "tau": "tau torque torques effort efforts trq force",
+    "current": "current curr",
 }
 
-#: Words of a reference: what the controller was told.
-REFERENCE = set(
-    "ref reference des desired cmd cmds command commands commanded target targets setpoint"
-    " setpoints set sp soll goal demand demanded r d planned".split()
+#: Words that do so too; one alone may mean something else, a column for each joint does not.
+OTHER_QUANTITIES = {
+    "q": "θ angles encoder encoders enc jointangle jpos lage winkel",
+    "dq": "qd qp speeds ω dtheta dpos jvel",
+    "ddq": "qdd accelerations",
+    "tau": "τ moment moments forces drehmoment",
+    "current": "currents i iq amp amps ampere strom",
+}
+
+#: Words of a reference: what the controller was told. The first line wherever they stand.
+PLAIN_REFERENCE = set("ref reference des desired cmd command target setpoint r".split())
+REFERENCE = PLAIN_REFERENCE | set(
+    "cmds commands commanded targets setpoints set sp soll goal demand demanded d planned".split()
 )
 
-#: Words of a measurement.
-MEASURED = set("actual act meas measured msr fbk feedback ist state states".split())
+#: Words of a measurement. The first line wherever they stand.
+PLAIN_MEASURED = set("measured meas actual act".split())
+MEASURED = PLAIN_MEASURED | set("msr fbk feedback ist state states".split())
 
 #: Words of things that are no joint signal, or not the one that is looked for.
 FOREIGN = set(
@@ -35,10 +47,9 @@ FOREIGN = set(
     " payload power io quat orientation euler imu odom odometry safety scaling elbow".split()
 )
 
-#: Words that say nothing about quantity or joint.
-FILLING = set(
-    "joint joints axis axes jnt motor link j a robot data value values column actuator".split()
-)
+#: Words that say nothing about quantity or joint. The first line wherever they stand.
+PLAIN_FILLING = set("joint j axis motor link".split())
+FILLING = PLAIN_FILLING | set("joints axes jnt a robot data value values column actuator".split())
 
 #: Units as people write them after a name, with the quantity that they betray.
 UNITS: dict[str, tuple[str, str]] = {
@@ -53,6 +64,9 @@ UNITS: dict[str, tuple[str, str]] = {
     "ma": ("mA", "current"), "v": ("V", "tau"),
 }  # fmt: skip
 
+#: Words of a column that holds time stamps.
+TIME_WORDS = set("t time timestamp stamp clock secs seconds sec ms us ns".split())
+
 #: Words that name the unit of time stamps.
 TIME_UNITS: dict[str, set[str]] = {
     "s": {"s", "sec", "secs", "seconds", "second"},
@@ -64,7 +78,37 @@ TIME_UNITS: dict[str, set[str]] = {
 #: Units that stand as a word of their own, without brackets around them.
 BARE_UNITS = {"deg", "degs", "degree", "degrees", "rad", "rads", "nm", "mnm", "mm", "rpm", "°"}
 
-_CHANNELS = {word: key for key, words in QUANTITIES.items() for word in words.split()}
+#: Words of a name that tell a unit where the quantity is known, which ``deg`` alone does not.
+UNIT_WORDS: dict[str, dict[str, set[str]]] = {
+    "angle": {
+        "deg": {"deg", "degs", "degree", "degrees"},
+        "rad": {"rad", "radian", "radians"},
+        "mm": {"mm", "millimetre", "millimeter"},
+        "counts": {"counts", "count", "ticks", "inc", "increments"},
+        "rev": {"rev", "revs", "turns"},
+    },
+    "speed": {
+        "deg/s": {"deg", "degs", "dps", "degrees"},
+        "rad/s": {"rad", "rads"},
+        "rpm": {"rpm"},
+        "mm/s": {"mm", "mms"},
+    },
+    "torque": {
+        "N m": {"nm"},
+        "mN m": {"mnm"},
+        "A": {"a", "amp", "amps", "ampere", "current", "currents", "curr", "iq"},
+        "mA": {"ma", "milliamp", "milliamps"},
+        "V": {"v", "volt", "volts", "voltage"},
+    },
+    "time": {unit: words for unit, words in TIME_UNITS.items() if unit != "s"},
+}
+
+_CHANNELS = {
+    word: key
+    for quantities in (PLAIN_QUANTITIES, OTHER_QUANTITIES)
+    for key, words in quantities.items()
+    for word in words.split()
+}
 _BRACKETS = re.compile(
     r"[(\[{<]\s*([^\W\d_][^()\[\]{}<>]{0,8}|°[^()\[\]{}<>]{0,4}|1/min)\s*[)\]}>]"
 )

@@ -17,13 +17,12 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
 
 from pivident.errors import RecordingError, UnknownColumn
-from pivident.robot.naming import frozen_example
+from pivident.robot.naming import frozen_example, near_names
 from pivident.scratch import working_array
 
 #: What a user may write for the columns of one channel.
@@ -100,7 +99,7 @@ def array_of(column: str, known: Sequence[str], path: Path) -> str:
     part = _PART.fullmatch(column)
     wanted = part["name"] if part else column
     if wanted not in known:
-        raise UnknownColumn(path.name, wanted, get_close_matches(wanted, known, n=3), known)
+        raise UnknownColumn(path.name, wanted, near_names(wanted, known), known)
     return wanted
 
 

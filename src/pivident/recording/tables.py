@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Sequence
-from difflib import get_close_matches
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +16,7 @@ from pivident.recording.read_csv import csv_names, read_csv
 from pivident.recording.read_mat import mat_names, read_mat
 from pivident.recording.read_npz import npy_names, npz_names, read_npy, read_npz
 from pivident.recording.read_parquet import parquet_names, read_parquet
+from pivident.robot.naming import near_names
 
 #: Longest name of a column or an array, in characters.
 LONGEST_NAME = 500
@@ -79,7 +79,7 @@ def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str
     known = names_in(path)
     for name in names or ():
         if name not in known:
-            raise UnknownColumn(path.name, name, get_close_matches(name, known, n=3), known)
+            raise UnknownColumn(path.name, name, near_names(name, known), known)
     return _reader(path)[1](path, names)
 
 

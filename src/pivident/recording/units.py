@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from difflib import get_close_matches
 
 from pivident.errors import RecordingError
+from pivident.robot.naming import nearest
 
 #: What a user may write for the unit of one channel of one joint.
 UnitSpec = str | float | Mapping[str, str | float]
@@ -75,10 +75,10 @@ def _named(channel: str, unit: object) -> float:
     units = UNITS_OF[channel]
     name = str(unit).replace("²", "^2").replace("·", " ").replace("µ", "u")
     if name not in units:
-        near = get_close_matches(name, units, n=1)
-        hint = f"did you mean {near[0]!r}?" if near else f"it can be {', '.join(units)}"
         scale = "; counts need per_revolution or per_metre" if name == "counts" else ""
-        raise RecordingError(f"unit {unit!r} of {channel} is not known here; {hint}{scale}")
+        raise RecordingError(
+            f"unit {unit!r} of {channel} is not known here; {nearest(name, units)}{scale}"
+        )
     return units[name]
 
 

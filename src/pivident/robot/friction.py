@@ -7,7 +7,6 @@ is given or identified around the estimate. Terms that belong together have one 
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +21,7 @@ from pivident.robot.friction_term import (
     SignFunction,
     Smoothing,
 )
+from pivident.robot.naming import nearest
 
 __all__ = [
     "DEFAULT_FRICTION",
@@ -322,9 +322,7 @@ class FrictionLaw:
         known = [s.name for s in self.shapes] + ["gamma"] * any(t.has_sign for t in self.terms)
         for name in values:
             if name not in known:
-                near = difflib.get_close_matches(name, known, n=1)
-                hint = f"did you mean {near[0]}?" if near else f"there are {', '.join(known)}"
-                raise ValueError(f"the law {self} has no constant {name!r}; {hint}")
+                raise ValueError(f"the law {self} has no constant {name!r}; {nearest(name, known)}")
         return FrictionLaw(tuple(t.with_shapes(dict(values)) for t in self.terms))
 
     def with_default_gamma(self, gamma: float) -> FrictionLaw:

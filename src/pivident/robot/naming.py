@@ -23,13 +23,30 @@ def nearest(name: str, known: Iterable[str]) -> str:
         known: the names that exist.
     """
     choices = list(known)
-    plain = {choice.lower(): choice for choice in reversed(choices)}
-    close = difflib.get_close_matches(name, choices, n=3)
-    close = close or [plain[c] for c in difflib.get_close_matches(name.lower(), plain, n=3)]
-    close = close or [choice for choice in choices if sorted(choice) == sorted(name)]
+    close = near_names(name, choices)
     if close:
         return f"did you mean {' or '.join(map(repr, close))}?"
     return f"known are {', '.join(map(repr, choices)) or 'none'}"
+
+
+def near_names(name: str, known: Iterable[str], likeness: float = 0.6) -> list[str]:
+    """Up to three known names that were probably meant, the nearest first.
+
+    Where no name is near as it is written, capitals count as small letters; where that finds none
+    either, a name of the same letters in another order does.
+
+    Args:
+        name: the name that was not found.
+        known: the names that exist.
+        likeness: share of letters that must agree, 0 to 1, as `difflib` counts them.
+    """
+    choices = list(known)
+    close = difflib.get_close_matches(name, choices, n=3, cutoff=likeness)
+    if close:
+        return close
+    plain = {choice.lower(): choice for choice in reversed(choices)}
+    found = difflib.get_close_matches(name.lower(), plain, n=3, cutoff=likeness)
+    return [plain[c] for c in found] or [c for c in choices if sorted(c) == sorted(name)]
 
 
 def frozen_example(joint: str) -> str:

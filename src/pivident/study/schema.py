@@ -11,7 +11,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
 
-from pivident.experiment.schema import ControllerEntry, IdentifyEntry, Numbers, RobotEntry
+from pivident.experiment.method_tables import IdentifyEntry
+from pivident.experiment.schema import ControllerEntry, RobotEntry
+from pivident.experiment.table_values import Numbers
 from pivident.recording.recording import TorqueTiming
 from pivident.robot.mdh_schema import Entry
 

@@ -32,12 +32,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from pivident.signals.lagged_sums import LaggedSums, lagged_sums
 from pivident.validation.residual import (
     FEWEST_PAIRS,
     SIGNIFICANCE,
     JointResidual,
-    LaggedSums,
-    lagged_sums,
     probability,
     reading,
 )

@@ -17,8 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.signals.lagged_sums import LaggedSums
 from pivident.validation.autocorrelation import variance_factor
-from pivident.validation.residual import SIGNIFICANCE, LaggedSums, probability, reading
+from pivident.validation.residual import SIGNIFICANCE, probability, reading
 
 #: Ratio of variances, between the quarters of the samples where a driver is largest and smallest,
 #: below which it does not matter: deviations then differ by a third.

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.signals.lagged_sums import LaggedSums
 from pivident.validation.autocorrelation import variance_factor
-from pivident.validation.residual import SIGNIFICANCE, LaggedSums, probability, reading
+from pivident.validation.residual import SIGNIFICANCE, probability, reading
 
 #: Skewness and excess kurtosis below which a distribution is as good as normal.
 PRACTICAL_SKEWNESS = 0.5

@@ -7,7 +7,6 @@ which both voted and which lie in the same recording; their number n_k takes the
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,48 +78,6 @@ def _penalty(identification: Identification, rows: int) -> float | None:
     if criterion in ("aic", "aicc"):
         return 2.0
     return round(math.log(max(rows, 8)), 1) if criterion == "bic" else None
-
-
-@dataclass(frozen=True, eq=False)
-class LaggedSums:
-    """Sums over the pairs of samples at lags 0 … K.
-
-    Attributes:
-        products: Σ x_i x_{i+k} of the centred residual x, shape (K + 1,).
-        squares: Σ x_i² x_{i+k}², shape (K + 1,).
-        pairs: n_k, number of pairs, shape (K + 1,).
-    """
-
-    products: np.ndarray
-    squares: np.ndarray
-    pairs: np.ndarray
-
-
-def lagged_sums(pieces: Sequence[np.ndarray], lags: int) -> LaggedSums:
-    """Sums over pairs by FFT; recordings are kept apart by as many empty rows as there are lags.
-
-    Args:
-        pieces: one residual per recording, NaN where there is none.
-        lags: largest lag K.
-    """
-    from scipy.fft import irfft, next_fast_len, rfft
-
-    apart = np.full(lags, np.nan)
-    x = np.concatenate([part for piece in pieces for part in (piece, apart)])
-    present = np.isfinite(x)
-    x = np.where(present, x - x[present].mean(), 0.0)
-    length = next_fast_len(x.size, real=True)
-
-    def correlate(signal: np.ndarray) -> np.ndarray:
-        return irfft(np.abs(rfft(signal, length)) ** 2, length)[: lags + 1]
-
-    whole = len(pieces) == 1 and present[: pieces[0].size].all()
-    pairs = (
-        pieces[0].size - np.arange(lags + 1.0)
-        if whole
-        else np.round(correlate(present.astype(float)))
-    )
-    return LaggedSums(correlate(x), correlate(x * x), pairs)
 
 
 def probability(p: float) -> str:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.signals.lagged_sums import lagged_sums
 from pivident.threads import run_in_threads
 from pivident.validation.autocorrelation import (
     EXTRA_LAGS,
@@ -31,7 +32,6 @@ from pivident.validation.residual import (
     FEWEST_SAMPLES,
     JointResidual,
     joint_residuals,
-    lagged_sums,
 )
 
 ResidualTest = LjungBoxTest | DurbinWatsonTest | NormalityTest | VarianceTest | CrossCorrelationTest

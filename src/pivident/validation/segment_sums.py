@@ -8,6 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from pivident.signals.lagged_sums import lagged_products
+
 
 @dataclass(frozen=True)
 class Segments:
@@ -95,9 +97,7 @@ def effective_rows(residuals: Sequence[np.ndarray]) -> float:
     total = 0.0
     for x in residuals:
         x = x - x.mean()
-        size = 1 << int(np.ceil(np.log2(2 * x.size)))
-        power = np.abs(np.fft.rfft(x, size)) ** 2
-        rho = np.fft.irfft(power, size)[: x.size]
+        rho = lagged_products(x, x.size - 1)
         rho = rho / max(rho[0], 1e-300)
         pairs = rho[: 2 * (x.size // 2)].reshape(-1, 2).sum(axis=1)
         last = int(np.argmax(pairs <= 0.0)) if (pairs <= 0.0).any() else pairs.size

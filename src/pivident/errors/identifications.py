@@ -1,0 +1,201 @@
+"""Errors of identifications: what a motion, a loop, a model or a bound does not allow."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pivident.errors.kinds import IdentificationError
+
+
+class RankDeficientRegressor(IdentificationError):
+    """The motion does not separate all requested parameters.
+
+    Attributes:
+        rank: numerical rank of the observation matrix.
+        expected: number of parameters asked for.
+        groups: names of the parameters that cannot be told apart, one tuple per missing rank.
+    """
+
+    def __init__(self, rank: int, expected: int, groups: Sequence[Sequence[str]]) -> None:
+        self.rank, self.expected = rank, expected
+        self.groups = tuple(tuple(group) for group in groups)
+        listed = "; ".join(", ".join(group) for group in self.groups)
+        super().__init__(
+            f"the motion separates {rank} of {expected} parameters; not separable: {listed}. "
+            "Add a recording that moves these joints, or leave parameters out of the set"
+        )
+
+
+class MassMatrixNotPositiveDefinite(IdentificationError):
+    """The mass matrix of the current parameters is indefinite on the motion.
+
+    Attributes:
+        joint: name of the joint at which the Cholesky factorisation failed.
+        time: time of that sample [s].
+        pivot: the pivot that should have been positive.
+    """
+
+    def __init__(self, joint: str, time: float, pivot: float) -> None:
+        self.joint, self.time, self.pivot = joint, time, pivot
+        super().__init__(
+            f"the mass matrix is not positive definite at joint {joint!r}, t = {time:.4f} s "
+            f"(pivot {pivot:.3g}); start from larger rotor inertias or CAD values"
+        )
+
+
+class SimulationDiverged(IdentificationError):
+    """The simulated closed loop left the neighbourhood of its reference.
+
+    Attributes:
+        joint: name of the joint that left first.
+        time: time at which it did [s].
+        deviation: distance from the reference at that time [rad or m], or the speed.
+        bound: the largest one allowed.
+        speed: whether the joint was too fast, and not too far away.
+    """
+
+    def __init__(
+        self, joint: str, time: float, deviation: float, bound: float, speed: bool = False
+    ) -> None:
+        self.joint, self.time, self.deviation, self.bound = joint, time, deviation, bound
+        self.speed = speed
+        what = (
+            f"has a speed of {deviation:.3g}"
+            if speed
+            else f"is {deviation:.3g} away from its reference"
+        )
+        super().__init__(
+            f"the simulated joint {joint!r} {what} at t = {time:.4f} s "
+            f"(bound {bound:.3g}); check the controller's gains, units and sign, "
+            "the drive gain and the initial parameters"
+        )
+
+
+class UnusableSignal(IdentificationError, ValueError):
+    """An input or output from which no linear model can be estimated.
+
+    Attributes:
+        signal: name of the signal, such as ``u2``.
+        found: what it is like.
+    """
+
+    def __init__(self, signal: str, found: str, advice: str) -> None:
+        self.signal, self.found = signal, found
+        super().__init__(f"{signal} {found}; {advice}")
+
+
+class DelayTooLong(IdentificationError, ValueError):
+    """A delay that leaves too little of the record.
+
+    Attributes:
+        delay: the delay [samples].
+        samples: samples of the record.
+    """
+
+    def __init__(self, delay: int, samples: int) -> None:
+        self.delay, self.samples = delay, samples
+        super().__init__(
+            f"a delay of {delay} samples leaves nothing to fit in a record of {samples}; "
+            "give delays in samples (not seconds), or take a longer record"
+        )
+
+
+class OrdersNotSupported(IdentificationError):
+    """Orders of a linear model that the record cannot support.
+
+    Attributes:
+        parameters: number of parameters asked for.
+        reason: what is missing.
+    """
+
+    def __init__(self, parameters: int, reason: str) -> None:
+        self.parameters, self.reason = parameters, reason
+        super().__init__(
+            f"the record does not support a model of {parameters} parameters: {reason}; "
+            "lower the orders (select_orders compares several), or excite more frequencies"
+        )
+
+
+class UnstableFit(IdentificationError):
+    """A linear model that fits only with unstable poles.
+
+    Attributes:
+        poles: the unstable ones [rad/s].
+    """
+
+    def __init__(self, poles: Sequence[complex]) -> None:
+        self.poles = tuple(poles)
+        listed = ", ".join(f"{pole:.4g}" for pole in self.poles)
+        super().__init__(
+            f"the estimate has unstable poles at {listed} rad/s; check the sign of u, the orders "
+            "and the delay. Of an unstable plant in a loop, identify the closed loop"
+        )
+
+
+class NegativePayload(IdentificationError):
+    """A load that weighs less than nothing.
+
+    Attributes:
+        mass: the estimated mass [kg].
+        std: its standard deviation [kg].
+    """
+
+    def __init__(self, mass: float, std: float) -> None:
+        self.mass, self.std = mass, std
+        super().__init__(
+            f"the load's mass is {mass:.4g} ± {2 * std:.2g} kg (2σ): the record with the load "
+            "carries less than the one without. Swap the two records, or check which tool each "
+            "one was taken with"
+        )
+
+
+class ContradictoryBounds(IdentificationError):
+    """Declared bounds that no consistent set of parameters satisfies.
+
+    Attributes:
+        bounds: those in question, in words.
+    """
+
+    def __init__(self, bounds: Sequence[str]) -> None:
+        self.bounds = tuple(bounds)
+        super().__init__(
+            f"no consistent parameters satisfy the bounds: {'; '.join(self.bounds)}; "
+            "they contradict each other or what a real body can be, widen them"
+            if self.bounds
+            else "no consistent parameters can be found from this estimate, which is too far from "
+            "any machine; check signs, units and gear ratios (pivident audit), or identify again"
+        )
+
+
+class NoConsistentModelNear(IdentificationError):
+    """An estimate so poor that the nearest consistent parameters explain the record much worse.
+
+    Attributes:
+        distance: from the estimate to the nearest consistent parameters [σ].
+        p_value: probability of such a distance if the estimate's intervals were true.
+        error_free: relative torque error of the estimate on the fitted record.
+        error_consistent: of the nearest consistent parameters.
+        at_fault: links and joints whose constraints are active, the most expensive first.
+        model: the nearest consistent model, for a look.
+    """
+
+    def __init__(
+        self,
+        distance: float,
+        p_value: float,
+        error_free: float,
+        error_consistent: float,
+        at_fault: Sequence[str],
+        model: object = None,
+    ) -> None:
+        self.distance, self.p_value, self.model = distance, p_value, model
+        self.error_free, self.error_consistent = error_free, error_consistent
+        self.at_fault = tuple(at_fault)
+        super().__init__(
+            f"no consistent parameters lie near the estimate: the nearest are {distance:.3g} σ "
+            f"away (p = {p_value:.2g}), with a torque error of {100 * error_consistent:.3g} % on "
+            f"the fitted record ({100 * error_free:.3g} % free), by demands on "
+            f"{', '.join(self.at_fault[:4]) or 'the links'}; check geometry, gear ratios, units "
+            "and signs (pivident audit), the friction law and the parameters that were left out; "
+            "--accept-far (accept_far = True) gives the model all the same"
+        )

@@ -1,0 +1,145 @@
+"""Table ``[identify]`` of an experiment file: the methods, and the options of each.
+
+This module needs pydantic and is imported only when a file is read.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, PositiveFloat, model_validator
+from pydantic.functional_validators import PlainValidator
+
+from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
+from pivident.estimation.methods import METHODS
+from pivident.experiment.table_values import Edge, Mask, MotionBand, Names, Stages
+from pivident.robot.mdh_schema import Entry
+from pivident.robot.naming import nearest
+
+#: Names of methods, those of consistent estimates included.
+METHOD_NAMES = (*METHODS, *CONSISTENT_METHODS)
+
+
+def _methods(value: Any) -> Any:
+    names = [value] if isinstance(value, str) else value
+    if not isinstance(names, list) or not names or not all(isinstance(n, str) for n in names):
+        raise ValueError(f"must be a list with some of {', '.join(METHOD_NAMES)}")
+    for name in names:
+        if name not in METHOD_NAMES:
+            bare = name.lower().replace("_", "-").removeprefix("idim-")
+            raise ValueError(f"there is no method {name!r}; {nearest(bare, METHOD_NAMES)}")
+    if len(set(names)) < len(names):
+        raise ValueError("names a method twice; name each one once")
+    return names
+
+
+def _switch(value: Any) -> Any:
+    if isinstance(value, bool):
+        return value
+    raise ValueError("must be true or false, a boolean; names of parameters go under parameters")
+
+
+Methods = Annotated[list[str], PlainValidator(_methods)]
+
+
+class BandpassEntry(Entry):
+    """Options of `pivident.estimation.methods.Bandpass`."""
+
+    cutoff: PositiveFloat | None = None
+    order: Annotated[int, Field(ge=1, le=20)] | None = None
+    decimation: Stages | None = None
+    bandwidth: PositiveFloat | None = None
+    convention: Literal["matlab", "scipy"] | None = None
+    median: Annotated[int, Field(ge=1)] | None = None
+    padlen: Annotated[int, Field(ge=0)] | None = None
+    edge: Edge | None = None
+    align: bool | None = None
+
+    @model_validator(mode="after")
+    def _one_decimation(self) -> BandpassEntry:
+        if self.decimation is not None and self.bandwidth is not None:
+            raise ValueError("decimation and bandwidth are both given; the factor follows from one")
+        if self.median is not None and self.median % 2 == 0:
+            raise ValueError(f"median = {self.median} must be an odd number of samples")
+        return self
+
+
+class RandomWalkEntry(Entry):
+    """Options of `pivident.estimation.methods.RandomWalk`."""
+
+    order: Literal[1, 2, 3, 4] | None = None
+    passes: Annotated[int, Field(ge=1, le=10)] | None = None
+    f50_max: PositiveFloat | None = None
+    align: bool | None = None
+    measurement_noise: Literal["white", "auto"] | None = None
+
+
+class NoiseEntry(Entry):
+    """Options of `AutoRegressive` noise, or with orders of `Arma`, in `estimation.methods`."""
+
+    p_max: Annotated[int, Field(ge=1, le=5000)] | None = None
+    criterion: Literal["aic", "aicc", "bic"] | None = None
+    on_unmasked: bool | None = None
+    motion_band: MotionBand | None = None
+    repetition: bool | None = None
+    period: Annotated[int, Field(ge=10)] | None = None
+    ar_order: Annotated[int, Field(ge=1, le=200)] | None = None
+    ma_order: Annotated[int, Field(ge=1, le=50)] | None = None
+    largest_root: Annotated[float, Field(gt=0, lt=1)] | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> NoiseEntry:
+        arma = {"ar_order", "ma_order", "largest_root"} & self.model_fields_set
+        others = {"p_max", "criterion", "motion_band", "repetition", "period"}
+        others &= self.model_fields_set
+        if arma and others:
+            raise ValueError(
+                f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} belong "
+                "to an AR model; keep one of the two"
+            )
+        if self.period is not None and not self.repetition:
+            raise ValueError("period belongs to noise from repetition; set repetition = true")
+        return self
+
+
+class SharedOptions(Entry):
+    """Options that apply to every method that has them."""
+
+    tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
+    max_iterations: Annotated[int, Field(ge=1)] | None = None
+    bandpass: BandpassEntry = BandpassEntry()
+    random_walk: RandomWalkEntry = RandomWalkEntry()
+    noise: NoiseEntry = NoiseEntry()
+
+
+class MethodEntry(SharedOptions):
+    """Options of one method; they win over the shared ones."""
+
+    signals: Literal["bandpass", "random_walk"] | None = None
+    prefilter: Literal["controller", "direct"] | None = None
+    covariance: Literal["auto", "formula", "sandwich", "stationary"] | None = None
+    start: Literal["least-squares", "initial"] | None = None
+    as_printed: bool | None = None
+
+
+class IdentifyEntry(SharedOptions):
+    """What is estimated, and how."""
+
+    methods: Methods | None = None
+    parameters: Names | None = None
+    essential: Annotated[bool, PlainValidator(_switch)] = False
+    shapes: Literal["given", "identify"] = "given"
+    mask: Mask = "auto"
+    initial: dict[str, float] = Field(default_factory=dict)
+    ols: MethodEntry = MethodEntry()
+    ls: MethodEntry = MethodEntry()
+    wls: MethodEntry = MethodEntry()
+    iv: MethodEntry = MethodEntry()
+    iv_full_rate: MethodEntry = Field(MethodEntry(), alias="iv-full-rate")
+    piv: MethodEntry = MethodEntry()
+    didim: MethodEntry = MethodEntry()
+    piv_as_printed: MethodEntry = Field(MethodEntry(), alias="piv-as-printed")
+
+    def of(self, method: str) -> MethodEntry:
+        """The table of one method."""
+        return getattr(self, method.replace("-", "_"))

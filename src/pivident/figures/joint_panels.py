@@ -1,0 +1,139 @@
+"""Figures with a panel for each joint: which joints of which recording, traces and legend."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pivident.figures.paper import FigureError, new_figure
+from pivident.report.downsampling import kept_samples
+from pivident.robot.naming import nearest
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from pivident.estimation.identification import FittedRecording, Identification
+
+#: Points of a trace; more than a printed column resolves.
+POINTS = 2400
+
+
+def chosen_joints(result: Identification, joints: Sequence[str | int] | None) -> list[int]:
+    """Indices of joints by name or by number from 1.
+
+    Args:
+        result: the identification.
+        joints: names or numbers; None: all.
+
+    Raises:
+        FigureError: there is no such joint.
+    """
+    names = list(result.robot.joint_names)
+    if joints is None:
+        return list(range(len(names)))
+    if isinstance(joints, str | int):
+        joints = [joints]
+    found = []
+    for joint in joints:
+        if isinstance(joint, int) and 1 <= joint <= len(names):
+            found.append(joint - 1)
+        elif joint in names:
+            found.append(names.index(str(joint)))
+        else:
+            raise FigureError(
+                f"there is no joint {joint!r}; {nearest(str(joint), names)}; numbers count from 1"
+            )
+    return found
+
+
+def chosen_recording(result: Identification, recording: str | int) -> FittedRecording:
+    """One recording by its name or index.
+
+    Args:
+        result: the identification.
+        recording: name, or index from 0.
+
+    Raises:
+        FigureError: the result has no signals, or no such recording.
+    """
+    if not result.recordings:
+        raise FigureError(
+            "the identification holds no signals, as after reading it from a file; identify again"
+        )
+    names = [r.name for r in result.recordings]
+    if isinstance(recording, int) and 0 <= recording < len(names):
+        return result.recordings[recording]
+    if recording in names:
+        return result.recordings[names.index(str(recording))]
+    raise FigureError(f"there is no recording {recording!r}; there are {', '.join(names)}")
+
+
+def chosen_signals(
+    result: Identification, joints: Sequence[str | int] | None, recording: str | int = 0
+) -> tuple[list[int], FittedRecording, np.ndarray]:
+    """Indices of joints, a recording, and its time from zero on [s], shape (samples,).
+
+    Args:
+        result: the identification.
+        joints: names or numbers from 1; None: all.
+        recording: its name, or its index from 0.
+
+    Raises:
+        FigureError: the result has no signals, or there is no such joint or recording.
+    """
+    chosen, record = chosen_joints(result, joints), chosen_recording(result, recording)
+    return chosen, record, record.t - record.t[0]
+
+
+def joint_panels(
+    count: int, *, columns: int, row_height: float = 1.5, xlabel: str = ""
+) -> tuple[Figure, list[Axes]]:
+    """A figure with so many panels, one or two in a row, and no others visible.
+
+    Args:
+        count: of panels.
+        columns: width, 1 or 2 columns of a page.
+        row_height: of one row [inch].
+        xlabel: written below the lowest panel of each column.
+
+    Raises:
+        FigureError: another width.
+    """
+    across = min(count, 1 if columns == 1 else 2)
+    figure, axes = new_figure(
+        math.ceil(count / across), across, columns=columns, row_height=row_height
+    )
+    for ax in axes[count:]:
+        ax.set_visible(False)
+    for ax in axes[max(count - across, 0) : count]:
+        ax.set_xlabel(xlabel)
+    return figure, axes[:count]
+
+
+def draw_trace(ax: Axes, t: np.ndarray, y: np.ndarray, **style: Any) -> None:
+    """Draw a signal by at most ``POINTS`` of its samples, every peak among them.
+
+    Args:
+        ax: where.
+        t: time [s], shape (samples,).
+        y: the signal, shape (samples,).
+        style: label, colour, dash of its line.
+    """
+    kept = kept_samples(np.asarray(y, dtype=float), POINTS)
+    ax.plot(t[kept], y[kept], **style)
+
+
+def legend_above(figure: Figure, ax: Axes, across: int) -> None:
+    """One legend for all panels, above them.
+
+    Args:
+        figure: the figure.
+        ax: the panel whose lines it names.
+        across: entries in a row.
+    """
+    handles, names = ax.get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside upper center", ncols=across)
