@@ -11,8 +11,10 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.simulation.scenarios import tx40_fine
+from pivident.validation.estimate_statements import further_warnings
 from pivident.validation.examination import examine, examine_alone
-from pivident.validation.verdict import Statement, Verdict, _further_warnings, save_verdict, verdict
+from pivident.validation.statement import Statement
+from pivident.validation.verdict import Verdict, save_verdict, verdict
 from pivident.validation.wanted_motion import wanted_motions
 
 
@@ -138,8 +140,8 @@ def test_many_doubts_about_one_law_are_one_statement():
     doubts = [f"kd of joint {j}: the record hardly tells it." for j in range(11)]
     law = SimpleNamespace(identified=SimpleNamespace(warnings=doubts))
     result = SimpleNamespace(loop=law, warnings=["another", *doubts, "Not converged at all"])
-    other, one = _further_warnings(result)
+    other, one = further_warnings(result)
     assert other == "another" and "leaves 11 doubts" in one and doubts[0] in one
     few = SimpleNamespace(identified=SimpleNamespace(warnings=doubts[:2]))
-    shown = list(_further_warnings(SimpleNamespace(loop=few, warnings=doubts[:2])))
+    shown = list(further_warnings(SimpleNamespace(loop=few, warnings=doubts[:2])))
     assert shown == doubts[:2]
