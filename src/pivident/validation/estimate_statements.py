@@ -29,14 +29,14 @@ def choice(examination: Examination, name: str) -> Iterator[Statement]:
         yield Statement("estimate", "note", f"Take that of {result.method}: {why}.")
         return
     sentences = compared.sentences()
-    worse = compared.piv_is_worse
+    contradicted = compared.undecided and compared.apart
     errors = ", ".join(
         f"{r.method} {percent(r.prediction.total_in_band)}" for r in compared.results.values()
     )
     ratio = next((s for s in sentences if s.startswith("Held-out")), "")
     yield Statement(
         "estimate",
-        "caution" if worse else "good",
+        "caution" if compared.piv_is_worse or contradicted else "good",
         " ".join(s for s in sentences if not s.startswith("Held-out")),
         f"torque error on held-out motion: {errors}. {ratio}".strip(),
     )
