@@ -8,6 +8,7 @@ from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import significant
 from pivident.validation.examination import Examination
+from pivident.validation.heteroscedasticity import VarianceTest
 from pivident.validation.residual_tests import ResidualTests
 from pivident.validation.statement import Grade, Statement, listed
 
@@ -78,6 +79,61 @@ def spectral_lines(result: Identification) -> Iterator[Statement]:
 
 def _position_units(result: Identification) -> list[str]:
     return ["rad" if joint.kind == "revolute" else "m" for joint in result.robot.joints]
+
+
+def friction_law(examination: Examination, name: str) -> Iterator[Statement]:
+    """What the intervals of friction parameters presume, and whether the residual objects.
+
+    A covariance knows the noise. It does not know that another law of friction would give these
+    parameters other values, whatever kind of covariance it is. A residual that goes with motion or
+    speed is a sign of that, and a reservation where held-out motion says that model error makes
+    most of it: noise of the speed that enters the bend of a law leaves the same traces.
+    """
+    result, tests = examination.identifications[name], examination.residuals[name]
+    own = [
+        (own_name, p.joint)
+        for own_name, p in zip(result.names, result.parameters, strict=True)
+        if p.friction is not None or p.stem in ("fvm", "fcm")
+    ]
+    if not own:
+        return
+    joints = result.robot.joints
+    laws = dict.fromkeys(str(joints[j].friction) for _, j in own)
+    text = (
+        f"The intervals of {listed([own_name for own_name, _ in own])} hold for the assumed "
+        f"friction law only: {listed(list(laws))}."
+    )
+    signs = _signs_of_another_law(tests, {joints[j].name for _, j in own})
+    split = examination.model_error
+    doubtful = bool(signs) and split is not None and split.mostly_model_error
+    if doubtful:
+        text += (
+            f" It is hardly the machine's: {signs}, and most of the error is the model's. Another "
+            "law may move these values by more than their intervals; `pivident friction` shows "
+            "it, `pivident laws` compares several."
+        )
+    elif signs:
+        text += (
+            f" It may not quite be the machine's: {signs}, as with another law or with noise of "
+            "the speed. Look at `pivident friction`."
+        )
+    yield Statement("friction", "caution" if doubtful else "note", text)
+
+
+def _signs_of_another_law(tests: ResidualTests, concerned: set[str]) -> str:
+    """On which joints with friction the residual follows the motion, or grows with the speed."""
+    follows = [n for n, test in tests.of("motion") if test.matters and n in concerned]
+    swells = [
+        n
+        for n, test in tests.of("variance")
+        if isinstance(test, VarianceTest)
+        and test.matters
+        and test.driver == "speed"
+        and n in concerned
+    ]
+    found = [f"the residual follows the motion on {listed(follows)}"] if follows else []
+    found += [f"its size changes with the speed on {listed(swells)}"] if swells else []
+    return " and ".join(found) if follows else " and ".join(found).replace("its", "the residual's")
 
 
 def model_or_noise(examination: Examination) -> Iterator[Statement]:

@@ -22,8 +22,13 @@ from pivident.validation.estimate_statements import (
 )
 from pivident.validation.examination import Examination, examine_alone
 from pivident.validation.instrument_statements import feedback_bias, strength
-from pivident.validation.prediction_statements import prediction
-from pivident.validation.residual_statements import model_or_noise, noise, spectral_lines
+from pivident.validation.prediction_statements import prediction, simulated_loop
+from pivident.validation.residual_statements import (
+    friction_law,
+    model_or_noise,
+    noise,
+    spectral_lines,
+)
 from pivident.validation.statement import Grade, Statement
 
 #: Number of the layout of ``verdict.json``.
@@ -97,7 +102,9 @@ def verdict(examination: Examination | Identification) -> Verdict:
         *spectral_lines(result),
         *strength(examination, name),
         *prediction(examination, name),
+        *simulated_loop(examination, name),
         *model_or_noise(examination),
+        *friction_law(examination, name),
         *consistency(examination, name),
         *(Statement("warning", "caution", text) for text in further_warnings(result)),
         *(Statement("not tested", "note", text) for text in examination.notes),
