@@ -23,6 +23,7 @@ from pivident.recording.read_bag import is_bag
 from pivident.recording.read_csv import read_csv_forgiving
 from pivident.recording.tables import names_in, read_table
 from pivident.recording.timestamps import LIKELY_RATES, LOWEST_RATE
+from pivident.recording.torque_scale import torque_scales
 from pivident.recording.units import TIME, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
@@ -166,6 +167,7 @@ def described_log(
         tuple(notes),
         side.get("q", "joint") if isinstance(side, Mapping) else side,
         unit,
+        torque_scales((units or {}).get("tau"), names),
     )
 
 

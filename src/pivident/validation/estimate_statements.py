@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows, percent, significant
+from pivident.recording.torque_scale import scale_sentences
 from pivident.validation.examination import Examination
 from pivident.validation.statement import Grade, Statement, listed
 from pivident.validation.wanted_motion import wanted_motions
@@ -85,6 +86,12 @@ def determined(result: Identification) -> Iterator[Statement]:
         yield Statement("motion", "note", sentence)
 
 
+def torque_scale(result: Identification) -> Iterator[Statement]:
+    """Where the scale of the torque is an assumption, so are all parameters."""
+    for sentence in scale_sentences(result.torque_scale):
+        yield Statement("torque scale", "caution", sentence)
+
+
 def signs(result: Identification) -> Iterator[Statement]:
     """Friction and rotor inertias cannot be negative."""
     negative = [
@@ -109,10 +116,11 @@ def signs(result: Identification) -> Iterator[Statement]:
 
 def further_warnings(result: Identification) -> Iterator[str]:
     """The estimator's warnings that no statement above repeats; many of one law are one."""
+    told = scale_sentences(result.torque_scale)
     found = None if result.loop is None else result.loop.identified
     of_law = () if found is None or len(found.warnings) <= DOUBTS else tuple(found.warnings)
     for text in result.warnings:
-        if text in of_law or text.startswith(("Not converged", "Exogeneity")):
+        if text in (*of_law, *told) or text.startswith(("Not converged", "Exogeneity")):
             continue
         yield text
     if of_law:

@@ -12,6 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pivident.estimation.identification import Identification
+from pivident.recording.torque_scale import scale_headline
 from pivident.validation.consistency_statements import consistency
 from pivident.validation.estimate_statements import (
     choice,
@@ -19,6 +20,7 @@ from pivident.validation.estimate_statements import (
     determined,
     further_warnings,
     signs,
+    torque_scale,
 )
 from pivident.validation.examination import Examination, examine_alone
 from pivident.validation.instrument_statements import feedback_bias, strength
@@ -43,11 +45,13 @@ class Verdict:
         method: name of the method whose estimate to take.
         name: its short name.
         statements: in the order of the page.
+        scale: in what units all parameters are, a sentence; empty where torques are known in SI.
     """
 
     method: str
     name: str
     statements: tuple[Statement, ...]
+    scale: str = ""
 
     @property
     def grade(self) -> Grade:
@@ -57,7 +61,11 @@ class Verdict:
 
     @property
     def headline(self) -> str:
-        """The verdict in one sentence."""
+        """The verdict in one sentence, and another one where the parameters are not in SI."""
+        return f"{self._advice()} {self.scale}".rstrip()
+
+    def _advice(self) -> str:
+        """Whether to take the estimate."""
         reservations = sum(s.grade == "caution" for s in self.statements)
         if self.grade == "bad":
             topics = ", ".join(dict.fromkeys(s.topic for s in self.statements if s.grade == "bad"))
@@ -94,6 +102,7 @@ def verdict(examination: Examination | Identification) -> Verdict:
     result = examination.identifications[name]
     statements = [
         *choice(examination, name),
+        *torque_scale(result),
         *convergence(result),
         *determined(result),
         *signs(result),
@@ -109,7 +118,7 @@ def verdict(examination: Examination | Identification) -> Verdict:
         *(Statement("warning", "caution", text) for text in further_warnings(result)),
         *(Statement("not tested", "note", text) for text in examination.notes),
     ]
-    return Verdict(result.method, name, tuple(statements))
+    return Verdict(result.method, name, tuple(statements), scale_headline(result.torque_scale))
 
 
 def save_verdict(found: Verdict, path: Path) -> None:
