@@ -64,7 +64,7 @@ def test_a_torque_of_unknown_scale_is_marked_down_to_the_verdict(folder):
     assert [unit["scale"] for unit in entry.units.tau] == ["masses", "masses"]
     assert main(["identify", "experiment.toml", "-m", "ls", "--folds", "0", "--out", "r"]) == 0
     found = json.loads(Path("r/verdict.json").read_text(encoding="utf-8"))
-    assert "that of the description's masses" in found["headline"]
+    assert "taken from the description's masses" in found["headline"]
     assert sum(s["topic"] == "torque scale" for s in found["statements"]) == 1
 
 

@@ -57,7 +57,7 @@ def test_each_basis_has_its_sentence():
     ("tau", "headline"),
     [
         (GUESS, "Parameters are in units of the logged torque; its scale to N m is a guess."),
-        (f'["N m", {MASSES}]', "The scale of the torque is that of the description's masses"),
+        (f'["N m", {MASSES}]', "The torque scale was taken from the description's masses"),
     ],
 )
 def test_verdict_report_and_file_say_that_the_scale_is_assumed(tmp_path, tau, headline):

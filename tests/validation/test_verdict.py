@@ -160,15 +160,15 @@ def test_a_residual_that_follows_the_motion_speaks_against_the_friction_law(quie
     for mostly, grade in ((True, "caution"), (False, "note")):
         split = SimpleNamespace(mostly_model_error=mostly)
         (said,) = friction_law(dataclasses.replace(follows, model_error=split), "piv")
-        assert said.grade == grade and ("hardly the machine's" in said.text) == mostly
+        assert said.grade == grade and ("most of the error is the model's" in said.text) == mostly
 
 
 def test_a_residual_that_grows_with_the_speed_does_so_too(quiet):
     variance = quiet.residuals["piv"].joints[1].variance
-    for driver, told in (("speed", True), ("torque", False)):
-        grown = dataclasses.replace(variance, p_value=1e-9, ratios={driver: 0.1})
+    for ratio, told in ((0.1, True), (0.9, False)):
+        grown = dataclasses.replace(variance, p_value=1e-9, ratios={"speed": ratio})
         (said,) = friction_law(with_residual_tests(quiet, "piv", 1, variance=grown), "piv")
-        assert ("the residual's size changes with the speed on joint_2" in said.text) == told
+        assert ("the residual's size changes with the motion on joint_2" in said.text) == told
 
 
 def test_without_friction_parameters_nothing_is_said_of_their_law(quiet):

@@ -92,7 +92,10 @@ def scale_headline(scales: Sequence[TorqueScale]) -> str:
     if any(s.basis == GUESSED for s in scales):
         return "Parameters are in units of the logged torque; its scale to N m is a guess."
     if scales:
-        return "The scale of the torque is that of the description's masses, and so are parameters."
+        return (
+            "The torque scale was taken from the description's masses; parameters are as good as "
+            "these."
+        )
     return ""
 
 

@@ -8,7 +8,6 @@ from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import significant
 from pivident.validation.examination import Examination
-from pivident.validation.heteroscedasticity import VarianceTest
 from pivident.validation.residual_tests import ResidualTests
 from pivident.validation.statement import Grade, Statement, listed
 
@@ -85,8 +84,8 @@ def friction_law(examination: Examination, name: str) -> Iterator[Statement]:
     """What the intervals of friction parameters presume, and whether the residual objects.
 
     A covariance knows the noise. It does not know that another law of friction would give these
-    parameters other values, whatever kind of covariance it is. A residual that goes with motion or
-    speed is a sign of that, and a reservation where held-out motion says that model error makes
+    parameters other values, whatever kind of covariance it is. A residual that goes with the motion
+    is a sign of that, and a reservation where held-out motion says that model error makes
     most of it: noise of the speed that enters the bend of a law leaves the same traces.
     """
     result, tests = examination.identifications[name], examination.residuals[name]
@@ -108,7 +107,7 @@ def friction_law(examination: Examination, name: str) -> Iterator[Statement]:
     doubtful = bool(signs) and split is not None and split.mostly_model_error
     if doubtful:
         text += (
-            f" It is hardly the machine's: {signs}, and most of the error is the model's. Another "
+            f" It may not be the machine's: {signs}, and most of the error is the model's. Another "
             "law may move these values by more than their intervals; `pivident friction` shows "
             "it, `pivident laws` compares several."
         )
@@ -121,19 +120,15 @@ def friction_law(examination: Examination, name: str) -> Iterator[Statement]:
 
 
 def _signs_of_another_law(tests: ResidualTests, concerned: set[str]) -> str:
-    """On which joints with friction the residual follows the motion, or grows with the speed."""
-    follows = [n for n, test in tests.of("motion") if test.matters and n in concerned]
-    swells = [
-        n
-        for n, test in tests.of("variance")
-        if isinstance(test, VarianceTest)
-        and test.matters
-        and test.driver == "speed"
-        and n in concerned
-    ]
-    found = [f"the residual follows the motion on {listed(follows)}"] if follows else []
-    found += [f"its size changes with the speed on {listed(swells)}"] if swells else []
-    return " and ".join(found) if follows else " and ".join(found).replace("its", "the residual's")
+    """On which joints with friction the residual follows the motion, or its size does."""
+    found = []
+    for topic, finding in (
+        ("motion", "the residual follows the motion on"),
+        ("variance", "the residual's size changes with the motion on"),
+    ):
+        where = [n for n, test in tests.of(topic) if test.matters and n in concerned]
+        found += [f"{finding} {listed(where)}"] if where else []
+    return " and ".join(found)
 
 
 def model_or_noise(examination: Examination) -> Iterator[Statement]:
