@@ -1,6 +1,8 @@
 """``pivident init``: from a log and a robot to an experiment file that runs."""
 
 import importlib.util
+import json
+import re
 import sys
 import tomllib
 from pathlib import Path
@@ -51,6 +53,34 @@ def test_a_log_in_degrees_is_recognised_and_runs(folder, capsys):
     assert experiment.content.controller.type == "identify"
     assert "too far for rad" in Path("experiment.toml").read_text(encoding="utf-8")
     assert main(["identify", "experiment.toml", "-m", "ls", "--folds", "0", "--out", "r"]) == 0
+
+
+def test_a_torque_of_unknown_scale_is_marked_down_to_the_verdict(folder):
+    columns = planar_log().copy()
+    columns[:, 5:] *= 50.0
+    write_csv(folder / "log.csv", ["time", "q1", "q2", "r1", "r2", "tau1", "tau2"], columns)
+    assert main(["init", "log.csv", "--robot", "planar_2r"]) == 0
+    (entry,) = load_experiment("experiment.toml").content.recording
+    assert [unit["scale"] for unit in entry.units.tau] == ["masses", "masses"]
+    assert main(["identify", "experiment.toml", "-m", "ls", "--folds", "0", "--out", "r"]) == 0
+    found = json.loads(Path("r/verdict.json").read_text(encoding="utf-8"))
+    assert "taken from the description's masses" in found["headline"]
+    assert sum(s["topic"] == "torque scale" for s in found["statements"]) == 1
+
+
+def test_a_scale_that_nothing_tells_is_a_guess(folder):
+    table = (ROOT / "src/pivident/robot/gallery/planar_2r.toml").read_text(encoding="utf-8")
+    parts = re.split(r"(?m)^(?=\[)", table)
+    bare = "".join(part for part in parts if not part.startswith("[joints.link]"))
+    (folder / "arm.toml").write_text(bare, encoding="utf-8")
+    write_csv(folder / "log.csv", ["time", "q1", "q2", "r1", "r2", "tau1", "tau2"], planar_log())
+    draft = draft_experiment(["log.csv"], "arm.toml")
+    assert tomllib.loads(draft.text)["recording"]["units"]["tau"]["scale"] == "guessed"
+    asked = draft_experiment(["log.csv"], "arm.toml", answers={"unit of tau": "A"})
+    units = tomllib.loads(asked.text)["recording"]["units"]["tau"]
+    assert [unit["scale"] for unit in units] == ["guessed", "guessed"]
+    known = draft_experiment(["log.csv"], "arm.toml", answers={"unit of tau": "N m"})
+    assert tomllib.loads(known.text)["recording"]["units"]["tau"] == "N m"
 
 
 def test_nothing_is_overwritten(folder, capsys):

@@ -49,3 +49,9 @@ def test_powers_in_sentences():
         "F = 1.99&thinsp;×&thinsp;10<sup>11</sup>, p = 4&thinsp;×&thinsp;10<sup>-9</sup> of x1e-3 "
         "&lt;b&gt;"
     )
+
+
+def test_commands_in_sentences_are_code():
+    assert _sentence("`pivident laws <b>` at 1e-05; a ` alone") == (
+        "<code>pivident laws &lt;b&gt;</code> at 1&thinsp;×&thinsp;10<sup>-5</sup>; a ` alone"
+    )

@@ -21,7 +21,13 @@ from pivident.simulation.controllers import Cascade
 from pivident.validation import cross_validation
 from pivident.validation.cross_validation import cross_validate
 from pivident.validation.folds import contiguous_folds, moving_part
-from pivident.validation.out_of_sample import compare_out_of_sample, error_ratio
+from pivident.validation.out_of_sample import (
+    Ratio,
+    _judged,
+    compare_out_of_sample,
+    error_ratio,
+    is_worse,
+)
 from pivident.validation.prediction import Judge, level_beyond, motion_band, total_error
 from pivident.validation.replay import Replay, as_logged
 
@@ -245,12 +251,50 @@ def test_methods_side_by_side_follow_the_ratio(problem):
     assert compared.iv == iv and compared.piv == "piv"
     assert compared.best == min(error, key=error.__getitem__)
     assert compared.piv_over_iv.value == pytest.approx(error["piv"] / error[iv])
-    assert compared.piv_is_worse == (error["piv"] > 1.02 * error[iv])
+    low = compared.piv_over_iv.low
+    assert compared.piv_is_worse == (error["piv"] > 1.02 * error[iv] and not low < 1.0)
     assert compared.recommended == (iv if compared.piv_is_worse else "piv")
     taken = compared.results[compared.recommended].method
     text = str(compared)
     assert f"take the estimate of {taken}" in text and "95 %:" in text
     assert all(r.method in text for r in compared.results.values())
+
+
+def compared_with(problem, factors):
+    """PIV and IV whose held-out errors in each block have the given ratios."""
+    made = cross_validate(problem, METHODS["iv-full-rate"], folds=len(factors))
+
+    def scaled(factor, error):
+        return replace(
+            error, rms_in_band=factor * error.rms_in_band, torque_in_band=error.torque_in_band
+        )
+
+    worse = replace(
+        made,
+        held_out=tuple(
+            replace(h, prediction=scaled(f, h.prediction))
+            for f, h in zip(factors, made.held_out, strict=True)
+        ),
+    )
+    methods = {"piv": METHODS["piv"], "iv": METHODS["iv-full-rate"]}
+    return _judged(methods, {"piv": worse, "iv": made}, {})
+
+
+def test_a_difference_that_could_be_chance_decides_nothing(problem):
+    chance = compared_with(problem, (0.9, 1.3, 0.92, 1.2, 0.95))
+    assert (
+        chance.piv_over_iv.value > 1.02 and chance.piv_over_iv.low < 1.0 < chance.piv_over_iv.high
+    )
+    assert chance.recommended == "piv" and chance.undecided and not chance.piv_is_worse
+    (sentence,) = [s for s in chance.sentences() if "no difference within" in s]
+    assert chance.piv_over_iv.range in sentence and "take the estimate of" in sentence
+    sure = compared_with(problem, (1.3, 1.32, 1.28, 1.31, 1.3))
+    assert sure.recommended == "iv" and sure.piv_is_worse and not sure.undecided
+
+
+def test_without_an_interval_the_difference_itself_decides():
+    assert is_worse(Ratio(1.1, np.nan, np.nan)) and not is_worse(Ratio(1.01, np.nan, np.nan))
+    assert not is_worse(Ratio(1.021, 0.9, 1.16)) and is_worse(Ratio(1.1, 1.01, 1.2))
 
 
 def test_a_method_that_fails_does_not_end_the_comparison(problem):

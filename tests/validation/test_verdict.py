@@ -11,8 +11,12 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.simulation.scenarios import tx40_fine
+from pivident.validation.estimate_statements import further_warnings
 from pivident.validation.examination import examine, examine_alone
-from pivident.validation.verdict import Statement, Verdict, _further_warnings, save_verdict, verdict
+from pivident.validation.prediction_statements import prediction, simulated_loop
+from pivident.validation.residual_statements import friction_law
+from pivident.validation.statement import Statement
+from pivident.validation.verdict import Verdict, save_verdict, verdict
 from pivident.validation.wanted_motion import wanted_motions
 
 
@@ -123,6 +127,98 @@ def test_the_file_holds_the_statements(judged, tmp_path):
     assert set(content["statements"][0]) == {"topic", "grade", "text", "evidence"}
 
 
+def with_residual_tests(examined, name, joint, **changes):
+    """The examination with other tests on the residual of one joint."""
+    tests = examined.residuals[name]
+    joints = list(tests.joints)
+    joints[joint] = dataclasses.replace(joints[joint], **changes)
+    residuals = {name: dataclasses.replace(tests, joints=tuple(joints))}
+    return dataclasses.replace(examined, residuals=residuals)
+
+
+@pytest.fixture(scope="module")
+def quiet(simulated):
+    """PIV alone, with residuals that no test objects to."""
+    examined = examine_alone({"piv": simulated[1]["piv"]})
+    for j, own in enumerate(examined.residuals["piv"].joints):
+        calm = dataclasses.replace(own.variance, p_value=1.0)
+        examined = with_residual_tests(examined, "piv", j, motion=None, variance=calm)
+    return examined
+
+
+def test_intervals_of_friction_hold_for_the_assumed_law(quiet):
+    (said,) = [s for s in verdict(quiet).statements if s.topic == "friction"]
+    assert said.grade == "note" and "machine's" not in said.text
+    assert said.text.startswith("The intervals of fv1, fc1, fv2, fc2")
+    assert "hold for the assumed friction law only: fv dq + fc" in said.text
+
+
+def test_a_residual_that_follows_the_motion_speaks_against_the_friction_law(quiet):
+    follows = with_residual_tests(quiet, "piv", 2, motion=SimpleNamespace(matters=True))
+    (said,) = friction_law(follows, "piv")
+    assert said.grade == "note" and "the residual follows the motion on joint_3" in said.text
+    for mostly, grade in ((True, "caution"), (False, "note")):
+        split = SimpleNamespace(mostly_model_error=mostly)
+        (said,) = friction_law(dataclasses.replace(follows, model_error=split), "piv")
+        assert said.grade == grade and ("most of the error is the model's" in said.text) == mostly
+
+
+def test_a_residual_that_grows_with_the_speed_does_so_too(quiet):
+    variance = quiet.residuals["piv"].joints[1].variance
+    for ratio, told in ((0.1, True), (0.9, False)):
+        grown = dataclasses.replace(variance, p_value=1e-9, ratios={"speed": ratio})
+        (said,) = friction_law(with_residual_tests(quiet, "piv", 1, variance=grown), "piv")
+        assert ("the residual's size changes with the motion on joint_2" in said.text) == told
+
+
+def test_without_friction_parameters_nothing_is_said_of_their_law(quiet):
+    piv = quiet.identifications["piv"]
+    kept = [k for k, p in enumerate(piv.parameters) if p.is_inertial]
+    few = dataclasses.replace(
+        piv,
+        parameters=tuple(piv.parameters[k] for k in kept),
+        names=tuple(piv.names[k] for k in kept),
+    )
+    examined = dataclasses.replace(quiet, identifications={"piv": few})
+    assert list(friction_law(examined, "piv")) == []
+
+
+def examination_with(loop_error: float, direct_error: float, reference: str = "recorded"):
+    """Held-out errors over all frequencies [%], of a method called piv."""
+    judged = SimpleNamespace(
+        replay=SimpleNamespace(total=loop_error),
+        prediction=SimpleNamespace(total=direct_error, total_in_band=2.0, band=20.0),
+        training=SimpleNamespace(total_in_band=1.9),
+        held_out=[SimpleNamespace(prediction=1, failure="")],
+        identification=SimpleNamespace(loop=SimpleNamespace(reference=reference)),
+    )
+    return SimpleNamespace(out_of_sample=SimpleNamespace(results={"piv": judged}))
+
+
+def test_a_simulated_loop_that_misses_half_the_torque_is_a_reservation():
+    fine = examination_with(49.0, 2.5)
+    assert list(simulated_loop(fine, "piv")) == []
+    assert "simulated loop 49 %" in next(prediction(fine, "piv")).evidence
+    for examined, cause in (
+        (examination_with(96.0, 91.0), "most of the measured torque is noise"),
+        (examination_with(64.0, 1.9), "gains, reference or delay of the loop"),
+        (examination_with(64.0, 1.9, "smoothed"), "virtual law does not follow"),
+    ):
+        (said,) = simulated_loop(examined, "piv")
+        assert said.grade == "caution" and cause in said.text and "above 50 %" in said.evidence
+        (good,) = prediction(examined, "piv")
+        assert good.grade == "good" and "simulated loop" not in good.evidence
+
+
+def test_a_loop_that_cannot_be_simulated_is_a_reservation():
+    examined = examination_with(0.0, 2.0)
+    judged = examined.out_of_sample.results["piv"]
+    judged.replay = None
+    judged.held_out[0].failure = "the loop cannot be simulated with this estimate: it diverges"
+    (said,) = simulated_loop(examined, "piv")
+    assert said.grade == "caution" and "On 1 of 1 stretches the loop cannot be" in said.text
+
+
 def test_spectral_lines_of_the_encoders_are_told(simulated):
     piv = simulated[1]["piv"]
     record = piv.equations.records[0]
@@ -137,9 +233,11 @@ def test_spectral_lines_of_the_encoders_are_told(simulated):
 def test_many_doubts_about_one_law_are_one_statement():
     doubts = [f"kd of joint {j}: the record hardly tells it." for j in range(11)]
     law = SimpleNamespace(identified=SimpleNamespace(warnings=doubts))
-    result = SimpleNamespace(loop=law, warnings=["another", *doubts, "Not converged at all"])
-    other, one = _further_warnings(result)
+    result = SimpleNamespace(
+        loop=law, warnings=["another", *doubts, "Not converged at all"], torque_scale=()
+    )
+    other, one = further_warnings(result)
     assert other == "another" and "leaves 11 doubts" in one and doubts[0] in one
     few = SimpleNamespace(identified=SimpleNamespace(warnings=doubts[:2]))
-    shown = list(_further_warnings(SimpleNamespace(loop=few, warnings=doubts[:2])))
+    shown = list(further_warnings(SimpleNamespace(loop=few, warnings=doubts[:2], torque_scale=())))
     assert shown == doubts[:2]

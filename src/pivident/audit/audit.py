@@ -25,7 +25,7 @@ from pivident.audit.power import Power, check_power, mechanical_power
 from pivident.audit.quantisation import Quantisation, check_quantisation
 from pivident.audit.reading import bare_log, entry_log
 from pivident.audit.saturation import check_channels
-from pivident.audit.scale import Scale, check_positions, check_reach, check_scale
+from pivident.audit.scale import Scale, check_assumed, check_positions, check_reach, check_scale
 from pivident.audit.speed import check_speeds
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
@@ -195,6 +195,7 @@ def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
     timing = check_timing(log)
     quantisation = check_quantisation(log)
     findings = [Finding("fine", "reading", "columns", note) for note in log.notes]
+    findings += check_assumed(log)
     findings += [*timing.findings, *check_channels(log), *quantisation.findings]
     findings += check_speeds(log, timing)
     if not {"q", "tau"} <= set(log.channels):

@@ -20,6 +20,7 @@ from pivident.recording.channel_reading import stamp_channels
 from pivident.recording.columns import Channel, array_of, assemble, locate
 from pivident.recording.files import SourceFile
 from pivident.recording.read_bag import is_bag
+from pivident.recording.torque_scale import torque_scales
 from pivident.recording.units import factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
@@ -111,6 +112,7 @@ def described_log(
         tuple(notes),
         side.get("q", "joint") if isinstance(side, Mapping) else side,
         unit,
+        torque_scales((units or {}).get("tau"), names),
     )
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from pivident.errors import RecordingError
 from pivident.recording.files import SourceFile
+from pivident.recording.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 
 #: Channels with one column per joint that an audit knows.
@@ -35,6 +36,7 @@ class Log:
         notes: how the columns were taken, in sentences.
         side: ``joint`` or ``motor``, where the logged positions were measured.
         clock_unit: unit of the clocks in the file.
+        torque_scale: joints whose torque has a scale that nobody vouches for.
     """
 
     name: str
@@ -53,6 +55,7 @@ class Log:
     notes: tuple[str, ...] = ()
     side: str = "joint"
     clock_unit: str = "s"
+    torque_scale: tuple[TorqueScale, ...] = ()
 
     @property
     def samples(self) -> int:

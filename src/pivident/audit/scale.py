@@ -22,6 +22,7 @@ from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.errors import PividentError
 from pivident.recording.checks import check_within_reach
+from pivident.recording.torque_scale import scale_sentences
 from pivident.robot.description import Robot
 
 #: A gain that differs from 1 by this factor deserves a look, by that one it is wrong.
@@ -56,6 +57,20 @@ class Scale:
     findings: tuple[Finding, ...]
     factors: np.ndarray
     deviations: np.ndarray
+
+
+def check_assumed(log: Log) -> list[Finding]:
+    """Scales of the torque that were taken from the description, or guessed.
+
+    A factor of 1 between log and description confirms nothing then.
+
+    Args:
+        log: the log, with the marks of its units.
+    """
+    return [
+        Finding("look", "scale", "assumed", sentence)
+        for sentence in scale_sentences(log.torque_scale)
+    ]
 
 
 def check_positions(

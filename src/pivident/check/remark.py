@@ -30,6 +30,7 @@ KEYS: dict[tuple[str, str], Place] = {
     ("scale", "angle unit"): ("units", "q"),
     ("scale", "side"): ("side",),
     ("scale", "gain"): ("units", "tau"),
+    ("scale", "assumed"): ("units", "tau"),
     ("order", "order"): ("columns", "tau"),
     ("delay", "late"): ("delay",),
     ("delay", "early"): ("delay",),

@@ -24,6 +24,7 @@ from pivident.audit.scale import check_positions, check_scale
 from pivident.audit.timing import check_timing
 from pivident.draft.guess import Question, Sureness
 from pivident.errors import PividentError
+from pivident.recording.torque_scale import GUESSED, MASSES
 from pivident.recording.units import COMMAND, TORQUE
 from pivident.robot.description import Robot
 
@@ -226,7 +227,8 @@ def torque_unit(
             seen += f" ({found.trouble})"
         correct = 'Name the unit: "N m", "N" for sliding joints, or {unit = "A", gain = …}.'
         question = Question("unit of tau", "In what unit are the torques?", ANSWERS)
-        return TorqueUnit("N m", "guess", seen, correct, question=question)
+        value = {"unit": "N m", "scale": GUESSED}
+        return TorqueUnit(value, "guess", seen, correct, question=question)
     return _command(
         robot, found, "command", "the scale of the torque is not that of the robot's masses"
     )
@@ -269,11 +271,14 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
         seen = f"{reason}; the robot's description has drive gains"
         return TorqueUnit(unit, "likely", seen, "They are under drive_gain of [robot].", True)
     gains, guessed = gains_of(robot, found, COMMAND[unit])
-    value = [{"unit": unit, "gain": float(f"{gain:.4g}")} for gain in gains]
+    value = [
+        {"unit": unit, "gain": float(f"{gain:.4g}"), "scale": GUESSED if j in guessed else MASSES}
+        for j, gain in enumerate(gains)
+    ]
     if not np.isfinite(found.factors).any():
         seen = f"{reason}, and no description tells N m per unit: all torques and parameters are "
         seen += f"in units of {unit} until gains are set"
-        correct = "Set gain = N m per unit for each joint, on the joint side."
+        correct = "Set gain = N m per unit for each joint, on the joint side, and leave scale out."
         return TorqueUnit(value, "guess", seen, correct)
     seen = f"{reason}; N m per unit follow from the masses of the robot's description, whose own "
     seen += "errors come on top"
@@ -289,8 +294,8 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
         turned = ", ".join(joint.name for j, joint in enumerate(robot.joints) if gains[j] < 0)
         seen += f"; the sign of {turned} is reversed, as gravity or friction show"
     correct = (
-        "Write the drives' own gains, torque constant times gear ratio, where you know them; "
-        "errors in per cent do not depend on them, parameters do."
+        "Write the drives' own gains, torque constant times gear ratio, where you know them, and "
+        "leave scale out; errors in per cent do not depend on them, parameters do."
     )
     question = None
     if unit == "command":

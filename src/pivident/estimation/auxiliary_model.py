@@ -14,6 +14,7 @@ from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.missing_inertia import missing_inertia
 from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.simulated_motion import SimulatedMotion, central_differences
 from pivident.recording.recording import Recording
@@ -157,27 +158,11 @@ class AuxiliaryModel:
                 return self.simulate(step), step, halvings
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 if previous is None or halvings == HALVINGS:
-                    for sentence in _unknown_inertias(self.problem):
+                    for sentence in missing_inertia(self.problem):
                         error.add_note(sentence)
                     raise
                 step = previous + 0.5 * (step - previous)
         raise AssertionError("unreachable")
-
-
-def _unknown_inertias(problem: Problem) -> list[str]:
-    """Which links nobody described: a simulation that starts from them may be impossible."""
-    empty = [
-        f"{link.name!r} (joint {joint.name!r})"
-        for joint, link in zip(problem.robot.joints, problem.robot.links, strict=True)
-        if not link.inertia.any()
-    ]
-    if not empty:
-        return []
-    return [
-        f"the nominal inertia of link {', '.join(empty)} is zero and the simulation starts from "
-        "it: give <inertial> in the URDF or link in the table, rotor_inertia under [robot], or "
-        "initial values from a least-squares run"
-    ]
 
 
 def loop_signals(

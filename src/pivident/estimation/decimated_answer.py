@@ -71,6 +71,7 @@ def decimated_answer(
                 float(rate),
                 None if recording.q_ref is None else recording.q_ref[index],
                 recording.account,
+                recording.torque_scale,
             )
         )
     answer = make_identification(

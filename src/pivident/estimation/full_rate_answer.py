@@ -109,6 +109,7 @@ def full_rate_answer(
                 k.recording.rate,
                 None if k.recording.q_ref is None else k.recording.q_ref[part],
                 k.recording.account,
+                k.recording.torque_scale,
             )
         )
     answer = make_identification(

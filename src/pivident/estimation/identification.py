@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
+from pivident.recording.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 
 if TYPE_CHECKING:
@@ -89,6 +90,7 @@ class FittedRecording:
         whitened_rate: rate of ``whitened`` [Hz].
         q_ref: recorded or reconstructed reference on the same rows [rad or m], or None.
         account: how the record was logged and what was done to its samples, in sentences.
+        torque_scale: joints whose torque has a scale that nobody vouches for.
     """
 
     name: str
@@ -104,6 +106,7 @@ class FittedRecording:
     whitened_rate: float
     q_ref: np.ndarray | None = None
     account: tuple[str, ...] = ()
+    torque_scale: tuple[TorqueScale, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,6 +171,11 @@ class Identification:
     def iterations(self) -> int:
         """Number of iterations."""
         return len(self.history)
+
+    @property
+    def torque_scale(self) -> tuple[TorqueScale, ...]:
+        """Scales of the logged torques that nobody vouches for; all parameters rest on them."""
+        return tuple(dict.fromkeys(s for r in self.recordings for s in r.torque_scale))
 
     @property
     def units(self) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.sandwich import sandwich
 from pivident.estimation.signs import sign_warnings
 from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.recording.torque_scale import scale_sentences
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0
@@ -246,7 +247,8 @@ def make_identification(
     std = np.sqrt(np.diag(covariance))
     parameters = problem.regressor.parameters
     signs = sign_warnings(problem.robot, parameters, problem.names, solution.theta, std)
-    noticed = [*warnings, *signs]
+    scales = [s for r in problem.recordings for s in r.torque_scale]
+    noticed = [*warnings, *signs, *scale_sentences(scales)]
     if doubt := _poor_motion(solution):
         noticed.append(doubt)
     if not converged:

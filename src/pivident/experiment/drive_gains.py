@@ -30,7 +30,7 @@ class DeclaredGain:
     Attributes:
         value: torque per unit of the command that the log was read with [N m or N per unit].
         unit: unit of the command as the file has it, ``mA``, ``V`` …, or of a torque.
-        given: whether somebody gave that gain; 1 stands for it otherwise.
+        given: whether somebody gave that gain; a guess or 1 stands for it otherwise.
         place: where it is written: ``robot`` (drive_gain), ``units`` (gain of a unit), ``factor``
             (a torque or a bare factor) or ``dataset``.
     """
@@ -154,7 +154,8 @@ def declared_gains(entry: RecordingEntry, robot: Robot) -> tuple[DeclaredGain, .
         factor = 1.0 if unit is None else factor_to_si("tau", unit)[0]
         if isinstance(unit, Mapping):
             name = str(unit["unit"])
-            made.append(DeclaredGain(factor / COMMAND_OR_TORQUE[name], name, True, "units"))
+            value = factor / COMMAND_OR_TORQUE[name]
+            made.append(DeclaredGain(value, name, "scale" not in unit, "units"))
         elif isinstance(unit, str) and unit in COMMAND:
             # the gain belongs to A, V or the command itself, whatever the prefix of the log
             gain, sure = float(transmission.drive_gain[j]), bool(transmission.gain_given[j])

@@ -23,6 +23,7 @@ from pivident.recording.clock_alignment import ClockedChannel
 from pivident.recording.columns import Channel, ColumnSpec, locate
 from pivident.recording.files import SourceFile
 from pivident.recording.recording import CHANNELS, Recording
+from pivident.recording.torque_scale import torque_scales
 from pivident.recording.units import UnitSpec, check_kind, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -133,6 +134,7 @@ def load_recording(
         key.removeprefix("inputs."): logged[key] for key in logged if key not in CHANNELS
     }
     content["sources"] = tuple(SourceFile.of(path) for path in _in_use(channels, paths))
+    content["torque_scale"] = torque_scales((units or {}).get("tau"), joint_names)
     name = name or escaped(Path(paths[channels["q"].file].name.removesuffix(".gz")).stem)
     return Recording(
         name=name,

@@ -16,6 +16,7 @@ from pivident.errors import RecordingError
 from pivident.printable import is_printable
 from pivident.recording import checks
 from pivident.recording.files import SourceFile
+from pivident.recording.torque_scale import TorqueScale, scale_sentences
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
 
@@ -69,6 +70,8 @@ class Recording:
         allow_constant: whether a joint may stand still, or its torque be constant.
         saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
         notes: how the samples were brought onto one clock, in sentences.
+        torque_scale: joints whose torque has a scale that nobody vouches for; its parameters then
+            are as good as that scale.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
@@ -100,6 +103,7 @@ class Recording:
     allow_constant: bool = False
     saturation: Saturation = "refuse"
     notes: tuple[str, ...] = field(default=(), kw_only=True)  # how clocks were brought together
+    torque_scale: tuple[TorqueScale, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -221,7 +225,7 @@ class Recording:
                 f"A logged torque acts {1e3 * self.drive_delay:.4g} ms after its sample, which is "
                 "allowed for."
             )
-        return (*sentences, *self.notes)
+        return (*sentences, *self.notes, *scale_sentences(self.torque_scale))
 
     def part(self, start: int, stop: int) -> Recording:
         """The samples start … stop-1 as a recording of their own, without copying.

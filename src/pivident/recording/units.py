@@ -5,6 +5,7 @@ alone does not say it, as a table:
 
     {unit = "counts", per_revolution = 4096}    positions counted by an encoder (or per_metre)
     {unit = "V", gain = 35.15}                  drive commands; gain in N m or N per unit
+    {unit = "A", gain = 11.4, scale = "masses"} a gain that is assumed, see `torque_scale`
 
 Commands without a gain (``"A"``, ``"V"``, ``"command"``) take the transmission's drive gain.
 """
@@ -15,6 +16,7 @@ import math
 from collections.abc import Mapping
 
 from pivident.errors import RecordingError
+from pivident.recording.torque_scale import BASES
 from pivident.robot.naming import nearest
 
 #: What a user may write for the unit of one channel of one joint.
@@ -90,6 +92,10 @@ def _scaled(channel: str, spec: dict[str, str | float]) -> tuple[float, bool]:
         if scale in ("per_revolution", "per_metre"):
             circle = 2.0 * math.pi if scale == "per_revolution" else 1.0
             return circle / _number(channel, scale, value), False
+    if channel == "tau" and unit is not None and "scale" in spec:
+        _check_scale(spec.pop("scale"))
+        if not spec and unit in TORQUE:
+            return _named(channel, unit), False
     if channel == "tau" and unit is not None and set(spec) == {"gain"}:
         return _named(channel, unit) * _number(channel, "gain", spec["gain"]), False
     raise RecordingError(
@@ -97,6 +103,15 @@ def _scaled(channel: str, spec: dict[str, str | float]) -> tuple[float, bool]:
         "use {unit = 'counts', per_revolution or per_metre = …} for positions, "
         "{unit = 'A' or 'V', gain = …} for torques"
     )
+
+
+def _check_scale(basis: object) -> None:
+    """Refuse what a scale cannot rest on."""
+    if basis not in BASES:
+        raise RecordingError(
+            f"scale of tau is {basis!r}; it is {' or '.join(map(repr, BASES))} where a gain is "
+            "assumed, and left out where somebody knows it"
+        )
 
 
 def _number(channel: str, name: str, value: object) -> float:

@@ -151,8 +151,17 @@ def _method_class(method: int) -> str:
 
 
 def _sentence(text: str) -> Markup:
-    """A sentence whose numbers in powers of ten are written as such."""
-    parts = re.split(r"(?<![\w.])(-?\d+(?:\.\d+)?e[+-]\d+)(?!\w)", str(text))
+    """A sentence with its powers of ten written as such, and commands in backticks as code."""
+    parts = re.split(r"`([^`]+)`", str(text))
+    return Markup("").join(
+        Markup("<code>{}</code>").format(part) if k % 2 else _with_powers(part)
+        for k, part in enumerate(parts)
+    )
+
+
+def _with_powers(text: str) -> Markup:
+    """Text whose numbers in powers of ten are written as such."""
+    parts = re.split(r"(?<![\w.])(-?\d+(?:\.\d+)?e[+-]\d+)(?!\w)", text)
     return Markup("").join(_powers(part) if k % 2 else part for k, part in enumerate(parts))
 
 

@@ -2,7 +2,8 @@
 
 PIV has the right intervals where its noise model is right. On a real machine the residual is mostly
 model error, and a prefilter made for noise can weigh the wrong samples and frequencies; then PIV
-predicts worse than plain IV, and IV's estimate is the one to take.
+predicts worse than plain IV, and IV's estimate is the one to take. Blocks of one motion differ by
+chance, too: a difference counts only if its interval does not contain zero.
 """
 
 from __future__ import annotations
@@ -48,11 +49,21 @@ class Ratio:
     low: float
     high: float
 
+    @property
+    def could_be_chance(self) -> bool:
+        """Whether the interval of the difference contains zero; without one nobody knows."""
+        return self.low <= 1.0 <= self.high
+
+    @property
+    def range(self) -> str:
+        """The interval of the difference in words."""
+        return f"{100 * (self.low - 1):+.1f} to {100 * (self.high - 1):+.1f} %"
+
     def __str__(self) -> str:
         text = f"{100 * (self.value - 1):+.1f} %"
         if np.isnan(self.low):
             return f"{text} (one or two stretches, no interval)"
-        return f"{text} (95 %: {100 * (self.low - 1):+.1f} to {100 * (self.high - 1):+.1f} %)"
+        return f"{text} (95 %: {self.range})"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,6 +79,8 @@ class OutOfSample:
         iv: name of the best plain instrumental variable method, empty without one.
         piv_over_iv: their errors' ratio, None without both.
         causes: why PIV is likely to be worse, where it is, each with its number.
+        apart: parameters in which PIV and IV contradict each other, a sentence; empty where they
+            do not.
     """
 
     results: dict[str, CrossValidation]
@@ -78,11 +91,18 @@ class OutOfSample:
     iv: str = ""
     piv_over_iv: Ratio | None = None
     causes: tuple[str, ...] = ()
+    apart: str = ""
 
     @property
     def piv_is_worse(self) -> bool:
-        """Whether PIV predicts worse than IV by more than 2 %."""
-        return self.piv_over_iv is not None and self.piv_over_iv.value > TOLERATED
+        """Whether PIV predicts worse than IV by more than 2 %, and more than blocks scatter."""
+        return self.piv_over_iv is not None and is_worse(self.piv_over_iv)
+
+    @property
+    def undecided(self) -> bool:
+        """Whether PIV predicts worse by more than 2 %, but by less than the blocks scatter."""
+        ratio = self.piv_over_iv
+        return ratio is not None and ratio.value > TOLERATED and ratio.could_be_chance
 
     @property
     def training_only(self) -> bool:
@@ -94,12 +114,6 @@ class OutOfSample:
         label = self.results[name].method
         alike = [r for r in self.results.values() if r.method == label]
         return f"{label} [{name}]" if len(alike) > 1 else label
-
-    def _doubt(self) -> str:
-        """Whether blocks of the same motion could differ as much by chance."""
-        if self.piv_over_iv is None or not self.piv_over_iv.low < 1.0:
-            return ""
-        return ", though the blocks scatter by more than that"
 
     def __str__(self) -> str:
         return "\n\n".join([self.table(), *self.sentences()])
@@ -135,8 +149,15 @@ class OutOfSample:
             if self.piv_is_worse:
                 lines.append(
                     f"{piv} predicts worse than {iv} by more than "
-                    f"{100 * (TOLERATED - 1):.0f} %{self._doubt()}: take the estimate of {taken}. "
+                    f"{100 * (TOLERATED - 1):.0f} %: take the estimate of {taken}. "
                     + " ".join(self.causes)
+                )
+            elif self.undecided:
+                lines.append(
+                    f"{piv} and {iv} show no difference within {self.piv_over_iv.range} (95 %, "
+                    f"from the scatter of the held-out blocks): take the estimate of {taken}, "
+                    "whose intervals are the better founded."
+                    + (f" {self.apart} More motion or more folds would tell." * bool(self.apart))
                 )
             else:
                 lines.append(
@@ -225,9 +246,21 @@ def _judged(
     if not (piv and iv):
         return OutOfSample(results, failures, best, piv or iv or best, piv, iv)
     ratio = error_ratio(results[piv], results[iv])
-    worse = ratio.value > TOLERATED
-    causes = likely_causes(results[piv], results[iv]) if worse else ()
-    return OutOfSample(results, failures, best, iv if worse else piv, piv, iv, ratio, tuple(causes))
+    worse = is_worse(ratio)
+    causes = tuple(likely_causes(results[piv], results[iv])) if worse else ()
+    apart = _contradictions(results[piv].identification, results[iv].identification)
+    return OutOfSample(results, failures, best, iv if worse else piv, piv, iv, ratio, causes, apart)
+
+
+def is_worse(ratio: Ratio) -> bool:
+    """Whether an error is larger than another by more than is tolerated and than chance makes.
+
+    Where one or two stretches give no interval, the difference itself has to do.
+
+    Args:
+        ratio: of the two errors.
+    """
+    return ratio.value > TOLERATED and not ratio.could_be_chance
 
 
 def error_ratio(a: CrossValidation, b: CrossValidation) -> Ratio:
@@ -283,23 +316,24 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
     ]
     if negative:
         causes.append(f"It has negative friction or rotor inertia: {', '.join(negative)} (2σ).")
-    causes += _contradictions(found, iv.identification)
+    if apart := _contradictions(found, iv.identification):
+        causes.append(apart)
     return causes
 
 
-def _contradictions(a: Identification, b: Identification) -> list[str]:
-    """The parameters in which two estimates differ most, by their robust deviations."""
+def _contradictions(a: Identification, b: Identification) -> str:
+    """The parameters in which two estimates contradict each other most, by robust deviations."""
     spread = np.hypot(a.robust_std, b.robust_std)
     distance = np.abs(a.theta - b.theta) / np.maximum(spread, 1e-300)
     most = [k for k in np.argsort(-distance)[:3] if distance[k] > CONTRADICTION]
     if not most:
-        return []
+        return ""
     listed = ", ".join(
         f"{a.names[k]} ({significant(a.theta[k])} against {significant(b.theta[k])} "
         f"{a.units[k]}, {distance[k]:.1f} σ)"
         for k in most
     )
-    return [f"The two differ most in {listed}."]
+    return f"The two differ most in {listed}."
 
 
 def _prefixed(say: Callable[[str], None], label: str) -> Callable[[str], None]:

@@ -7,7 +7,7 @@ from typing import Any
 from pivident.estimation.parameter_rows import percent, significant
 from pivident.estimation.tables import rows_kind
 from pivident.report.sections.base import Section
-from pivident.validation.verdict import WELL
+from pivident.validation.estimate_statements import WELL
 
 
 class VerdictSection(Section):
