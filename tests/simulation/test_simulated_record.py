@@ -102,10 +102,10 @@ def test_a_reference_of_another_robot_is_refused():
 def test_a_robot_without_masses_says_what_to_give():
     links = tuple(replace(link, inertia=np.zeros(10)) for link in ROBOT.links)
     bare = replace(ROBOT, links=links, rotor_inertia=np.zeros(2))
-    with pytest.raises(ExperimentError, match="neither masses nor inertias.*zz1r"):
+    with pytest.raises(ExperimentError, match=r"neither masses nor inertias.*zz1r"):
         pv.simulate(bare, LOOP)
 
 
 def test_a_loop_that_is_too_stiff_is_named():
-    with pytest.raises(SimulationDiverged, match="elbow|shoulder"):
+    with pytest.raises(SimulationDiverged, match=r"elbow|shoulder"):
         pv.simulate(ROBOT, pv.Loop(pv.PD(kp=6e6, kd=2e5)))
