@@ -263,7 +263,8 @@ def test_the_command(folder, tmp_path, capsys):
     arms = [str(folder / name) for name in ("monday", "friday")]
     assert main(["compare", *arms, "--names", "new,worn", "--level", "0.01"]) == 0
     assert (
-        "worn: 1 of 13 parameters differs significantly from new: fv1." in capsys.readouterr().out
+        "worn: 1 of 13 parameters differs significantly from new: fv1 +25.4 ± 3.6 %."
+        in capsys.readouterr().out
     )
 
 
