@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pivident.report.builder import write_report
     from pivident.robot import Robot, load_robot
     from pivident.simulation.controllers import PD, PID, Cascade, PythonController
+    from pivident.simulation.simulated_record import SimulatedRecord, simulate
     from pivident.simulation.virtual_pd import virtual_pd
     from pivident.tables.chosen import table
     from pivident.validation.cross_validation import cross_validate
@@ -68,6 +69,7 @@ _HOME = {
     "RandomWalk": "pivident.estimation.methods",
     "Recording": "pivident.recording.recording",
     "Robot": "pivident.robot",
+    "SimulatedRecord": "pivident.simulation.simulated_record",
     "base_parameters": "pivident.dynamics.base_parameters",
     "build_regression": "pivident.estimation.identify",
     "compare": "pivident.comparison.compare",
@@ -85,6 +87,7 @@ _HOME = {
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
     "make_consistent": "pivident.consistency.consistent_model",
+    "simulate": "pivident.simulation.simulated_record",
     "table": "pivident.tables.chosen",
     "verdict": "pivident.validation.verdict",
     "virtual_pd": "pivident.simulation.virtual_pd",
@@ -109,6 +112,7 @@ __all__ = [
     "RandomWalk",
     "Recording",
     "Robot",
+    "SimulatedRecord",
     "__version__",
     "base_parameters",
     "build_regression",
@@ -127,6 +131,7 @@ __all__ = [
     "load_recording",
     "load_robot",
     "make_consistent",
+    "simulate",
     "table",
     "verdict",
     "virtual_pd",

@@ -6,8 +6,11 @@ values by recursion; both are bounded here.
 
 from __future__ import annotations
 
+import json
+import math
 import re
 import tomllib
+from collections.abc import Mapping
 from typing import Any
 
 #: Largest file that is read as TOML [bytes]; larger ones are logs.
@@ -43,6 +46,35 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise ValueError(str(error).partition(";")[0]) from None
     _check_whole_numbers(tables)
     return tables
+
+
+def toml_lines(tables: Mapping[str, Any], heading: str = "") -> list[str]:
+    """Tables as TOML, one dotted key to a line; a key without a value is left out.
+
+    Args:
+        tables: as `parse_toml` gives them, with None where nothing was said.
+        heading: dotted name of the table that these are in.
+    """
+    lines = []
+    for key, value in tables.items():
+        name = f"{heading}.{key}" if heading else key
+        if isinstance(value, Mapping) and value:
+            lines += toml_lines(value, name)
+        elif value is not None:
+            lines.append(f"{name} = {_toml_value(value)}")
+    return lines
+
+
+def _toml_value(value: Any) -> str:
+    """One value on one line."""
+    if isinstance(value, Mapping):
+        pairs = (f"{key} = {_toml_value(x)}" for key, x in value.items() if x is not None)
+        return "{" + ", ".join(pairs) + "}"
+    if isinstance(value, (list, tuple)):
+        return "[" + ", ".join(map(_toml_value, value)) + "]"
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    return json.dumps(value, ensure_ascii=False, default=str)
 
 
 def _check_whole_numbers(value: Any, key: str = "") -> None:

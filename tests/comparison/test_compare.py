@@ -262,9 +262,10 @@ def test_the_command(folder, tmp_path, capsys):
     ]
     arms = [str(folder / name) for name in ("monday", "friday")]
     assert main(["compare", *arms, "--names", "new,worn", "--level", "0.01"]) == 0
-    assert (
-        "worn: 1 of 13 parameters differs significantly from new: fv1." in capsys.readouterr().out
-    )
+    said = " ".join(capsys.readouterr().out.split())
+    assert "worn: 1 of 13 parameters differs significantly from new: fv1 +" in said
+    change, spread = map(float, re.search(r"new: fv1 \+([\d.]+) ± ([\d.]+) %\.", said).groups())
+    assert 20.0 < change < 40.0 and 1.0 < spread < 10.0
 
 
 @pytest.mark.parametrize(

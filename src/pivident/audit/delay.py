@@ -20,6 +20,7 @@ from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
 from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import InverseModel
 from pivident.audit.log import Log
+from pivident.estimation.parameter_rows import with_spread
 
 #: Shifts that are tried [s], but at least so many samples on each side.
 LONGEST, FEWEST = 0.04, 6
@@ -164,7 +165,7 @@ def _findings(
     severity = _severity(mean, deviation, float(gains[most]), float(effects[most]), period)
     total = log.delay + mean
     text = (
-        f"The torque is {_milliseconds(abs(mean))} ± {_milliseconds(2 * deviation)} "
+        f"The torque is {_with_interval(abs(mean), 2 * deviation)} "
         f"({abs(mean) / period:.2f} samples) {'later' if mean > 0 else 'earlier'} than the "
         "positions"
         + (f", beyond the declared delay of {_milliseconds(log.delay)}." if log.delay else ".")
@@ -209,8 +210,8 @@ def _findings(
                 own,
                 "delay",
                 "joint late" if apart > 0 else "joint early",
-                f"The torque of {name} is {_milliseconds(abs(apart))} ± "
-                f"{_milliseconds(2 * uncertain)} {'later' if apart > 0 else 'earlier'} than that "
+                f"The torque of {name} is {_with_interval(abs(apart), 2 * uncertain)} "
+                f"{'later' if apart > 0 else 'earlier'} than that "
                 "of the other joints.",
                 name,
                 "One delay for all joints does not fit; log the channels at the same instants.",
@@ -233,6 +234,11 @@ def _severity(
         return "wrong"
     visible = gain > GAIN_LOOK and effect > EFFECT_LOOK
     return "look" if visible and abs(delay) > SHORT * period else "fine"
+
+
+def _with_interval(seconds: float, half: float) -> str:
+    """A short time ± half its interval, both to the same digit."""
+    return "{} ± {} ms".format(*with_spread(1e3 * seconds, 1e3 * half))
 
 
 def _milliseconds(seconds: float) -> str:

@@ -6,6 +6,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pivident.audit.audit import Audit
+from pivident.estimation.parameter_rows import with_spread
 from pivident.report.downsampling import kept_samples
 from pivident.report.figures import ERROR, MEASURED, METHOD_COLOURS, Figure
 
@@ -121,7 +122,7 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
         note = ""
         if audit.power is not None and np.isfinite(audit.power.friction[j]):
             taken, deviation = audit.power.friction[j], audit.power.deviations[j]
-            note = f"friction takes {taken:.3g} ± {2 * deviation:.2g} W"
+            note = "friction takes {} ± {} W".format(*with_spread(taken, 2 * deviation))
         label = f"Torque of {joint.name} over its speed; {note}"
         figures.append(Figure(plot, 260, joint.name, label, note))
     return figures
@@ -151,7 +152,7 @@ def shift_figure(audit: Audit) -> Figure | None:
     note = "the lowest point of each line is the delay of that joint"
     if np.isfinite(mean):
         plot.add_vline(1e3 * mean, line={"color": ERROR, "width": 1, "dash": "dash"})
-        note += f"; together {1e3 * mean:.3g} ± {2e3 * deviation:.2g} ms"
+        note += "; together {} ± {} ms".format(*with_spread(1e3 * mean, 2e3 * deviation))
     label = (
         f"Relative error of the inverse model over the shift between torque and position; {note}"
     )
@@ -252,6 +253,10 @@ def empty_plot(y_title: str) -> go.Figure:
             "showlegend": False,
             "hovermode": "closest",
             "xaxis": {"automargin": True},
-            "yaxis": {"title": {"text": y_title}, "automargin": True},
+            "yaxis": {
+                "title": {"text": y_title},
+                "automargin": True,
+                "exponentformat": "power",  # not 400f for 4e-13, nor 10k
+            },
         }
     )

@@ -50,7 +50,12 @@ def render_page(audits: Sequence[Audit]) -> str:
             drawn = _figures(audit, check)
             found = gravest_first(audit.of(check))
             if found or drawn:
-                body = template.render(findings=found, figures=drawn, position=position)
+                body = template.render(
+                    findings=found,
+                    figures=drawn,
+                    position=position,
+                    placed=any(position(finding) for finding in found),
+                )
                 sections.append((f"{check}{tag}", f"{name}{heading}", Markup(body)))
     # What was found in a single log heads the page, before the list of contents.
     head = {"head": sections.pop(0)} if len(audits) == 1 else {}

@@ -18,6 +18,7 @@ from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife, orthonorm
 from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import InverseModel
 from pivident.audit.log import Log
+from pivident.estimation.parameter_rows import with_spread
 from pivident.robot.friction import FrictionColumn
 
 #: A power counts as negative from this many of its deviations on.
@@ -162,7 +163,8 @@ def _power_finding(
         if len(negative) == model.robot.size and len(negative) > 1:
             step = "All joints give power: flip tau as a whole, units = {tau = -1.0}."
     verb = "takes" if power >= 0 else "would give"
-    text = f"Friction of {name} {verb} {abs(power):.3g} ± {2 * deviation:.2g} W."
+    size, spread = with_spread(abs(power), 2 * deviation)
+    text = f"Friction of {name} {verb} {size} ± {spread} W."
     if not clear:
         text += " The motion does not tell its sign."
     return Finding(

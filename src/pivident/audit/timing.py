@@ -23,6 +23,9 @@ ANOTHER_CLOCK = 0.2
 #: Deviations of a lost or repeated step beyond those of all steps, in their own spread.
 CLEAR_STEP = 10.0
 
+#: Intervals that differ by less differ by the rounding of their stamps, relative.
+ROUNDING = 1e-9
+
 #: How far from a whole number the samples lost at one place may seem to be.
 WHOLE = 0.25
 
@@ -142,9 +145,12 @@ def _one_clock(
     largest = float(np.abs(inside - 1.0).max(initial=0.0))
     spread = float(np.std(inside - 1.0))
     late = int(place[min(int(np.argmax(np.abs(ratio - 1.0))), len(place) - 1)])
-    text = (
-        f"The clock ticks every {1e3 * period:.6g} ms; single intervals differ by up to "
-        f"{100 * largest:.3g} % (standard deviation {100 * spread:.2g} %)."
+    text = f"The clock ticks every {1e3 * period:.6g} ms; "
+    text += (
+        "all intervals are alike."
+        if largest < ROUNDING
+        else f"single intervals differ by up to {100 * largest:.3g} % (standard deviation "
+        f"{100 * spread:.2g} %)."
     )
     numbers: dict[str, Any] = {"value": 100 * largest, "unit": "%", "bound": 100 * JITTER_TOLERANCE}
     if largest > JITTER_TOLERANCE:

@@ -73,7 +73,8 @@ def render_page(comparison: Comparison) -> str:
     robots = ", ".join(dict.fromkeys(e.robot.name for e in comparison.entries))
     return environment.get_template("page.html").render(
         title=f"{robots}: {len(comparison.entries)} results compared",
-        sections=sections,
+        head=sections[0],
+        sections=sections[1:],
         colours=METHOD_COLOURS,
         version=__version__,
     )

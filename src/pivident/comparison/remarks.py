@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from pivident.estimation.parameter_rows import significant
+from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.estimation.tables import error_rows, is_decimated
 
 if TYPE_CHECKING:
@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
 #: Names that are listed in one sentence.
 LISTED = 12
+
+#: Differences of so many percent are differences from what is nearly zero, and not told in percent.
+MOST_PERCENT = 1000.0
 
 
 def remarks(comparison: Comparison, geometry: Sequence[str]) -> Iterator[str]:
@@ -71,16 +74,33 @@ def findings(comparison: Comparison) -> list[str]:
         else:
             found.append(
                 f"{label}: {len(marked)} of {tested} parameters differ{'s' * (len(marked) == 1)} "
-                f"significantly from {first}: {listed(marked)}."
+                f"significantly from {first}: {listed(_changes(comparison, k, marked))}."
             )
     return found
+
+
+def _changes(comparison: Comparison, k: int, names: Sequence[str]) -> list[str]:
+    """Each parameter with its difference ± 2σ, in percent of the first where that says anything."""
+    by_name = {p.name: p for p in comparison.parameters}
+    changes = []
+    for name in names:
+        found = by_name[name].differences[k]
+        assert found is not None  # it is marked
+        value, spread, unit = found.value, found.spread, by_name[name].unit
+        if abs(found.relative) < MOST_PERCENT:
+            share = found.relative / found.value
+            value, spread, unit = found.relative, abs(share) * spread, "%"
+        text, spread_text = with_spread(value, spread)
+        signed = text if text.startswith("-") else f"+{text}"
+        changes.append(f"{name} {signed} ± {spread_text} {unit}")
+    return changes
 
 
 def listed(names: Sequence[str]) -> str:
     """Names with commas, and how many more there are.
 
     Args:
-        names: of parameters.
+        names: of parameters, or of parameters with their changes.
     """
     shown = ", ".join(names[:LISTED])
     more = len(names) - LISTED

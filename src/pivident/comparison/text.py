@@ -13,7 +13,7 @@ from rich.text import Text
 
 from pivident.comparison.compare import ComparedParameter, Comparison
 from pivident.comparison.differences import Difference, Estimate
-from pivident.comparison.remarks import findings, level_sentence, share_text
+from pivident.comparison.remarks import MOST_PERCENT, findings, level_sentence, share_text
 from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.printable import escaped
 
@@ -28,9 +28,6 @@ _GAP = 2
 
 #: Significant differences that are listed beneath three results or more.
 _MOST_LISTED = 40
-
-#: Differences of so many percent are differences from what is nearly zero, and not told in percent.
-_MOST_PERCENT = 1000.0
 
 #: Digits of a hash that tell files apart.
 HASH = 10
@@ -275,7 +272,7 @@ def _difference_table(comparison: Comparison) -> RenderableType | None:
     further = (("unit", "left"), ("%", "right"), ("z", "right"))
     table = _table([*names, *further])
     for _, k, p, d in found[:_MOST_LISTED]:
-        percent = significant(d.relative, 2) if abs(d.relative) < _MOST_PERCENT else "–"
+        percent = significant(d.relative, 2) if abs(d.relative) < MOST_PERCENT else "–"
         z = deviations(d.z)
         _add(table, [p.name, comparison.labels[k], _narrow(difference_text(d)), p.unit, percent, z])
     return _titled(title, table)

@@ -160,7 +160,7 @@ def with_spread(value: float, spread: float) -> tuple[str, str]:
     decimals = max(0, 1 - _exponent(spread))
     size = max(abs(value), spread)
     if _is_plain(size, decimals):
-        return f"{value:.{decimals}f}", f"{spread:.{decimals}f}"
+        return f"{round(value, decimals) + 0.0:.{decimals}f}", f"{spread:.{decimals}f}"  # no -0.0
     power = _exponent(size)
     digits = max(0, 1 - _exponent(spread) + power)
     mantissas = (f"{x / 10.0**power:.{digits}f}" for x in (value, spread))

@@ -20,15 +20,6 @@ from pivident.flexibility.two_mass import TwoMassEstimate, identify_two_mass
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 
-#: What joints that slide are measured in.
-SLIDING = {
-    "N m s/rad": "N s/m",
-    "N m/rad": "N/m",
-    "kg m²": "kg",
-    "N m": "N",
-    "rad": "m",
-}
-
 
 @dataclass(frozen=True, eq=False)
 class JointFlexibility:
@@ -192,78 +183,6 @@ def _stiffness_and_inertias(
     return None
 
 
-def flexibility_lines(found: JointFlexibility) -> list[str]:
-    """The answer in lines of text.
-
-    Args:
-        found: one joint of one recording.
-    """
-    lines = [f"{found.recording}, {found.joint}"]
-    if found.compliance is not None:
-        lines += ["  both encoders, slow motion", *_compliance_lines(found.compliance)]
-    if found.two_mass is not None:
-        lines.append("  both encoders, two masses")
-        lines += [
-            f"    {name.replace('_', ' '):<20} {found.two_mass.measured(name)}"
-            for name in found.two_mass.names
-        ]
-        lines.append(f"    {'antiresonance':<20} {found.two_mass.antiresonance}")
-        lines += [f"    note: {note}" for note in found.two_mass.notes]
-    if found.resonance is not None:
-        lines += ["  motor encoder alone", f"    {found.resonance.conclusion}"]
-        for name in ("resonance", "motor_inertia", "load_inertia", "damping"):
-            value = getattr(found.resonance, name)
-            if value is not None:
-                lines.append(f"    {name.replace('_', ' '):<20} {value}")
-    if found.rigid is not None:
-        lines.append(f"  rigid model: {found.rigid.severity}")
-        lines += [f"    {sentence}" for sentence in found.rigid.sentences]
-    lines += [f"  note: {note}" for note in found.notes]
-    return [_of_kind(line, found.sliding) for line in lines]
-
-
-def _compliance_lines(c: Compliance) -> list[str]:
-    rows: list[tuple[str, object]] = [
-        ("stiffness", c.stiffness),
-        ("motor friction", c.friction),
-        ("hysteresis, width", c.hysteresis.times(1e3, "mrad")),
-        (
-            "backlash",
-            "torque keeps its sign" if c.backlash is None else c.backlash.times(1e3, "mrad"),
-        ),
-        ("damping and delay", c.damping),
-        ("link encoder later by", c.encoder_lag.times(1e3, "ms")),
-        ("zeros differ by", c.offset.times(1e3, "mrad")),
-    ]
-    rows += [
-        (f"error, order {line.order:.4g}", line.amplitude.times(1e3, "mrad"))
-        for line in c.lines
-        if line.amplitude.clear
-    ]
-    low, high = (1e3 * end for end in c.deflection)
-    rows.append(("deflection by torque", f"{low:.3g} to {high:.3g} mrad"))
-    low, high = (1e3 * end for end in c.recorded)
-    rows.append(("recorded difference", f"{low:.3g} to {high:.3g} mrad"))
-    rows.append(("unexplained", f"{1e3 * c.residual:.2g} mrad rms ({100 * c.unexplained:.2g} %)"))
-    if math.isfinite(c.stiffness_change) and c.motor_inertia:
-        rows.append(
-            (
-                "10 % more motor",
-                f"inertia than {c.motor_inertia:.4g} kg m²: stiffness {c.stiffness_change:+.2g} %",
-            )
-        )
-    lines = [f"    {label:<22} {value}" for label, value in rows]
-    return lines + [f"    note: {note}" for note in c.notes]
-
-
-def _of_kind(line: str, sliding: bool) -> str:
-    """A line with the units of a sliding joint, where it is one."""
-    if sliding:
-        for turning, other in SLIDING.items():
-            line = line.replace(turning, other)
-    return line
-
-
 def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
     """Write ``flexibility.json`` and ``flexibility.html``, both or neither.
 
@@ -319,20 +238,3 @@ def summary(found: Sequence[JointFlexibility]) -> dict[str, list[Measured]]:
         if one.compliance is not None:
             stiffness.setdefault(one.joint, []).append(one.compliance.stiffness)
     return stiffness
-
-
-def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:
-    """Whether recordings agree on the stiffness of a joint, one line for each joint.
-
-    Args:
-        found: joints of recordings.
-    """
-    lines = []
-    for joint, values in summary(found).items():
-        if len(values) < 2:
-            continue
-        low, high = max(v.low for v in values), min(v.high for v in values)
-        listed = "; ".join(map(str, values))
-        word = "agree" if low <= high else "do not agree"
-        lines.append(f"{joint}: the recordings {word} on the stiffness: {listed}")
-    return lines

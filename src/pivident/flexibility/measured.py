@@ -5,6 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+#: Decimals that are shown at most.
+MOST_DECIMALS = 9
+
 
 @dataclass(frozen=True)
 class Measured:
@@ -75,4 +78,18 @@ class Measured:
         unit = f" {self.unit}" if self.unit else ""
         if not math.isfinite(self.value):
             return f"above {self.low:.3g}{unit}" if math.isfinite(self.low) else "not told"
-        return f"{self.value:.3g}{unit} (95 %: {self.low:.3g} to {self.high:.3g})"
+        value, low, high = _alike(self.value, self.low, self.high)
+        return f"{value}{unit} (95 %: {low} to {high})"
+
+
+def _alike(value: float, low: float, high: float) -> tuple[str, ...]:
+    """Value and ends, all to the second digit of the interval's half, and three of the value."""
+    finite = [x for x in (value, low, high) if math.isfinite(x)]
+    largest = max(map(abs, finite))
+    width = max(finite) - min(finite)
+    if not 1e-3 <= largest < 1e7 or width == 0.0:
+        return tuple(f"{x:.3g}" for x in (value, low, high))
+    decimals = 1 - math.floor(math.log10(0.5 * width))
+    decimals = min(max(decimals, 2 - math.floor(math.log10(largest))), MOST_DECIMALS)
+    # + 0.0 makes 0 of -0; tens and hundreds are rounded too
+    return tuple(f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (value, low, high))

@@ -2,23 +2,21 @@
 
 from __future__ import annotations
 
-import textwrap
 from collections.abc import Sequence
 
 import numpy as np
 import plotly.graph_objects as go
+from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident import __version__
 from pivident.audit.figures import empty_plot
 from pivident.flexibility.compliance import Compliance
-from pivident.flexibility.joint_study import JointFlexibility, agreement_lines, flexibility_lines
+from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
+from pivident.flexibility.text import agreement_lines, of_kind, parts_of
 from pivident.report.builder import page_environment
 from pivident.report.figures import MEASURED, METHOD_COLOURS, Figure
-
-#: Characters of a line.
-WIDTH = 96
 
 #: Points of one trace.
 POINTS = 1500
@@ -31,56 +29,62 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
         found: joints of recordings.
     """
     environment = page_environment()
-    body = environment.from_string(
-        '{% from "macros.html" import figure %}<pre>{{ text }}</pre>'
-        '<div class="figures">{% for one in figures %}{{ figure(one) }}{% endfor %}</div>'
+    environment.loader = ChoiceLoader(
+        [PackageLoader("pivident.flexibility"), PackageLoader("pivident.report")]
+    )
+    summary = environment.get_template("flexibility_summary.html")
+    template = environment.get_template("flexibility_joint.html")
+    names = [f"{one.recording}: {one.joint}" for one in found]
+    body = summary.render(
+        joints=list(zip(names, found, strict=True)),
+        agreement=agreement_lines(found),
+        stiffness=_stiffness,
     )
     sections = []
-    agreement = agreement_lines(found)
-    if agreement:
-        text = Markup(body.render(text=_wrapped(agreement), figures=[]))
-        sections.append(("agreement", "Recordings compared", text))
-    for number, one in enumerate(found, start=1):
-        drawn = _figures(one)
-        text = Markup(body.render(text=_wrapped(flexibility_lines(one)[1:]), figures=drawn))
-        sections.append((f"joint-{number}", f"{one.recording}: {one.joint}", text))
+    for number, (name, one) in enumerate(zip(names, found, strict=True), start=1):
+        body_of_joint = template.render(parts=parts_of(one), figures=_figures(one))
+        sections.append((f"joint-{number}", name, Markup(body_of_joint)))
     return environment.get_template("page.html").render(
         title="Flexible joints",
+        head=("summary", "What was found", Markup(body)),
         sections=sections,
         version=__version__,
     )
 
 
-def _wrapped(lines: Sequence[str]) -> str:
-    """Lines of a report, broken where a page is narrower, with what follows indented further."""
-    broken: list[str] = []
-    for line in lines:
-        indent = " " * (len(line) - len(line.lstrip()))
-        broken += textwrap.wrap(
-            line, WIDTH, initial_indent="", subsequent_indent=f"{indent}    ", drop_whitespace=False
-        ) or [""]
-    return "\n".join(part.rstrip() for part in broken)
+def _stiffness(one: JointFlexibility) -> str:
+    """Stiffness of a joint from the best source there is."""
+    if one.two_mass is not None:
+        known = one.two_mass.measured("stiffness")
+    elif one.resonance is not None and one.resonance.stiffness is not None:
+        known = one.resonance.stiffness
+    elif one.compliance is not None:
+        known = one.compliance.stiffness
+    else:
+        return "not told"
+    return of_kind(str(known), one.sliding)
 
 
 def _figures(one: JointFlexibility) -> list[Figure]:
     """What there is to draw."""
     figures = []
     if one.compliance is not None:
-        figures.append(deflection_figure(one.compliance))
+        figures.append(deflection_figure(one.compliance, one.sliding))
     if one.resonance is not None and one.resonance.response.size:
-        figures.append(response_figure(one.resonance))
+        figures.append(response_figure(one.resonance, one.sliding))
     return figures
 
 
-def deflection_figure(compliance: Compliance) -> Figure:
+def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
     """Deflection over the torque through the spring.
 
     Args:
         compliance: of one joint.
+        sliding: whether the joint is prismatic.
     """
     torque, measured, model = compliance.fitted
     kept = np.arange(0, len(torque), max(1, len(torque) // POINTS))
-    plot = empty_plot("motor less link [mrad]")
+    plot = empty_plot(of_kind("motor less link [mrad]", sliding))
     for values, name, colour in (
         (measured, "recorded, without transmission error", MEASURED),
         (model, "model", METHOD_COLOURS[0]),
@@ -92,20 +96,25 @@ def deflection_figure(compliance: Compliance) -> Figure:
             name=name,
             marker={"color": colour, "size": 3, "opacity": 0.6},
         )
-    plot.update_xaxes(title_text="torque through the spring [N m]")
+    quantity = "force" if sliding else "torque"
+    plot.update_xaxes(title_text=of_kind(f"{quantity} through the spring [N m]", sliding))
     _with_legend(plot)
-    note = f"stiffness {compliance.stiffness}; the encoders' lag and offset are still in it"
-    return Figure(plot, 320, "Deflection", f"Deflection over torque; {note}", note)
+    stiffness = of_kind(str(compliance.stiffness), sliding)
+    note = f"stiffness {stiffness}; the encoders' lag and offset are still in it"
+    return Figure(plot, 320, "Deflection", f"Deflection over {quantity}; {note}", note)
 
 
-def response_figure(resonance: Resonance) -> Figure:
+def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
     """Frequency response from torque to speed, measured and fitted.
 
     Args:
         resonance: of one joint.
+        sliding: whether the joint is prismatic.
     """
     frequency, measured, fitted = resonance.response
-    plot = empty_plot("speed over torque [rad/s per N m]")
+    quantity = "force" if sliding else "torque"
+    conclusion = of_kind(resonance.conclusion, sliding)
+    plot = empty_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
     plot.add_scatter(
         x=frequency,
         y=measured,
@@ -127,8 +136,8 @@ def response_figure(resonance: Resonance) -> Figure:
         plot,
         320,
         "Frequency response",
-        f"Magnitude from torque to speed; {resonance.conclusion}",
-        resonance.conclusion,
+        f"Magnitude from {quantity} to speed; {conclusion}",
+        conclusion,
     )
 
 

@@ -201,12 +201,12 @@ def _judged(
         severity = "look"
     if abs(error) >= WRONG or band >= antiresonance:
         severity = "wrong"
-    size = "beyond all bounds" if not np.isfinite(at_edge) else f"{at_edge:+.2g} %"
+    size = "beyond all bounds" if not np.isfinite(at_edge) else f"by {at_edge:+.2g} %"
     sentences = [
         f"the rigid model's inertia of {joint} is wrong by about {error:+.2g} % on this motion",
         f"95 % of the acceleration's power lies below {band:.3g} Hz, {band / antiresonance:.2g} of "
         f"the locked-rotor frequency {antiresonance:.3g} Hz; the inertia seen at that edge "
-        f"alone is wrong by {size}",
+        f"alone is wrong {size}",
     ]
     if error * at_edge < 0 and abs(error) > 0.1:
         sentences.append(

@@ -27,7 +27,10 @@ def joint_figures(joint: JointFriction) -> list[Figure]:
     drawn = [speed_figure(joint), position_figure(joint)]
     if "load" in joint.fit:
         drawn.append(load_figure(joint))
-    return [*drawn, time_figure(joint), acceleration_figure(joint), plane_figure(joint)]
+    drawn += [time_figure(joint), acceleration_figure(joint)]
+    if np.isfinite(joint.plane.value).any():
+        drawn.append(plane_figure(joint))
+    return drawn
 
 
 def speed_figure(joint: JointFriction) -> Figure:

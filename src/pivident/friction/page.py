@@ -44,7 +44,8 @@ def render_page(examination: FrictionExamination, title: str | None = None) -> s
         sections.append(("ripple", "Ripple over position", Markup(body)))
     return environment.get_template("page.html").render(
         title=title or f"{examination.robot}: friction",
-        sections=sections,
+        head=sections[0],
+        sections=sections[1:],
         version=__version__,
     )
 

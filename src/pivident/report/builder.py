@@ -125,6 +125,7 @@ def page_environment() -> Environment:
         "script_json": _script_json,
         "powers": _powers,
         "sentence": _sentence,
+        "capitalised": _capitalised,
     }
     environment.globals |= {
         "with_spread": with_spread,
@@ -163,6 +164,11 @@ def _with_powers(text: str) -> Markup:
     """Text whose numbers in powers of ten are written as such."""
     parts = re.split(r"(?<![\w.])(-?\d+(?:\.\d+)?e[+-]\d+)(?!\w)", text)
     return Markup("").join(_powers(part) if k % 2 else part for k, part in enumerate(parts))
+
+
+def _capitalised(text: str) -> str:
+    """A text that begins with a capital; the rest stays as it is, units among it."""
+    return text[:1].upper() + text[1:]
 
 
 def _powers(number: str) -> Markup:

@@ -6,11 +6,37 @@ to the controller's output (divide by the drive gain where that is not a torque)
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import Robot
+
+if TYPE_CHECKING:
+    from pivident.estimation.problem import Loop
+
+
+def loop_feed_forward(
+    robot: Robot, loop: Loop, reference: tuple[np.ndarray, np.ndarray, np.ndarray]
+) -> np.ndarray | None:
+    """Known inputs of a loop on its reference, (samples, joints) [unit of the controller's output].
+
+    Args:
+        robot: the robot, whose nominal parameters the controller knows.
+        loop: says whether there are any, and the drive gains.
+        reference: q, dq, ddq, each (samples, joints).
+    """
+    if loop.feed_forward == "none":
+        return None
+    standard = standard_parameters(robot)
+    theta = nominal_values(robot, standard)
+    if loop.feed_forward == "gravity":
+        torque = gravity_feed_forward(robot, standard, theta, reference[0])
+    else:
+        torque = computed_torque_feed_forward(robot, standard, theta, *reference)
+    return torque / np.asarray(loop.drive_gain)
 
 
 def gravity_feed_forward(

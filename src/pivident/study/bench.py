@@ -14,27 +14,24 @@ from typing import Any
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
 from pivident.robot.naming import nearest
-from pivident.simulation.closed_loop import LoopSignals, Trajectory, simulate
+from pivident.simulation.closed_loop import Trajectory
 from pivident.simulation.controllers import Controller
 from pivident.simulation.counted_law import counted
 from pivident.simulation.excitation import FourierSeries
 from pivident.simulation.noise import Deviation, Noise, stream
-from pivident.study.motion import feed_forward_of, per_joint, reference_of
+from pivident.simulation.simulated_record import loop_motion
+from pivident.study.motion import per_joint, reference_of
 from pivident.study.scenario import Scenario
 from pivident.study.starts import deviating_values
 
 #: Stream of random numbers that draws the starts, beside those of the noise.
 STARTS = 3
-
-#: A simulated loop that leaves its reference further than this [rad or m], or is faster, diverges.
-FARTHEST, FASTEST = 0.5, 50.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,25 +242,21 @@ class Bench:
         Raises:
             SimulationDiverged: names the joint and the time.
         """
-        robot, q_ref, dq_ref = self.scenario.robot, *reference[:2]
-        n, loop = robot.size, self.loop
-        signals = LoopSignals(
-            self.scenario.content.record.law_rate,
-            q_ref,
-            dq_ref,
-            feed_forward_of(robot, loop, reference),
-            noise,
-            np.asarray(loop.drive_gain, float),
-            np.asarray(loop.limit, float),
-            np.full(n, FARTHEST),
-            np.full(n, FASTEST),
-        )
+        scenario, rate = self.scenario, self.scenario.content.record.law_rate
         controller = self.controller
         if rounded:
-            controller = counted(controller, self.noise, signals.rate, q_ref, dq_ref)
-        model = make_model(robot, parameters, theta, clip=clip)
-        start = q_ref[0].copy(), dq_ref[0].copy()
-        return simulate(model, controller, signals, robot.joint_names, start)
+            controller = counted(controller, self.noise, rate, *reference[:2])
+        return loop_motion(
+            scenario.robot,
+            self.loop,
+            rate,
+            reference,
+            parameters,
+            theta,
+            controller=controller,
+            noise=noise,
+            clip=clip,
+        )
 
     def start(self, number: int) -> dict[str, float]:
         """Initial values of the iteration by parameter name.

@@ -1,4 +1,4 @@
-"""Motions of a scenario, and what its controller feeds forward on them.
+"""Motions of a scenario.
 
 An optimised motion is found once, kept beside the results and sent to all workers.
 """
@@ -14,18 +14,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError
 from pivident.files import regular_file
 from pivident.simulation import excitation
 from pivident.simulation.excitation import FourierSeries, motion_limits, random_series
-from pivident.simulation.feed_forward import computed_torque_feed_forward, gravity_feed_forward
 from pivident.simulation.reference import point_to_point
 from pivident.study.errors import StudyFolderError
 
 if TYPE_CHECKING:
-    from pivident.estimation.problem import Loop
-    from pivident.robot.description import Robot
     from pivident.study.scenario import Scenario
     from pivident.study.schema import TrajectoryEntry
 
@@ -70,27 +66,6 @@ def reference_of(
 def reach_of(entry: TrajectoryEntry, joints: int) -> np.ndarray:
     """How far postures lie from zero at most [rad or m], shape (joints,)."""
     return per_joint("trajectory.reach", entry.reach or DEFAULT_REACH, joints)
-
-
-def feed_forward_of(
-    robot: Robot, loop: Loop, reference: tuple[np.ndarray, ...]
-) -> np.ndarray | None:
-    """Known inputs of the loop: inverse dynamics of the reference with the nominal robot.
-
-    Args:
-        robot: the robot.
-        loop: says whether there are any, and the drive gains.
-        reference: q, dq, ddq.
-    """
-    if loop.feed_forward == "none":
-        return None
-    standard = standard_parameters(robot)
-    theta = nominal_values(robot, standard)
-    if loop.feed_forward == "gravity":
-        torque = gravity_feed_forward(robot, standard, theta, reference[0])
-    else:
-        torque = computed_torque_feed_forward(robot, standard, theta, *reference)
-    return torque / np.asarray(loop.drive_gain)
 
 
 def per_joint(key: str, value: Any, joints: int) -> np.ndarray:

@@ -13,12 +13,14 @@ from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident import __version__
+from pivident.estimation.parameter_rows import percent as two_digits
 from pivident.report.builder import page_environment
 from pivident.report.figures import ERROR, SHADE, Figure, colour
 from pivident.report.figures import empty_plot as empty_plot
 from pivident.study.bench import Bench
 from pivident.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
 from pivident.study.text import number, percent
+from pivident.toml_text import toml_lines
 
 if TYPE_CHECKING:
     import polars as pl
@@ -42,13 +44,13 @@ def render_page(
     environment.loader = ChoiceLoader(
         [PackageLoader("pivident.study"), PackageLoader("pivident.report")]
     )
-    environment.globals |= {"share": percent, "short": number}
+    environment.globals |= {"share": percent, "short": number, "share_of": _share}
     content: dict[str, Any] = {
         "summary": summary,
         "methods": list(summary.methods.items()),
         "nominal": NOMINAL_COVERAGE,
         "programs": programs,
-        "identity": scenario_lines(bench.scenario.identity),
+        "identity": toml_lines(bench.scenario.identity),
         "bounded": any(math.isfinite(m.efficiency) for m in summary.methods.values()),
         "sensed": any(math.isfinite(m.spread_over_sensor_bound) for m in summary.methods.values()),
     }
@@ -76,7 +78,8 @@ def render_page(
         sections.append((key, heading, Markup(template.render(figures=figures[key], **content))))
     return environment.get_template("page.html").render(
         title=f"Study {summary.scenario}: {summary.runs} runs",
-        sections=sections,
+        head=sections[0],
+        sections=sections[1:],
         version=__version__,
     )
 
@@ -139,6 +142,11 @@ def deviation_figure(summary: Summary) -> Figure:
     )
 
 
+def _share(share: float) -> str:
+    """A share with two digits as percentage, or a dash."""
+    return two_digits(100.0 * share) if math.isfinite(share) else "–"
+
+
 def bias_figure(summary: Summary) -> Figure:
     """Bias in deviations of the estimate, with its standard error."""
     plot = empty_plot("bias/deviation")
@@ -149,7 +157,7 @@ def bias_figure(summary: Summary) -> Figure:
             error = 2 * np.array([p.bias_std for p in method.parameters]) / spread
         _points(plot, method, name, k, bias, np.stack([bias - error, bias + error], axis=1))
     plot.add_hrect(-0.5, 0.5, line_width=0, fillcolor=SHADE)
-    plot.update_yaxes(range=[-4, 4])
+    plot.update_yaxes(autorangeoptions={"include": [-1.0, 1.0]})  # the band is always seen
     return Figure(
         plot,
         height=320,
@@ -188,18 +196,6 @@ def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[F
             )
         )
     return drawn
-
-
-def scenario_lines(tables: dict[str, Any], heading: str = "") -> list[str]:
-    """The scenario as it was used, one key per line."""
-    lines = []
-    for key, value in tables.items():
-        name = f"{heading}.{key}" if heading else key
-        if isinstance(value, dict) and value:
-            lines += scenario_lines(value, name)
-        else:
-            lines.append(f"{name} = {value!r}")
-    return lines
 
 
 def _points(

@@ -1,0 +1,157 @@
+"""What is known about a joint's flexibility, in rows and sentences, for terminal and page."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pivident.flexibility.compliance import Compliance
+from pivident.flexibility.joint_study import JointFlexibility, summary
+
+#: What joints that slide are measured in.
+SLIDING = {
+    "N m s/rad": "N s/m",
+    "N m/rad": "N/m",
+    "rad/s per N m": "m/s per N",
+    "kg m²": "kg",
+    "N m": "N",
+    "rad": "m",
+}
+
+
+@dataclass(frozen=True)
+class Part:
+    """What one way of looking at a joint tells.
+
+    Attributes:
+        heading: the way.
+        rows: names and values with unit and interval.
+        sentences: what is to be known besides.
+    """
+
+    heading: str
+    rows: tuple[tuple[str, str], ...]
+    sentences: tuple[str, ...]
+
+
+def parts_of(found: JointFlexibility) -> list[Part]:
+    """The answer part by part.
+
+    Args:
+        found: one joint of one recording.
+    """
+    parts = []
+    if found.compliance is not None:
+        rows = _compliance_rows(found.compliance)
+        parts.append(("both encoders, slow motion", rows, found.compliance.notes))
+    if found.two_mass is not None:
+        two = found.two_mass
+        rows = [(_words(name), str(two.measured(name))) for name in two.names]
+        rows.append(("antiresonance", str(two.antiresonance)))
+        parts.append(("both encoders, two masses", rows, two.notes))
+    if found.resonance is not None:
+        values = {
+            _words(name): getattr(found.resonance, name)
+            for name in ("resonance", "motor_inertia", "load_inertia", "damping")
+        }
+        rows = [(name, str(value)) for name, value in values.items() if value is not None]
+        parts.append(("motor encoder alone", rows, (found.resonance.conclusion,)))
+    if found.rigid is not None:
+        parts.append((f"rigid model: {found.rigid.severity}", [], found.rigid.sentences))
+    if found.notes:
+        parts.append(("not told", [], found.notes))
+
+    def told(text: str) -> str:
+        return of_kind(text, found.sliding)
+
+    return [
+        Part(
+            heading,
+            tuple((name, told(value)) for name, value in rows),
+            tuple(told(sentence) for sentence in sentences),
+        )
+        for heading, rows, sentences in parts
+    ]
+
+
+def flexibility_lines(found: JointFlexibility) -> list[str]:
+    """The answer in lines of text.
+
+    Args:
+        found: one joint of one recording.
+    """
+    lines = [f"{found.recording}, {found.joint}"]
+    for part in parts_of(found):
+        lines.append(f"  {part.heading}")
+        lines += [f"    {name:<22} {value}" for name, value in part.rows]
+        lines += [f"    {sentence}" for sentence in part.sentences]
+    return lines
+
+
+def of_kind(text: str, sliding: bool) -> str:
+    """A text with the units of a sliding joint, where it is one.
+
+    Args:
+        text: with the units of a joint that turns.
+        sliding: whether the joint is prismatic.
+    """
+    if sliding:
+        for turning, other in SLIDING.items():
+            text = text.replace(turning, other)
+    return text
+
+
+def _words(name: str) -> str:
+    """A name from the program as it is said."""
+    return name.replace("_", " ").replace("coulomb", "Coulomb")
+
+
+def _compliance_rows(c: Compliance) -> list[tuple[str, str]]:
+    rows: list[tuple[str, object]] = [
+        ("stiffness", c.stiffness),
+        ("motor friction", c.friction),
+        ("hysteresis, width", c.hysteresis.times(1e3, "mrad")),
+        (
+            "backlash",
+            "torque keeps its sign" if c.backlash is None else c.backlash.times(1e3, "mrad"),
+        ),
+        ("damping and delay", c.damping),
+        ("link encoder later by", c.encoder_lag.times(1e3, "ms")),
+        ("zeros differ by", c.offset.times(1e3, "mrad")),
+    ]
+    rows += [
+        (f"error, order {line.order:.4g}", line.amplitude.times(1e3, "mrad"))
+        for line in c.lines
+        if line.amplitude.clear
+    ]
+    low, high = (1e3 * end for end in c.deflection)
+    rows.append(("deflection by torque", f"{low:.3g} to {high:.3g} mrad"))
+    low, high = (1e3 * end for end in c.recorded)
+    rows.append(("recorded difference", f"{low:.3g} to {high:.3g} mrad"))
+    rows.append(("unexplained", f"{1e3 * c.residual:.2g} mrad rms ({100 * c.unexplained:.2g} %)"))
+    if math.isfinite(c.stiffness_change) and c.motor_inertia:
+        rows.append(
+            (
+                "10 % more motor",
+                f"inertia than {c.motor_inertia:.4g} kg m²: stiffness {c.stiffness_change:+.2g} %",
+            )
+        )
+    return [(label, str(value)) for label, value in rows]
+
+
+def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:
+    """Whether recordings agree on the stiffness of a joint, one line for each joint.
+
+    Args:
+        found: joints of recordings.
+    """
+    lines = []
+    for joint, values in summary(found).items():
+        if len(values) < 2:
+            continue
+        low, high = max(v.low for v in values), min(v.high for v in values)
+        listed = "; ".join(map(str, values))
+        word = "agree" if low <= high else "do not agree"
+        lines.append(f"{joint}: the recordings {word} on the stiffness: {listed}")
+    return lines

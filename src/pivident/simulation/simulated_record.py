@@ -1,0 +1,240 @@
+"""A record of a robot of one's own, simulated in closed loop, with the parameters it was made with.
+
+Nobody knows the parameters of a real robot. A simulated one has known ones, so that an estimator,
+a motion or a control law can be tried where the answer is given:
+
+    reference → control law → τ → robot → q,     q + encoder noise → control law
+
+The control law reads the noisy position, as a real one does: this is what biases least squares.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.forward import make_model
+from pivident.dynamics.parameters import Parameter, nominal_values
+from pivident.errors import ExperimentError, ShapeMismatch
+from pivident.estimation.problem import Loop, parameter_index
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.simulation.closed_loop import LoopSignals, Trajectory
+from pivident.simulation.closed_loop import simulate as simulate_loop
+from pivident.simulation.controllers import Controller
+from pivident.simulation.feed_forward import loop_feed_forward
+from pivident.simulation.noise import Noise
+from pivident.simulation.reference import point_to_point
+
+#: A simulated loop that leaves its reference further than this [rad or m], or is faster, diverges.
+FARTHEST, FASTEST = 0.5, 50.0
+
+#: Random postures lie so far from the middle of a joint's range: a share of its half width, and no
+#: more than this [rad or m].
+REACH_SHARE, LONGEST_REACH = 0.8, 1.5
+
+#: Share of the rated speed that a random motion uses, and the speed where none is known [rad/s].
+SPEED_SHARE, USUAL_SPEED = 0.8, 1.5
+
+#: Postures of a random motion: so many, and one for each of these seconds.
+POSTURES, SHORTEST_MOVE = 12, 0.6
+
+#: Stream of random numbers that draws the postures, beside those of the noise.
+MOTION = 4
+
+#: Reference q, dq and ddq, each (samples, joints).
+Reference = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedRecord:
+    """What `simulate` makes.
+
+    Attributes:
+        recording: the log: positions and torques with their noise, and the reference.
+        truth: true value of every base parameter by its name [SI unit of the parameter].
+        motion: positions, speeds, accelerations and torques without the noise of the log.
+    """
+
+    recording: Recording
+    truth: dict[str, float]
+    motion: Trajectory = field(repr=False)
+
+
+def simulate(
+    robot: Robot,
+    loop: Loop,
+    reference: np.ndarray | None = None,
+    *,
+    values: Mapping[str, float] | None = None,
+    rate: float = 1000.0,
+    duration: float = 10.0,
+    encoder: float | Sequence[float] = 0.0,
+    torque: float | Sequence[float] = 0.0,
+    seed: int = 0,
+    name: str = "simulated",
+) -> SimulatedRecord:
+    """Simulate a robot in its control loop and log it: a recording with known truth.
+
+    Args:
+        robot: the robot. Its masses, inertias and frictions are those of its description.
+        loop: the control law, drive gains, limits and feed-forward.
+        reference: reference positions, shape (samples, joints) [rad or m]; None: random moves
+            between postures, within 80 % of each joint's range and rated speed.
+        values: true values by the name of a base parameter, in place of those of the description
+            [SI unit of the parameter]; a URDF knows no Coulomb friction and no rotors, for example.
+        rate: of control law, simulation and log [Hz].
+        duration: of a random motion [s]; a given reference has its own length.
+        encoder: standard deviation of the white position noise that the control law reads and
+            the log holds, one number or one for each joint [rad or m].
+        torque: standard deviation of the torque sensors' noise, on the log only, likewise
+            [N m or N].
+        seed: of motion and noise; the same seed gives the same record.
+        name: of the recording.
+
+    Returns:
+        The record, its truth and its motion.
+
+    Raises:
+        ExperimentError: a parameter has no such name, the description has no masses and no values
+            are given, or a rate, duration or noise is not possible.
+        ShapeMismatch: the reference does not have one column for each joint.
+        SimulationDiverged: the loop is unstable; names the joint and the time.
+        MassMatrixNotPositiveDefinite: the values are those of no machine; names the joint.
+    """
+    if not isinstance(loop, Loop):
+        raise ExperimentError(
+            f"loop is {loop!r}; give the control loop, such as Loop(PD(kp=…, kd=…))"
+        )
+    if not (np.isfinite(rate) and rate > 0):
+        raise ExperimentError(f"rate is {rate:g} Hz; give the control rate, such as 1000")
+    base = base_parameters(robot)
+    theta = _true_values(base, values or {})
+    if reference is None:
+        wanted = _random_motion(robot, rate, duration, seed)
+    else:
+        wanted = _with_derivatives(reference, rate, robot.size)
+    noise = Noise(
+        _deviations("encoder", encoder, robot.size),
+        _deviations("torque", torque, robot.size),
+        frequency=rate / 4.0,  # of coloured noise, which there is none of
+        rate=rate,
+    )
+    added = noise.in_loop(seed, wanted[0].shape)
+    motion = loop_motion(robot, loop, rate, wanted, base.parameters, theta, noise=added)
+    recording = Recording(
+        name,
+        robot.joint_names,
+        motion.q + added,
+        motion.tau + noise.of_torque(seed, motion.tau.shape),
+        rate,
+        q_ref=wanted[0],
+        dq_ref=wanted[1],
+        ddq_ref=wanted[2],
+        simulated=True,
+        saturation="refuse" if np.isinf(loop.limit).all() else "allow",
+    )
+    return SimulatedRecord(recording, dict(zip(base.names, theta.tolist(), strict=True)), motion)
+
+
+def loop_motion(
+    robot: Robot,
+    loop: Loop,
+    rate: float,
+    reference: Reference,
+    parameters: tuple[Parameter, ...],
+    theta: np.ndarray,
+    *,
+    controller: Controller | None = None,
+    noise: np.ndarray | None = None,
+    clip: bool = False,
+) -> Trajectory:
+    """The closed loop with given parameters along a reference, from the reference's own start.
+
+    Args:
+        robot: the robot.
+        loop: control law, drive gains, limits and feed-forward.
+        rate: control rate [Hz].
+        reference: q, dq, ddq, each (samples, joints).
+        parameters: heads of base groups; the others are zero.
+        theta: their values, shape (parameters,).
+        controller: a law in place of the loop's.
+        noise: position noise that the control law reads, shape (samples, joints) [rad or m].
+        clip: whether negative friction levels count as zero.
+
+    Raises:
+        SimulationDiverged: names the joint and the time.
+    """
+    q_ref, dq_ref, _ = reference
+    n = robot.size
+    signals = LoopSignals(
+        rate,
+        q_ref,
+        dq_ref,
+        loop_feed_forward(robot, loop, reference),
+        noise,
+        np.broadcast_to(np.asarray(loop.drive_gain, float), n),
+        np.broadcast_to(np.asarray(loop.limit, float), n),
+        np.full(n, FARTHEST),
+        np.full(n, FASTEST),
+    )
+    model = make_model(robot, parameters, theta, clip=clip)
+    start = q_ref[0].copy(), dq_ref[0].copy()
+    return simulate_loop(model, controller or loop.controller, signals, robot.joint_names, start)
+
+
+def _true_values(base: BaseParameters, values: Mapping[str, float]) -> np.ndarray:
+    """Values of all base parameters: the description's, and those that were given."""
+    theta = base.values(nominal_values(base.robot, base.standard))
+    inertial = [k for k, p in enumerate(base.parameters) if p.is_inertial or p.stem == "ia"]
+    for name, value in values.items():
+        if not np.isfinite(value):
+            raise ExperimentError(f"the value of parameter {name!r} is {value}; give a number")
+        theta[parameter_index(base, name)] = value
+    if not theta[inertial].any():
+        raise ExperimentError(
+            f"robot {base.robot.name!r} has neither masses nor inertias to be simulated with; add "
+            "them to its description, or give values of its base parameters (values = {…}): "
+            f"{', '.join(base.names[k] for k in inertial)}"
+        )
+    return theta
+
+
+def _random_motion(robot: Robot, rate: float, duration: float, seed: int) -> Reference:
+    """Rest-to-rest moves between random postures."""
+    samples = round(duration * rate) if np.isfinite(duration) else 0
+    if samples < 2:
+        raise ExperimentError(f"duration is {duration:g} s; give that of the motion, such as 10")
+    limits = [joint.position_limits or (-LONGEST_REACH, LONGEST_REACH) for joint in robot.joints]
+    low, high = np.array(limits, dtype=float).T
+    reach = np.minimum(REACH_SHARE * (high - low) / 2.0, LONGEST_REACH)
+    count = POSTURES + int(duration / SHORTEST_MOVE)
+    rng = np.random.default_rng((seed, MOTION))
+    postures = (low + high) / 2.0 + reach * rng.uniform(-1.0, 1.0, (count, robot.size))
+    rated = robot.rated_speeds
+    speeds = np.where(np.isnan(rated), USUAL_SPEED, SPEED_SHARE * rated)
+    return point_to_point(postures, speeds, rate, samples)
+
+
+def _with_derivatives(reference: np.ndarray, rate: float, joints: int) -> Reference:
+    """A reference with its speeds and accelerations, by central differences."""
+    q_ref = np.asarray(reference, dtype=float)
+    if q_ref.ndim != 2 or q_ref.shape[1] != joints or len(q_ref) < 3:
+        raise ShapeMismatch("reference", q_ref.shape, (max(3, len(np.atleast_1d(q_ref))), joints))
+    dq_ref = np.gradient(q_ref, 1.0 / rate, axis=0)
+    return q_ref, dq_ref, np.gradient(dq_ref, 1.0 / rate, axis=0)
+
+
+def _deviations(key: str, value: float | Sequence[float], joints: int) -> tuple[float, ...]:
+    """One standard deviation for each joint."""
+    deviations = np.asarray(value, dtype=float)
+    fits = deviations.ndim == 0 or deviations.shape == (joints,)
+    if not fits or not (np.isfinite(deviations) & (deviations >= 0)).all():
+        raise ExperimentError(
+            f"{key} is {value!r}; give the standard deviation of the noise, not negative, as one "
+            f"number or as one for each of the {joints} joint(s)"
+        )
+    return tuple(np.broadcast_to(deviations, joints).tolist())
