@@ -161,8 +161,8 @@ def _power_finding(
         )
         if len(negative) == model.robot.size and len(negative) > 1:
             step = "All joints give power: flip tau as a whole, units = {tau = -1.0}."
-    verb = "takes" if power >= 0 else "would give"
-    text = f"Friction of {name} {verb} {abs(power):.3g} ± {2 * deviation:.2g} W."
+    text = f"Friction of {name} takes {power:.3g} ± {2 * deviation:.2g} W"
+    text += "." if power >= 0 else ", that is, it would give energy."
     if not clear:
         text += " The motion does not tell its sign."
     return Finding(
