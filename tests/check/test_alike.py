@@ -23,6 +23,11 @@ def test_another_step_is_another_finding():
     assert len(grouped([speed("elbow", 57.0), speed("wrist", 1.3, "It was filtered.")])) == 2
 
 
+def test_numbers_in_the_name_of_another_joint_are_no_amounts():
+    findings = [speed(f"zz{j}", 57.0, f"Accelerate arm_{j}_joint harder.") for j in (2, 3)]
+    assert [step for _, _, step in grouped(findings)] == [f.step for f in findings]
+
+
 def test_numbers_that_no_amount_tells_keep_remarks_apart():
     remarks = [
         Remark("look", "robot", "mass", f"The mass of {joint} is {mass} kg.", "", joint)

@@ -36,8 +36,8 @@ The exit code is 0 if nothing is wrong, 1 if an identification would stop, 4 if 
 mislead. `--robot NAME` checks with another robot, `--json` prints everything for programs. What is
 fine is said too: what was looked at, and which parameters would be estimated from what, with which
 methods, in about what time (to a factor of two, of one processor; what is not compiled yet is told
-apart). A log with gaps is looked at between them, and the plan is that for the stretches that are left.
-In Python: `pivident.check.check_experiment("my_robot.toml")`.
+apart). A log with gaps is looked at between them, and the plan is that for the stretches that are
+left. In Python: `pivident.check.check_experiment("my_robot.toml")`.
 """
 
 

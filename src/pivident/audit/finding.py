@@ -97,7 +97,8 @@ class Statement(Protocol):
 
 AnyStatement = TypeVar("AnyStatement", bound=Statement)
 
-_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
+#: A number that is no part of a name.
+_NUMBER = re.compile(r"(?<!\w)[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
 
 
 def alike(statements: Iterable[AnyStatement]) -> list[list[AnyStatement]]:

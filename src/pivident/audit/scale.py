@@ -278,7 +278,8 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
     if not size.max():
         return np.nan, np.nan
     own = model.columns[j][rows][:, friction]
-    if model.robot.rotor_inertia[j] == 0.0:  # not described, it would pass for the link's inertia
+    if model.robot.rotor_inertia[j] == 0.0 and model.robot.size > 1:
+        # Not described, it would pass for the link's inertia; of a single axis the two are one.
         own = np.column_stack([own, model.ddq[rows, j]])
     rest = orthonormal(own)[0]
     block, y = model.block[rows], tau[rows]
