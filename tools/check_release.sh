@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds wheel and source archive, looks into both, and tries each in a bare environment of every
-# Python that is found (3.11, 3.12, 3.13): the demonstration has to run and the types to be there.
+# Builds wheel and source archive, looks into both, and tries each, one after the other, in a bare
+# environment of every Python that is found (3.11, 3.12, 3.13): the demonstration has to run, from
+# empty caches, and the types to be there.
 #
 #   tools/check_release.sh                 # all interpreters found
 #   tools/check_release.sh 3.12            # one of them
@@ -26,21 +27,22 @@ find_python() {
     if command -v uv >/dev/null; then uv python find "$1" 2>/dev/null; fi
 }
 
-try_archive() {  # python version, interpreter, archive
-    local place="$work/$1-$(basename "$3")"
-    "$2" -m venv "$place"
-    "$place/bin/python" -m pip install --quiet --disable-pip-version-check "$3"
+try_archive() {  # python version, environment, archive
+    # What the archive needs stays from the one before; the package itself and what it compiled go.
+    "$2/bin/python" -m pip uninstall --quiet --yes pivident 2>/dev/null
+    rm -rf "$2"/lib/python*/site-packages/pivident
+    "$2/bin/python" -m pip install --quiet --no-compile --disable-pip-version-check "$3"
     (
-        cd "$place"
+        cd "$2"
         export OMP_NUM_THREADS=1 PYTHONNOUSERSITE=1
         unset PYTHONPATH
+        rm -rf demo
         bin/pivident demo --out demo >demo.log
         test -s demo/report.html
         bin/python -c 'import importlib.resources as r; assert (r.files("pivident") / "py.typed").is_file()'
         bin/pivident completion bash >/dev/null
     )
     echo "Python $1: $(basename "$3") installs and runs"
-    rm -rf "$place"
 }
 
 tried=0
@@ -51,11 +53,13 @@ for version in "${@:-3.11 3.12 3.13}"; do
             echo "Python $one: not found, not tried"
             continue
         fi
+        "$interpreter" -m venv "$work/$one"
         for archive in "$work"/dist/*.whl "$work"/dist/*.tar.gz; do
             case "${PIVIDENT_ARCHIVES:-all}:$archive" in wheel:*.tar.gz) continue ;; esac
-            try_archive "$one" "$interpreter" "$archive"
+            try_archive "$one" "$work/$one" "$archive"
             tried=$((tried + 1))
         done
+        rm -rf "${work:?}/$one"
     done
 done
 test "$tried" -gt 0 || { echo "no interpreter was found" >&2; exit 1; }

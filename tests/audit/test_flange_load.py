@@ -8,6 +8,7 @@ from pivident.audit.inverse_model import build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.scale import check_scale
 from pivident.audit.timing import check_timing
+from pivident.check.remark import of_finding
 from pivident.draft.torque_scale import compare, torque_unit
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
@@ -104,3 +105,19 @@ def test_a_wrong_gain_is_still_named_beside_a_load(robot):
     log = log_of(robot, *signals(robot, 1.5, np.array([1.0, 1.0, 4.0, 1.0, 1.0])))
     findings = [f for f in check_scale(log, model_of(log)).findings if f.severity != "fine"]
     assert "j3" in [f.where for f in findings if f.kind == "gain"]
+
+
+def test_the_load_is_mended_in_the_robots_file_and_its_condition_is_told(robot):
+    log = log_of(robot, *signals(robot, 2.5, 1.0))
+    finding = next(f for f in check_scale(log, model_of(log)).findings if f.kind == "load")
+    assert of_finding(finding, ("recording", 0)).place == ("robot", "model")
+    assert "if the masses of the description are exact" in finding.sentence
+    assert "centre of mass and inertia to the link of j5" in finding.step
+
+
+def test_a_rotor_that_is_not_described_is_no_gain(robot):
+    log = log_of(robot, *signals(robot, 0.0, 1.0))
+    scale = check_scale(log, model_of(log))
+    # the rotor of j5 makes 7 times the torque of its link
+    np.testing.assert_allclose(scale.factors, 1.0, atol=0.05)
+    assert all(f.severity == "fine" for f in scale.findings)

@@ -88,8 +88,8 @@ CASES = [
     signals("the zero of a joint lies elsewhere", both("q1", "r1")(lambda x: x + 2.2), "shoulder", "zero of the position", "gravity"),
     signals("a joint counts in the other sense", both("q2", "r2", "tau2")(np.negative), "elbow seems to turn the other way", "axis"),
     signals("the zero of a joint lies a quarter turn away", both("q1", "r1")(lambda x: x - np.pi / 2), "zero of shoulder", "90°", "position_offset"),
-    signals("a joint's sign is reversed", both("q2", "r2")(np.negative), "friction of elbow would give", "flip tau or q of elbow"),
-    signals("all joints' signs are reversed", motion(np.negative), "friction of shoulder would give", "flip tau as a whole"),
+    signals("a joint's sign is reversed", both("q2", "r2")(np.negative), "friction of elbow takes -", "would give energy", "flip tau or q of elbow"),
+    signals("all joints' signs are reversed", motion(np.negative), "friction of shoulder takes -", "would give energy", "flip tau as a whole"),
     # units of torques
     signals("torques are in mN m", torques(lambda x: 1e3 * x), "torque of shoulder", "times that of the description"),
     signals("torques are in kN m", torques(lambda x: 1e-3 * x), "torque of shoulder", "0.001", "times that of the description"),

@@ -124,7 +124,7 @@ def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOn
             aligned = onto_one_clock(whole, rate, part)
         except GapInClock as gap:
             notes = [f"Only the longest stretch without gaps is looked at: {gap}."]
-            part = gap.longest
+            part = gap.stretches.longest
             continue
         return aligned.values, {"common clock": aligned.t}, [*notes, *aligned.notes]
     aligned = onto_one_clock(whole, rate, part)

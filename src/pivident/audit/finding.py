@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, Literal, Protocol, TypeVar
 
 from pivident.plain_values import plain
 
@@ -51,9 +52,92 @@ class Finding:
     sample: int | None = None
     time: float | None = None
 
+    @property
+    def amount(self) -> str:
+        """The number with its interval and unit, empty without one."""
+        if self.value is None:
+            return ""
+        text = f"{self.value:.4g}"
+        if self.interval is not None:
+            text = f"{self.value:.3g} ± {(self.interval[1] - self.interval[0]) / 2:.2g}"
+        return text if self.unit.startswith("unit") else f"{text} {self.unit}".rstrip()
+
     def as_json(self) -> dict[str, Any]:
         """Plain values; numbers that are not finite become None."""
         return plain(asdict(self))
+
+
+class Statement(Protocol):
+    """What findings of an audit and remarks of a check have in common."""
+
+    @property
+    def severity(self) -> Severity:
+        """How bad it is."""
+
+    @property
+    def kind(self) -> str:
+        """What was found, for programs."""
+
+    @property
+    def sentence(self) -> str:
+        """What was seen."""
+
+    @property
+    def step(self) -> str:
+        """What to do next."""
+
+    @property
+    def where(self) -> str:
+        """Joint or channel."""
+
+    @property
+    def amount(self) -> str:
+        """The number with its unit."""
+
+
+AnyStatement = TypeVar("AnyStatement", bound=Statement)
+
+#: A number that is no part of a name.
+_NUMBER = re.compile(r"(?<!\w)[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?(?!\w)")
+
+
+def alike(statements: Iterable[AnyStatement]) -> list[list[AnyStatement]]:
+    """Statements in groups that say the same of different joints or channels.
+
+    They have severity, kind and next step in common, and the sentence but for the name and, where
+    the amount tells it, the number. What a fault of the logger gives many channels is alike
+    whatever it says in detail.
+
+    Args:
+        statements: in the order in which they are to be told.
+    """
+    groups: dict[object, list[AnyStatement]] = {}
+    for number, statement in enumerate(statements):
+        shared = statement.kind in SHARED
+        words = "" if shared else _pattern(statement.sentence, statement)
+        step = "" if shared else _pattern(statement.step, statement)
+        key = (statement.severity, statement.kind, getattr(statement, "place", ()), words, step)
+        groups.setdefault(key if statement.where else number, []).append(statement)
+    return list(groups.values())
+
+
+def told_once(group: Sequence[Statement]) -> str:
+    """One sentence for all statements of a group: the first, and for whom else it holds.
+
+    Args:
+        group: statements that are alike.
+    """
+    first, *others = group
+    named = [f"{s.where} ({s.amount})" if s.amount else s.where for s in others]
+    return first.sentence + (f" The same for {', '.join(named)}." if named else "")
+
+
+def _pattern(text: str, statement: Statement) -> str:
+    """A text without the name, and without numbers where the amount tells them."""
+    joint = statement.where.rpartition(" of ")[2]
+    for name in filter(None, (statement.where, joint)):
+        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "…", text)
+    return _NUMBER.sub("#", text) if statement.amount else text
 
 
 def worst(findings: Iterable[Finding]) -> Severity:
@@ -69,21 +153,10 @@ def gravest_first(findings: Iterable[Finding]) -> list[Finding]:
 def grouped(findings: Iterable[Finding]) -> list[tuple[Severity, str, str]]:
     """Severity, sentence and next step of what is not fine, the gravest first.
 
-    What many channels share is said once.
+    What joints or channels share is said once.
 
     Args:
         findings: of one log.
     """
-    groups: dict[tuple[str, str, str], list[Finding]] = {}
-    for finding in gravest_first(findings):
-        if finding.severity != "fine":
-            step = finding.kind if finding.kind in SHARED else finding.step
-            groups.setdefault((finding.severity, finding.kind, step), []).append(finding)
-    rows: list[tuple[Severity, str, str]] = []
-    for group in groups.values():
-        first, others = group[0], group[1:]
-        also = f" The same for {', '.join(f.where for f in others)}." if len(others) > 1 else ""
-        rows.append((first.severity, first.sentence + also, first.step))
-        if len(others) == 1:
-            rows.append((others[0].severity, others[0].sentence, others[0].step))
-    return rows
+    serious = (f for f in gravest_first(findings) if f.severity != "fine")
+    return [(group[0].severity, told_once(group), group[0].step) for group in alike(serious)]

@@ -162,9 +162,9 @@ def _power_finding(
         )
         if len(negative) == model.robot.size and len(negative) > 1:
             step = "All joints give power: flip tau as a whole, units = {tau = -1.0}."
-    verb = "takes" if power >= 0 else "would give"
-    size, spread = with_spread(abs(power), 2 * deviation)
-    text = f"Friction of {name} {verb} {size} ± {spread} W."
+    size, spread = with_spread(power, 2 * deviation)
+    text = f"Friction of {name} takes {size} ± {spread} W"
+    text += "." if power >= 0 else ", that is, it would give energy."
     if not clear:
         text += " The motion does not tell its sign."
     return Finding(

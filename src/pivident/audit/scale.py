@@ -34,6 +34,9 @@ CLEAR = 4.0
 #: Relative deviation above which a factor says nothing.
 BLUNT = 0.2
 
+#: Share of a joint's described torque that friction and a rotor of its own must leave open.
+OWN = 1e-2
+
 #: A gain is within this factor of a gear ratio if it comes from it.
 NEAR = 1.4
 
@@ -134,11 +137,13 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
         "look",
         "scale",
         "load",
-        f"The torques show a body of {load.mass:.2f} ± {2 * load.deviation:.2f} kg on the link of "
-        f"{last} that the description lacks; beside it their scale is right.",
+        f"The torques show a body of {load.mass:.2f} ± {2 * load.deviation:.2f} kg (2σ of the fit, "
+        f"if the masses of the description are exact) on the link of {last} that the description "
+        "lacks; beside it their scale is right.",
         last,
-        "A tool or a payload? Its parameters become part of those of this link; or add it to the "
-        "description.",
+        f"A tool or a payload? Add its mass, centre of mass and inertia to the link of {last} in "
+        "the file that model names under [robot]. Left as it is, its parameters become part of "
+        "those of this link, which is right for torques of the arm with it.",
         value=load.mass,
         unit="kg",
         interval=(low, high),
@@ -273,8 +278,9 @@ def _total_error(model: InverseModel) -> float:
 def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
     """One factor for gravity and inertia together, and how far the two disagree.
 
-    The deviation of the factor is that of the fit, or half the distance between gravity's factor
-    and inertia's where both are known: a wrong description is not a wrong gain.
+    A rotor that the description lacks takes its part of the inertia. The deviation of the factor is
+    that of the fit, or half the distance between gravity's factor and inertia's where both are
+    known: a wrong description is not a wrong gain.
     """
     rows = model.moving[:, j]
     parameters = model.base.parameters
@@ -286,19 +292,31 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
     size = np.linalg.norm(both, axis=0)
     if not size.max():
         return np.nan, np.nan
-    rest = orthonormal(model.columns[j][rows][:, friction])[0]
+    own = model.columns[j][rows][:, friction]
+    if model.robot.rotor_inertia[j] == 0.0 and model.robot.size > 1:
+        # Not described, it would pass for the link's inertia; of a single axis the two are one.
+        own = np.column_stack([own, model.ddq[rows, j]])
+    rest = orthonormal(own)[0]
     block, y = model.block[rows], tau[rows]
     together = both.sum(axis=1)
+    if _apart(together, rest) < OWN:
+        return np.nan, np.nan
     fit = blocked_fit(np.column_stack([together / np.linalg.norm(together), rest]), y, block)
     factor = float(fit.estimate[0] / np.linalg.norm(together))
     deviation = float(jackknife(fit.replicates[:, :1])[0] / np.linalg.norm(together))
-    if size.min() > 0.05 * size.max():
+    if size.min() > 0.05 * size.max() and _apart(both[:, 1], rest) > OWN:
         split = blocked_fit(np.column_stack([both / size, rest]), y, block)
         apart = split.estimate[:2] / size
         spread = jackknife(split.replicates[:, :2]) / size
         if np.all(spread < BLUNT * np.abs(apart)):
             deviation = max(deviation, float(abs(apart[0] - apart[1])) / 4.0)
     return factor, deviation
+
+
+def _apart(column: np.ndarray, rest: np.ndarray) -> float:
+    """Share of a column that orthonormal others do not make up."""
+    left = column - rest @ (rest.T @ column)
+    return float(np.linalg.norm(left) / max(float(np.linalg.norm(column)), 1e-300))
 
 
 def _gain_findings(

@@ -87,7 +87,7 @@ def _finding(
     severity: Severity = "fine"
     step = ""
     if abs(factor - 1.0) > WRONG:
-        severity, step = "wrong", f"Check the units of {name} and {channel}."
+        severity, step = "wrong", f"Check the units of {name.partition(' ')[0]} and {channel}."
     elif abs(factor - 1.0) > LOOK or abs(samples) > LAG or error > 0.3:
         severity = "look"
         step = "It was filtered before it was logged; use the derivative of the position instead."

@@ -9,7 +9,8 @@ import numpy as np
 
 from pivident.audit.finding import Finding, Severity
 from pivident.audit.log import Log
-from pivident.recording.timestamps import GAP, JITTER_TOLERANCE, LIKELY_RATES, round_rate
+from pivident.recording.gaps import GAP, stretches
+from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
 
 #: Two clocks that drift apart by more than this deserve a look; quartz keeps 1e-4.
 DRIFT_LOOK = 2e-4
@@ -77,7 +78,8 @@ def check_timing(log: Log) -> Timing:
     steps = np.empty((0, 2))
     if "q" in log.channels and rate:
         steps = unsteady_steps(log.channels["q"])
-        findings += _step_findings(log, steps, regular and clock is not None)
+        untold = steps if clock is None else steps[~_stamped_as_lost(clock, steps)]
+        findings += _step_findings(log, untold, regular and clock is not None)
     return Timing(tuple(findings), intervals, rate, regular, steps)
 
 
@@ -126,9 +128,8 @@ def _one_clock(
             findings.append(finding("wrong", kind, text, k, step, value=float(at.size)))
             regular = False
     ratio = steps / period
-    gaps = np.flatnonzero(ratio > GAP)
-    whole = np.abs(ratio[gaps] - np.round(ratio[gaps])) <= 2.0 * JITTER_TOLERANCE
-    if gaps.size and whole.mean() > 0.9:
+    gaps = lacking(steps, period)
+    if gaps.size > 0.9 * np.sum(ratio > GAP):
         lost = int(np.sum(np.round(ratio[gaps]) - 1))
         longest = int(gaps[np.argmax(ratio[gaps])])
         k = int(place[longest])
@@ -136,7 +137,10 @@ def _one_clock(
             f"{lost} sample(s) are missing in {gaps.size} gap(s); the longest lasts "
             f"{1e3 * steps[longest]:.4g} ms after sample {k} (t = {t[k]:.6g} s)."
         )
-        step = "Cut the recording there (part), or fill short gaps with resample = true."
+        step = "Mend the stamps first; then cut the recording there (part)."
+        if regular:
+            advice = stretches(finite).advice()
+            step = f"{advice[0].upper()}{advice[1:]}."
         findings.append(finding("wrong", "gap", text, k, step, value=float(lost), unit="samples"))
         regular = False
         steps = steps[ratio <= GAP]
@@ -168,6 +172,14 @@ def _one_clock(
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
         findings.append(finding("wrong", "rate", text, 0, step, value=rate, unit="Hz"))
     return steps, rate, regular, findings
+
+
+def _stamped_as_lost(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Which steps over lost samples the stamps show as a gap too."""
+    intervals = np.diff(t)
+    forward = intervals[intervals > 0]
+    at = np.minimum(steps[:, 0].astype(int), len(intervals) - 1)
+    return (steps[:, 1] >= 1) & (intervals[at] > GAP * (np.median(forward) if forward.size else 0))
 
 
 def _against_rate(rate: float, t: np.ndarray, name: str) -> Finding:

@@ -8,29 +8,17 @@ can still be looked at.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from pivident.audit.audit import Audit, audit_log
-from pivident.audit.file_columns import read_columns
+from pivident.audit.excitation import check_excitation
 from pivident.audit.finding import SEVERITIES, Severity
-from pivident.audit.log import Log
-from pivident.audit.reading import entry_log
-from pivident.check.columns_check import check_columns
+from pivident.audit.inverse_model import InverseModel
 from pivident.check.file_check import file_problems
-from pivident.check.filters_check import check_filters
-from pivident.check.geometry_check import check_geometry
-from pivident.check.loop_check import (
-    check_gains,
-    check_limit,
-    check_reference,
-    check_stability,
-)
-from pivident.check.motion_check import check_motion
-from pivident.check.plan import Plan, plan_of
+from pivident.check.log_check import check_log
+from pivident.check.plan import Plan
+from pivident.check.problem_check import ProblemCheck
 from pivident.check.recordings_check import check_recordings
 from pivident.check.remark import (
     Place,
@@ -43,45 +31,11 @@ from pivident.check.remark import (
 )
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
-from pivident.dynamics.base_parameters import base_parameters
-from pivident.errors import (
-    BadCell,
-    ConstantChannel,
-    ExperimentError,
-    IrregularSampling,
-    NonFiniteSamples,
-    PividentError,
-    SaturatedSignal,
-)
+from pivident.errors import PividentError
 from pivident.experiment.experiment import Experiment
-from pivident.experiment.recordings import loop_of, recording_of
 from pivident.experiment.schema import RecordingEntry
 from pivident.recording.recording import Recording
-from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
-from pivident.robot.naming import find_joint
-
-#: Errors of the reader that an audit reports with more numbers.
-TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
-    NonFiniteSamples: ("missing",),
-    IrregularSampling: ("duplicate", "backward", "gap", "jitter", "no clock"),
-    ConstantChannel: ("constant",),
-    SaturatedSignal: ("clipped",),
-}
-
-
-#: Findings after which the gains that a log shows say nothing about those of the file.
-CONSEQUENTIAL = ("reach", "speed", "angle unit", "side", "order", "late", "early", "joint late",
-                 "constant", "stuck", "clipped")  # fmt: skip
-
-#: Findings after which the geometry cannot be judged.
-HIDES_GEOMETRY = (*CONSEQUENTIAL, "sign", "missing", "rate")
-
-#: A declared delay beyond this is in milliseconds [s].
-LONGEST_DELAY = 0.5
-
-#: Lines up to which a line of another length means that the whole table is something else.
-EARLY = 3
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,7 +46,8 @@ class ExperimentCheck:
         path: the experiment file.
         remarks: everything that was found, the gravest first.
         looked_at: what was checked, in words.
-        plan: what an identification would do, or None where it cannot begin.
+        plan: what an identification would do, or None where it cannot begin. Where nothing but
+            gaps in the clock stops it, what it would do with the stretches between them.
     """
 
     path: Path
@@ -157,7 +112,7 @@ def check_experiment(
     placed = [
         with_line(remark, lines.line(remark.place)) for remark in grouped(reversed(unique.values()))
     ]
-    stops = any(remark.refused for remark in placed)
+    stops = any(remark.refused and remark.kind != "gap" for remark in placed)
     return ExperimentCheck(
         path, tuple(gravest_first(placed)), tuple(looked_at), None if stops else plan
     )
@@ -175,7 +130,7 @@ class _Check:
         self.looked_at: list[str] = []
         self.plan: Plan | None = None
         self.recordings: list[tuple[Place, Recording]] = []
-        self.models: list[Audit] = []
+        self.models: list[InverseModel] = []
 
     def run(self) -> None:
         """All stages, one after the other."""
@@ -189,7 +144,11 @@ class _Check:
         if len(self.recordings) > 1:
             self.looked_at.append("recordings against one another")
         self.say("looking at controller, methods and parameters")
-        self._methods_and_plan(robot)
+        rest = ProblemCheck(self.experiment, robot, self.recordings, self.plain)
+        self.remarks += rest.remarks
+        self.plan = rest.plan
+        if robot is not None:
+            self.looked_at.append("methods, parameters, control law, folder of the results")
 
     def _robot(self) -> Robot | None:
         self.say("reading the robot")
@@ -217,247 +176,20 @@ class _Check:
         return [((*place, k), entry) for place, own in listed for k, entry in enumerate(own)]
 
     def _log(self, place: Place, entry: RecordingEntry, robot: Robot | None) -> None:
-        """Everything about one log, read strictly and read forgivingly."""
-        before = len(self.remarks)
-        if entry.columns is not None:
-            columns = entry.columns.model_dump(exclude_unset=True)
-            units = entry.units.model_dump(exclude_unset=True)
-            self.remarks += check_columns(columns, units, robot, place)
-        failure: PividentError | None = None
-        if robot is not None:
-            try:
-                recording = recording_of(entry, robot, self.folder)
-                self.recordings.append((place, recording))
-            except PividentError as error:
-                failure = error
-        try:
-            log = entry_log(entry, robot, self.folder)
-        except PividentError as error:
-            self.remarks.append(of_error(failure or error, "recording", place, self.plain))
-            return
-        if isinstance(failure, BadCell) and failure.column is None and failure.line <= EARLY:
-            self.remarks.append(of_error(failure, "recording", place, self.plain))
-            return  # the columns are not what they are called
-        audit = audit_log(log)
-        own = [of_finding(f, place) for f in audit.findings if f.severity != "fine"]
-        if failure is not None and not _told(failure, audit):
-            self.remarks.append(of_error(failure, "recording", place, self.plain))
-        elif failure is not None:
-            kinds = _kinds(failure)
-            own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
-        self.remarks += own
-        if audit.model is not None:
-            if place[0] == "recording":
-                self.models.append(audit)
-            if not any(f.severity == "wrong" and f.kind in HIDES_GEOMETRY for f in audit.findings):
-                self.remarks += check_geometry(log, audit.timing, audit.model, place)
-        slow = entry.rate is not None and entry.rate < LOWEST_RATE
-        if entry.delay is not None and abs(entry.delay) > LONGEST_DELAY:
-            self.remarks.append(_long_delay(entry.delay, place))
-        if slow:
-            self.remarks.append(_no_rate(float(entry.rate or 0.0), place))
-        if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
-            self.remarks += self._motion(log, audit, place, entry)
-        name = log.name if entry.part is None else f"{log.name} ({entry.part[0]:g} s on)"
-        if len(self.remarks) == before or robot is not None:
-            rate = f" at {audit.timing.rate:.6g} Hz" if audit.timing.rate else ""
-            judged = "" if audit.model is None else ", signs, gains, delay, excitation"
-            self.looked_at.append(
-                f"{name}: {log.samples} samples{rate}; clock, gaps, units, columns, limits{judged}"
-            )
-
-    def _motion(self, log: Log, audit: Audit, place: Place, entry: RecordingEntry) -> list[Remark]:
-        """What the channels say about one another, and about the controller."""
-        parameters = 0 if log.robot is None else len(base_parameters(log.robot))
-        found = check_motion(self._with_other_columns(log, entry), audit.timing, parameters, place)
-        found += check_reference(log, place)
+        """Everything about one log."""
         controller = self.content.controller
-        wrong = any(r.severity == "wrong" for r in found)
-        wrong |= any(f.severity == "wrong" and f.kind in CONSEQUENTIAL for f in audit.findings)
-        if controller is not None:
-            found += check_limit(log, controller)
-        if controller is not None and controller.kp is not None and not wrong:
-            reversed_joints = () if audit.power is None else audit.power.reversed
-            found += check_gains(log, audit.timing, controller, reversed_joints, place)
-        return found
-
-    def _with_other_columns(self, log: Log, entry: RecordingEntry) -> Log:
-        """The log with the columns of its file that the experiment does not use."""
-        if not isinstance(entry.files, str) or entry.columns is None:
-            return log
-        used = str(entry.columns.model_dump(exclude_unset=True))
-        try:
-            every = read_columns(self.folder / entry.files)
-        except PividentError:
-            return log
-        rest = {name: x for name, x in every.items() if repr(name) not in used}
-        return replace(log, columns=rest)
+        found = check_log(entry, place, robot, self.folder, controller, self.plain)
+        self.remarks += found.remarks
+        self.recordings += [(place, recording) for recording in found.recordings]
+        if found.audit is not None and found.audit.model is not None and place[0] == "recording":
+            self.models.append(found.audit.model)
+        if found.looked_at:
+            self.looked_at.append(found.looked_at)
 
     def _together(self) -> None:
         """Excitation belongs to all fitted recordings, not to each."""
-        fitted = [a.model for a in self.models if a.model is not None]
-        if len(fitted) < 2:
+        if len(self.models) < 2:
             return
-        from pivident.audit.excitation import check_excitation
-
         self.remarks = [r for r in self.remarks if r.check != "excitation"]
-        together = check_excitation(fitted).findings
+        together = check_excitation(self.models).findings
         self.remarks += [of_finding(f, ()) for f in together if f.severity != "fine"]
-
-    def _methods_and_plan(self, robot: Robot | None) -> None:
-        """Methods, parameters, loop and output, and what would be done."""
-        experiment, content = self.experiment, self.content
-        methods = {}
-        try:
-            methods = experiment.methods()
-        except PividentError as error:
-            self.remarks.append(self._refused(error, ("identify", "methods")))
-        self._output()
-        self.remarks += check_filters(methods, [r for _, r in self.recordings])
-        if robot is None:
-            return
-        self._joints(robot)
-        try:
-            experiment.consistency()
-        except PividentError as error:
-            self.remarks.append(self._refused(error, ("consistency",)))
-        fitted = [r for place, r in self.recordings if place[0] == "recording"]
-        unseen = [r for place, r in self.recordings if place[0] == "validation"]
-        problem = self._problem(robot, fitted)
-        self.looked_at.append("methods, parameters, control law, folder of the results")
-        if problem is None or not methods:
-            return
-        law = content.controller
-        self.plan = plan_of(
-            problem,
-            methods,
-            unseen,
-            content.validation.folds,
-            "" if law is None else law.type,
-            "" if law is None else law.source,
-        )
-
-    def _joints(self, robot: Robot) -> None:
-        """Joints that other tables name."""
-        load, known = self.content.payload, self.content.gains.payload
-        for table, joint in (
-            (("payload", "link"), None if load is None else load.link),
-            (("gains", "payload", "joint"), None if known is None else known.joint),
-        ):
-            names = (*robot.joint_names, *(link.name for link in robot.links))
-            try:
-                if joint is not None and joint not in names:
-                    find_joint(robot.joint_names, joint)
-            except PividentError as error:
-                self.remarks.append(self._refused(error, table))
-
-    def _problem(self, robot: Robot, fitted: list[Recording]) -> Any:
-        """The problem that would be identified, without a law that has to be found first."""
-        from pivident.estimation.problem import Problem
-
-        given, law = self.content.identify, self.content.controller
-        loop = None
-        if law is not None and law.type != "identify" and law.source != "reconstruct":
-            try:
-                recordings = tuple(fitted)
-                if recordings or law.type != "virtual_pd":
-                    _, loop = loop_of(law, robot, recordings)
-                    loop.controller.check(robot.size)
-            except PividentError as error:
-                self.remarks.append(self._refused(error, ("controller",)))
-                loop = None
-            else:
-                self._stability(robot, fitted)
-        if not fitted:
-            self._parameters(robot)
-            return None
-        try:
-            return Problem(
-                robot,
-                tuple(fitted),
-                loop,
-                parameters=None if given.parameters is None else tuple(given.parameters),
-                mask=given.mask,
-                initial=given.initial,
-            )
-        except PividentError as error:
-            key = "initial" if given.parameters is None else "parameters"
-            self.remarks.append(self._refused(error, ("identify", key)))
-            return None
-
-    def _parameters(self, robot: Robot) -> None:
-        """Names of parameters, where no recording can be read."""
-        from pivident.estimation.problem import parameter_index
-
-        given = self.content.identify
-        base = base_parameters(robot)
-        for key, names in (("parameters", given.parameters or ()), ("initial", given.initial)):
-            for name in names:
-                try:
-                    parameter_index(base, name)
-                except PividentError as error:
-                    self.remarks.append(self._refused(error, ("identify", key)))
-
-    def _stability(self, robot: Robot, fitted: list[Recording]) -> None:
-        law = self.content.controller
-        if law is None or law.kp is None or not fitted:
-            return
-        first = fitted[0]
-        rate = first.control_rate or first.rate
-        if rate < LOWEST_RATE:
-            return
-        self.remarks += check_stability(robot, law, rate, np.mean(first.q, axis=0))
-
-    def _refused(self, error: Exception, table: Place) -> Remark:
-        """An error about the file's own tables; its path in front is left out."""
-        text = " ".join(str(error).split())
-        head, separator, tail = text.partition(": ")
-        own = tail if separator and head.endswith(".toml") else text
-        return of_error(ExperimentError(own), "file", table, self.plain)
-
-    def _output(self) -> None:
-        from pivident.files import check_output
-
-        folder = self.experiment.output or Path(f"{self.experiment.path.stem}-results")
-        try:
-            check_output(folder)
-        except PividentError as error:
-            self.remarks.append(self._refused(error, ("output", "folder")))
-
-
-def _long_delay(delay: float, place: Place) -> Remark:
-    """A declared delay that no logger has."""
-    return Remark(
-        "wrong",
-        "timing",
-        "delay",
-        f"The torque is declared to be {delay:g} s late.",
-        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
-        "tau",
-        (*place, "delay"),
-    )
-
-
-def _no_rate(rate: float, place: Place) -> Remark:
-    """A declared rate that no log has."""
-    return Remark(
-        "wrong",
-        "timing",
-        "rate",
-        f"The rate is {rate:g} Hz, which no robot's log has.",
-        "It may be a period in seconds, or a rate in kHz; rate is in Hz.",
-        "",
-        (*place, "rate"),
-    )
-
-
-def _kinds(failure: PividentError) -> tuple[str, ...]:
-    """Kinds of findings that say the same as an error of the reader."""
-    own = next((k for c, k in TOLD_BY_AUDIT.items() if isinstance(failure, c)), ())
-    return (*own, "reach") if "far beyond its limits" in str(failure) else own
-
-
-def _told(failure: PividentError, audit: Audit) -> bool:
-    """Whether the audit says what the reader refused."""
-    kinds = _kinds(failure)
-    return any(f.kind in kinds and f.severity == "wrong" for f in audit.findings)

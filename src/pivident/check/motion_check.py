@@ -271,16 +271,17 @@ def _limits(
             span = high - low
             over = max(float(q[:, j].max()) - high, low - float(q[:, j].min()))
             if BEYOND * span < over:
+                reached = f"{scale * q[:, j].min():.4g}{unit} to {scale * q[:, j].max():.4g}{unit}"
                 yield Remark(
                     "look",
                     "limits",
                     "position",
-                    f"{joint.name} is logged from {scale * q[:, j].min():.4g}{unit} to "
-                    f"{scale * q[:, j].max():.4g}{unit}; its limits are {scale * low:.4g}{unit} "
-                    f"to {scale * high:.4g}{unit}.",
+                    f"{joint.name} is logged from {reached}; its limits are "
+                    f"{scale * low:.4g}{unit} to {scale * high:.4g}{unit}.",
                     "Another unit or gear ratio, or a zero that lies elsewhere: position_offset.",
                     joint.name,
                     (*table, "position_offset"),
+                    amount=reached,
                 )
         limit = joint.torque_limit
         largest = float(np.abs(tau[:, j]).max())
@@ -295,4 +296,5 @@ def _limits(
                 "Check unit, side and drive gain of tau, or the limit of the description.",
                 joint.name,
                 (*table, "units", "tau"),
+                amount=f"{largest:.4g} {unit} of {limit:.4g} {unit}",
             )

@@ -6,25 +6,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from pivident.estimation.methods import InstrumentalVariables, LeastSquares, Method
+from pivident.check.expected_time import expected_time, first_run
+from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
 from pivident.plain_values import plain
 from pivident.recording.recording import Recording
-
-#: Processor time per sample, joint and parameter of one pass [s], measured on 13 to 61 parameters.
-PASS = 4e-9
-
-#: … and what each method does besides per sample and joint, in passes of that many parameters.
-SIMULATION, SMOOTHER = 60, 30
-
-#: Iterations that a method takes as a rule.
-ITERATIONS = 4
-
-#: Time that the first run after an installation takes to compile [s].
-COMPILING = 60.0
-
-#: A rough time is good to this factor.
-ROUGH = 3.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +27,10 @@ class Plan:
         controller: kind of control law, empty without one.
         reference: where the reference comes from, empty without a control law.
         folds: blocks that are held out in turn.
-        seconds: expected time on one processor [s], good to a factor of three.
+        seconds: expected processor time, held-out motion, tests and report included [s]; about
+            right to a factor of two.
+        compiling: processor time on top of that which the first run needs to compile, where
+            nothing of it is in the caches [s].
     """
 
     robot: str
@@ -54,6 +43,7 @@ class Plan:
     reference: str
     folds: int
     seconds: float
+    compiling: float
 
     def as_json(self) -> dict[str, Any]:
         """Plain values."""
@@ -71,7 +61,7 @@ class Plan:
             ("methods", ", ".join(self.methods)),
             ("controller", f"{self.controller}, reference {self.reference}"),
             ("judged on", ", ".join(self.held_out) or self._blocks()),
-            ("expected time", f"{self._time()} (to a factor of {ROUGH:g}; the first run compiles)"),
+            ("expected time", self._time()),
         ]
         shown = [(key, text) for key, text in lines if key != "controller" or self.controller]
         return "\n".join(f"  {key:<14} {text}" for key, text in shown)
@@ -84,9 +74,21 @@ class Plan:
         return f"{self.folds} blocks held out in turn" if self.folds else "no held-out motion"
 
     def _time(self) -> str:
-        if self.seconds < 90:
-            return f"about {max(1, round(self.seconds))} s"
-        return f"about {round(self.seconds / 60)} min"
+        text = f"about {in_words(self.seconds)}"
+        if self.compiling:
+            text += f", and about {in_words(self.compiling)} to compile, in this first run only"
+        return text
+
+
+def in_words(seconds: float) -> str:
+    """A rough time as people say it.
+
+    Args:
+        seconds: [s].
+    """
+    if seconds < 90:
+        return f"{max(1, round(seconds))} s"
+    return f"{round(seconds / 60)} min"
 
 
 def plan_of(
@@ -107,6 +109,7 @@ def plan_of(
         controller: kind of control law, empty without one.
         reference: where its reference comes from.
     """
+    blocks = 0 if held_out else folds
     return Plan(
         problem.robot.name,
         problem.robot.joint_names,
@@ -116,31 +119,7 @@ def plan_of(
         tuple(methods),
         controller,
         reference if controller else "",
-        0 if held_out else folds,
-        expected_time(problem, methods.values(), 0 if held_out else folds),
+        blocks,
+        expected_time(problem, methods.values(), blocks, law_unknown=controller == "identify"),
+        first_run(methods.values()),
     )
-
-
-def expected_time(problem: Problem, methods: Sequence[Method] | Any, folds: int) -> float:
-    """Processor time that an identification takes [s], to a factor of three.
-
-    One pass over n samples of J joints with P parameters takes about c n J P; simulation and
-    smoother count as passes of more parameters. Held-out blocks take as many fits again.
-
-    Args:
-        problem: what is given.
-        methods: how it is estimated.
-        folds: blocks that are held out in turn.
-    """
-    samples = sum(recording.samples for recording in problem.recordings)
-    unit = PASS * samples * problem.robot.size
-    parameters = len(problem.names)
-    total = 0.5
-    for method in methods:
-        if isinstance(method, LeastSquares):
-            once = unit * (parameters + SMOOTHER)
-        else:
-            passes = 1 if isinstance(method, InstrumentalVariables) else 3
-            once = unit * ITERATIONS * (passes * parameters + SIMULATION) + unit * SMOOTHER
-        total += 0.2 + once * (1 + folds)
-    return total

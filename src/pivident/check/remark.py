@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from pivident.audit.finding import SEVERITIES, SHARED, Finding, Severity
+from pivident.audit.finding import SEVERITIES, Finding, Severity, alike, told_once
 from pivident.errors import FileFormatError, UnknownColumn
 from pivident.plain_values import plain
 
@@ -38,6 +38,9 @@ KEYS: dict[tuple[str, str], Place] = {
     ("power", "sign"): ("units", "tau"),
     ("speed", "derivative"): ("columns", "dq_ref"),
 }
+
+#: Findings of single kinds that are mended in the robot's table, by its key.
+IN_ROBOT = {("power", "gravity at rest"): "gravity", ("scale", "load"): "model"}
 
 #: Findings that are mended elsewhere than in the table of their recording.
 ELSEWHERE: dict[str, Place] = {
@@ -73,6 +76,7 @@ class Remark:
         place: tables and keys of the experiment file where it is changed.
         line: its line in the file, counted from 1, or None.
         refused: whether an identification would stop at it.
+        amount: the number that differs between joints of which the same is said, with its unit.
     """
 
     severity: Severity
@@ -84,6 +88,7 @@ class Remark:
     place: Place = ()
     line: int | None = None
     refused: bool = False
+    amount: str = ""
 
     @property
     def heading(self) -> str:
@@ -108,15 +113,22 @@ def of_finding(finding: Finding, table: Place) -> Remark:
         table: the table of that log, such as ``("recording", 0)``.
     """
     kind = (finding.check, finding.kind)
-    if kind == ("power", "gravity at rest"):
-        place: Place = ("robot", "gravity")
+    if kind in IN_ROBOT:
+        place: Place = ("robot", IN_ROBOT[kind])
     elif finding.check in ELSEWHERE:
         place = ELSEWHERE[finding.check]
     else:
         place = (*table, *KEYS.get(kind, ("files",)))
     sentence, step = finding.sentence, finding.step
     return Remark(
-        finding.severity, finding.check, finding.kind, sentence, step, finding.where, place
+        finding.severity,
+        finding.check,
+        finding.kind,
+        sentence,
+        step,
+        finding.where,
+        place,
+        amount=finding.amount,
     )
 
 
@@ -228,18 +240,11 @@ def _channel(message: str) -> Place:
 
 
 def grouped(remarks: Iterable[Remark]) -> list[Remark]:
-    """Remarks, with what a fault of the logger gives many channels said once."""
-    groups: dict[object, list[Remark]] = {}
-    for number, remark in enumerate(remarks):
-        shared = remark.kind in SHARED and remark.where
-        key = (remark.severity, remark.kind, remark.place) if shared else number
-        groups.setdefault(key, []).append(remark)
-    found = []
-    for first, *others in groups.values():
-        also = f" The same for {', '.join(r.where for r in others)}." if others else ""
-        refused = first.refused or any(r.refused for r in others)
-        found.append(replace(first, sentence=first.sentence + also, refused=refused))
-    return found
+    """Remarks, with what holds of several joints or channels said once."""
+    return [
+        replace(group[0], sentence=told_once(group), refused=any(r.refused for r in group))
+        for group in alike(remarks)
+    ]
 
 
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:

@@ -80,7 +80,8 @@ def print_check(found: ExperimentCheck) -> None:
             print(f"  {remark.severity:<6} {' '.join(lines)}")
     print("Checked: " + escaped("; ".join(found.looked_at)) + ".")
     if found.plan is not None:
-        print(escaped(f"To be estimated:\n{found.plan}"))
+        when = " once the gaps are seen to as said above" if found.refused else ""
+        print(escaped(f"To be estimated{when}:\n{found.plan}"))
 
 
 def _headline(found: ExperimentCheck, counts: dict[str, int]) -> str:

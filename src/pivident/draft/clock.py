@@ -8,6 +8,7 @@ import numpy as np
 
 from pivident.draft.guess import Sureness
 from pivident.recording.channel_words import TIME_UNITS, TIME_WORDS, words_of
+from pivident.recording.gaps import bridged_interval
 from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, round_rate
 from pivident.recording.units import TIME
 
@@ -31,7 +32,8 @@ class Clock:
         rate: sampling rate [Hz].
         sure: how sure column and rate are.
         seen: what was seen.
-        resample: whether the stamps are too irregular to pass for equidistant.
+        resample: whether the stamps are too irregular to pass for equidistant, but for gaps that
+            nothing is interpolated over.
         by_rate: whether the rate stands for the stamps, which repeat or go backward.
         seconds: the stamps [s], or those that follow from the rate, shape (samples,).
     """
@@ -72,7 +74,8 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
             f"go backward, so that only the rate is taken from them: {rate:.6g} Hz"
         )
         return Clock(None, unit, rate, "guess", seen, False, True, np.arange(samples) / rate)
-    worst = float(np.abs(steps / np.median(steps) - 1.0).max())
+    period = float(np.median(steps))
+    worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
     jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
     seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"
     return Clock(column, unit, rate, sure, seen, worst > JITTER_TOLERANCE, False, seconds + start)

@@ -162,4 +162,6 @@ def _recording(run: Run, found: RecordingLines, findings: Findings, out: Path) -
     value = next(iter(files.values())) if single else files
     seen = "as given" if len(files) == 1 else "one run in files side by side, with the same rows"
     lines = [Guess("recording", "files", value, "certain", seen)]
-    return [*lines, *findings.recording, *found.recording]
+    tried = {line.key for line in findings.recording}
+    guessed = [g for g in found.recording if g.table != "recording" or g.key not in tried]
+    return [*lines, *findings.recording, *guessed]

@@ -9,6 +9,7 @@ from pathlib import Path
 from pivident.draft.guess import Guess
 from pivident.errors import (
     ConstantChannel,
+    GapInClock,
     IdentificationError,
     IrregularSampling,
     MissingSamples,
@@ -20,6 +21,7 @@ from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
+from pivident.recording.gaps import written
 from pivident.recording.recording import Recording
 from pivident.toml_text import parse_toml
 
@@ -130,7 +132,13 @@ def _remedy(error: PividentError) -> Guess | None:
     if isinstance(error, ConstantChannel):
         seen = f"{said}; what only its motion tells cannot be determined"
         return Guess("recording", "allow_constant", True, "guess", seen)
-    if isinstance(error, (IrregularSampling, MissingSamples)):
+    if isinstance(error, (MissingSamples, GapInClock)) and error.stretches.lost:
+        longest = error.stretches.longest
+        others = [written(part) for part in error.stretches.parts if part != longest]
+        more = f"A copy of this table for each adds {', '.join(others)}." if others else ""
+        seen = f"{said}; this is the longest stretch without such a gap"
+        return Guess("recording", "part", list(longest), "likely", seen, more)
+    if isinstance(error, IrregularSampling):
         seen = f"{said}; samples are interpolated"
         return Guess("recording", "resample", True, "guess", seen)
     return None

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from pivident.errors.kinds import FileFormatError, PividentError, RecordingError
+
+if TYPE_CHECKING:
+    from pivident.recording.gaps import Stretches
 
 
 class NonFiniteSamples(RecordingError):
@@ -138,17 +141,26 @@ class MissingSamples(IrregularSampling):
         sample: index of the last sample before the largest gap.
         time: its stamp [s].
         interval: length of the largest gap, from stamp to stamp [s].
+        stretches: what the gaps leave.
     """
 
-    def __init__(self, missing: int, gaps: int, sample: int, time: float, interval: float) -> None:
+    def __init__(
+        self,
+        missing: int,
+        gaps: int,
+        sample: int,
+        time: float,
+        interval: float,
+        stretches: Stretches,
+    ) -> None:
         self.missing, self.gaps, self.kind = missing, gaps, "gap"
         self.sample, self.time, self.interval = sample, time, interval
+        self.stretches = stretches
         where = "in one gap" if gaps == 1 else f"in {gaps} gaps, the largest"
         RecordingError.__init__(
             self,
             f"{missing} sample(s) are missing {where} of {_duration(interval)} after sample "
-            f"{sample} (t = {time:.6f} s); cut the recording there (part), or fill short gaps "
-            "with resample = true",
+            f"{sample} (t = {time:.6f} s); {stretches.advice()}",
         )
 
 
@@ -161,7 +173,7 @@ class GapInClock(IrregularSampling):
         time: last stamp before the longest gap [s].
         interval: length of that gap [s].
         gaps: number of gaps.
-        longest: first and last instant of the longest stretch without a gap [s].
+        stretches: what the gaps leave.
     """
 
     def __init__(
@@ -171,16 +183,15 @@ class GapInClock(IrregularSampling):
         time: float,
         interval: float,
         gaps: int,
-        longest: tuple[float, float],
+        stretches: Stretches,
     ) -> None:
         self.channel, self.clock, self.time, self.interval = channel, clock, time, interval
-        self.gaps, self.longest, self.kind = gaps, longest, "gap"
+        self.gaps, self.stretches, self.kind = gaps, stretches, "gap"
         others = "" if gaps == 1 else f", the longest of {gaps} gaps"
         RecordingError.__init__(
             self,
             f"{channel} has no samples for {_duration(interval)} after {time:.3f} s on the clock "
-            f"{clock}{others}; nothing is interpolated over that. Cut the recording between the "
-            f"gaps; the longest stretch is part = [{longest[0]:.3f}, {longest[1]:.3f}]",
+            f"{clock}{others}, and nothing is interpolated over that; {stretches.advice()}",
         )
 
 

@@ -21,9 +21,7 @@ import numpy as np
 from pivident.errors import ClocksDisagree, GapInClock, RecordingError
 from pivident.recording import timestamps
 from pivident.recording.checks import check_positive
-
-#: Intervals up to the longer of these are interpolated: so many median ones, and [s].
-BRIDGED_PERIODS, BRIDGED_SECONDS = 3.5, 0.01
+from pivident.recording.gaps import GAP, bridged_interval, stretches_of
 
 #: A channel that is faster than the grid by this factor is low-passed before it is reduced.
 REDUCED = 1.1
@@ -66,9 +64,9 @@ class ClockedChannel:
     def rate(self) -> float:
         """Samples per second of recorded time, gaps left out [Hz]."""
         intervals = np.diff(self.t)
-        regular = intervals[intervals <= timestamps.GAP * np.median(intervals)]
+        regular = intervals[intervals <= GAP * np.median(intervals)]
         if regular.sum() < MOSTLY * intervals.sum():  # messages that come in bursts
-            regular = intervals[intervals <= _bridged(self.t)]
+            regular = intervals[intervals <= bridged_interval(float(np.median(intervals)))]
         return timestamps.round_rate(1.0 / float(np.mean(regular)))
 
     def between(self, start: float, stop: float) -> ClockedChannel:
@@ -230,24 +228,6 @@ def onto_sparsest(channels: Sequence[ClockedChannel]) -> ClockedChannel:
     return replace(base, t=t, values=values, notes=(*base.notes, note))
 
 
-def stretches(t: np.ndarray) -> list[tuple[float, float]]:
-    """Stretches of time without gaps [s], the longest first.
-
-    Args:
-        t: stamps that increase, shape (samples,) [s].
-    """
-    gaps = np.flatnonzero(np.diff(t) > _bridged(t))
-    first = np.concatenate([[0], gaps + 1])
-    last = np.concatenate([gaps, [len(t) - 1]])
-    found = [(float(t[a]), float(t[b])) for a, b in zip(first, last, strict=True)]
-    return sorted(found, key=lambda ends: ends[0] - ends[1])
-
-
-def _bridged(t: np.ndarray) -> float:
-    """Longest interval that is interpolated [s]."""
-    return max(BRIDGED_PERIODS * float(np.median(np.diff(t))), BRIDGED_SECONDS)
-
-
 def _shared(
     channels: Sequence[ClockedChannel], part: tuple[float, float] | None
 ) -> tuple[float, float]:
@@ -289,8 +269,8 @@ def _check_gaps(channels: Sequence[ClockedChannel], start: float, stop: float) -
     """
     gaps: list[tuple[float, float, ClockedChannel]] = []
     for channel in channels:
-        t = channel.t
-        at = np.flatnonzero(np.diff(t) > _bridged(t))
+        t, intervals = channel.t, np.diff(channel.t)
+        at = np.flatnonzero(intervals > bridged_interval(float(np.median(intervals))))
         gaps += [(float(t[k]), float(t[k + 1]), channel) for k in at]
     if not gaps:
         return
@@ -299,9 +279,12 @@ def _check_gaps(channels: Sequence[ClockedChannel], start: float, stop: float) -
         free.append((begin, min(left, stop)))
         begin = max(begin, right)
     free.append((begin, stop))
-    longest = max(free, key=lambda ends: ends[1] - ends[0])
+    free = [(begin, end) for begin, end in free if begin < end]
     left, right, channel = max(gaps, key=lambda gap: gap[1] - gap[0])
-    raise GapInClock(channel.channel, channel.clock, left, right - left, len(gaps), longest)
+    period = min(float(np.median(np.diff(channel.t))) for channel in channels)
+    kept = stretches_of(free, period, resample=False)
+    number = len({(begin, end) for begin, end, _ in gaps})
+    raise GapInClock(channel.channel, channel.clock, left, right - left, number, kept)
 
 
 def _low_passed(channel: ClockedChannel, rate: float) -> tuple[np.ndarray, np.ndarray]:

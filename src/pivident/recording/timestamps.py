@@ -6,6 +6,7 @@ import numpy as np
 
 from pivident.errors import IrregularSampling, MissingSamples, RecordingError
 from pivident.recording.checks import check_length, check_positive
+from pivident.recording.gaps import GAP, bridged_interval, stretches
 from pivident.recording.units import TIME
 
 #: Largest deviation of one interval from the median interval, relative.
@@ -20,9 +21,6 @@ LOWEST_RATE = 5.0
 
 #: Rates that the log of a robot may well have [Hz].
 LIKELY_RATES = (20.0, 20e3)
-
-#: An interval longer than this many median ones lacks samples.
-GAP = 1.5
 
 #: Most samples of a uniform grid for each sample that was logged.
 MOST_NEW_SAMPLES = 100
@@ -98,15 +96,29 @@ def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray)
     """Tell samples that are missing from a clock that is not regular.
 
     Raises:
-        MissingSamples: every interval at fault is a multiple of the median one, up to the jitter.
+        MissingSamples: every interval at fault lacks samples.
     """
-    periods = intervals / np.median(intervals)
-    gaps = np.flatnonzero(periods > GAP)
-    steps = np.round(periods[gaps])
-    whole = np.abs(periods[gaps] - steps) <= 2.0 * JITTER_TOLERANCE
-    if gaps.size and gaps.size == np.sum(deviation > JITTER_TOLERANCE) and whole.all():
-        k = int(gaps[np.argmax(steps)])
-        raise MissingSamples(int(np.sum(steps - 1)), gaps.size, k, float(t[k]), float(intervals[k]))
+    gaps = lacking(intervals, float(np.median(intervals)))
+    if gaps.size and gaps.size == np.sum(deviation > JITTER_TOLERANCE):
+        k = int(gaps[np.argmax(intervals[gaps])])
+        missing = int(np.sum(np.round(intervals[gaps] / np.median(intervals)) - 1))
+        where = (k, float(t[k]), float(intervals[k]))
+        raise MissingSamples(missing, gaps.size, *where, stretches(t))
+
+
+def lacking(intervals: np.ndarray, period: float) -> np.ndarray:
+    """Numbers of the intervals that lack samples, where late stamps of a clock do not look so.
+
+    An interval lacks samples if it is a multiple of the period, up to the jitter, or longer than
+    what is ever interpolated: a logger that paused begins anew at any time.
+
+    Args:
+        intervals: between stamps, shape (samples - 1,) [s].
+        period: the usual one of them [s].
+    """
+    periods = intervals / period
+    whole = np.abs(periods - np.round(periods)) <= 2.0 * JITTER_TOLERANCE
+    return np.flatnonzero((periods > GAP) & (whole | (intervals > bridged_interval(period))))
 
 
 def round_rate(rate: float) -> float:

@@ -5,7 +5,7 @@ import pytest
 
 from pivident.audit.log import Log
 from pivident.audit.timing import Timing
-from pivident.check.loop_check import check_gains
+from pivident.check.gains_check import check_gains
 from pivident.experiment.schema import ControllerEntry
 
 RATE, KP, KD = 1000.0, 1000.0, 2.0

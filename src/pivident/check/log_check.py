@@ -1,0 +1,253 @@
+"""One log of an experiment: names of columns, audit, motion, reference and gains.
+
+It is read strictly, as an identification reads it, and forgivingly, as an audit does. What the
+strict reading refuses does not stop what can still be looked at: a log with gaps is looked at in
+the stretches between them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pivident.audit.audit import Audit, audit_log
+from pivident.audit.log import Log
+from pivident.audit.file_columns import read_columns
+from pivident.audit.reading import entry_log
+from pivident.audit.timing import Timing, check_timing
+from pivident.check.columns_check import check_columns
+from pivident.check.gains_check import check_gains, check_limit
+from pivident.check.geometry_check import check_geometry
+from pivident.check.motion_check import check_motion
+from pivident.check.reference_check import check_reference
+from pivident.check.remark import Place, Remark, of_error, of_finding
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.errors import (
+    BadCell,
+    ConstantChannel,
+    GapInClock,
+    IrregularSampling,
+    MissingSamples,
+    NonFiniteSamples,
+    PividentError,
+    SaturatedSignal,
+)
+from pivident.experiment.recordings import recording_of
+from pivident.experiment.schema import ControllerEntry, RecordingEntry
+from pivident.recording.recording import Recording
+from pivident.recording.timestamps import LOWEST_RATE
+from pivident.robot.description import Robot
+
+#: Errors of the reader that an audit reports with more numbers.
+TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
+    NonFiniteSamples: ("missing",),
+    IrregularSampling: ("duplicate", "backward", "gap", "jitter", "no clock"),
+    ConstantChannel: ("constant",),
+    SaturatedSignal: ("clipped",),
+}
+
+#: Findings after which the gains that a log shows say nothing about those of the file.
+CONSEQUENTIAL = ("reach", "speed", "angle unit", "side", "order", "late", "early", "joint late",
+                 "constant", "stuck", "clipped")  # fmt: skip
+
+#: Findings after which the geometry cannot be judged.
+HIDES_GEOMETRY = (*CONSEQUENTIAL, "sign", "missing", "rate")
+
+#: Findings that new samples on a uniform clock make good.
+MADE_GOOD = ("jitter", "gap")
+
+#: A declared delay beyond this is in milliseconds [s].
+LONGEST_DELAY = 0.5
+
+#: Lines up to which a line of another length means that the whole table is something else.
+EARLY = 3
+
+
+@dataclass(frozen=True, eq=False)
+class LogCheck:
+    """What was found out about one log.
+
+    Attributes:
+        remarks: what is wrong with it.
+        recordings: as an identification reads it; the stretches between its gaps where it has
+            some; none where it cannot be read.
+        audit: the audit, where it can be read at all.
+        looked_at: what was checked, in words.
+    """
+
+    remarks: tuple[Remark, ...]
+    recordings: tuple[Recording, ...] = ()
+    audit: Audit | None = None
+    looked_at: str = ""
+
+
+def check_log(
+    entry: RecordingEntry,
+    place: Place,
+    robot: Robot | None,
+    folder: Path,
+    controller: ControllerEntry | None,
+    content: dict[str, Any],
+) -> LogCheck:
+    """Everything about one log.
+
+    Args:
+        entry: its table.
+        place: where the table stands.
+        robot: the robot, where it is known.
+        folder: what paths are relative to.
+        controller: the table ``[controller]``, if there is one.
+        content: the content of the file, its short forms written out.
+    """
+    remarks: list[Remark] = []
+    if entry.columns is not None:
+        columns = entry.columns.model_dump(exclude_unset=True)
+        units = entry.units.model_dump(exclude_unset=True)
+        remarks += check_columns(columns, units, robot, place)
+    recordings, failure = _recordings(entry, robot, folder)
+    try:
+        log = entry_log(entry, robot, folder)
+    except PividentError as error:
+        remarks.append(of_error(failure or error, "recording", place, content))
+        return LogCheck(tuple(remarks), recordings)
+    if isinstance(failure, BadCell) and failure.column is None and failure.line <= EARLY:
+        remarks.append(of_error(failure, "recording", place, content))
+        return LogCheck(tuple(remarks))  # the columns are not what they are called
+    audit = audit_log(log)
+    own = [of_finding(f, place) for f in audit.findings if f.severity != "fine"]
+    if failure is not None and not _told(failure, audit):
+        remarks.append(of_error(failure, "recording", place, content, _kind(failure)))
+    elif failure is not None:
+        kinds = _kinds(failure)
+        own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
+    if entry.resample and failure is None:
+        own = [r for r in own if r.kind not in MADE_GOOD]
+    remarks += own
+    grave = [f.kind for f in audit.findings if f.severity == "wrong"]
+    if audit.model is not None and not set(grave) & set(HIDES_GEOMETRY):
+        remarks += check_geometry(log, audit.timing, audit.model, place)
+    slow = entry.rate is not None and entry.rate < LOWEST_RATE
+    if entry.delay is not None and abs(entry.delay) > LONGEST_DELAY:
+        remarks.append(_long_delay(entry.delay, place))
+    if slow:
+        remarks.append(_no_rate(float(entry.rate or 0.0), place))
+    if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
+        every = _with_other_columns(log, entry, folder)
+        remarks += _motion(*_without_gaps(every, audit.timing, failure), audit, place, controller)
+    looked_at = _looked_at(log, audit, entry) if robot is not None or not remarks else ""
+    return LogCheck(tuple(remarks), recordings, audit, looked_at)
+
+
+def _recordings(
+    entry: RecordingEntry, robot: Robot | None, folder: Path
+) -> tuple[tuple[Recording, ...], PividentError | None]:
+    """A log as an identification reads it, or between its gaps, and what such a reading says."""
+    if robot is None:
+        return (), None
+    try:
+        return (recording_of(entry, robot, folder),), None
+    except (MissingSamples, GapInClock) as gap:
+        left, failure = gap.stretches, gap
+    except PividentError as error:
+        return (), error
+    changed = {"resample": True} if left.resample else {}
+    try:
+        return tuple(
+            recording_of(entry.model_copy(update={**changed, "part": list(part)}), robot, folder)
+            for part in left.parts
+        ), failure
+    except PividentError:
+        return (), failure
+
+
+def _without_gaps(log: Log, timing: Timing, failure: PividentError | None) -> tuple[Log, Timing]:
+    """The longest stretch without a gap, whose clock is regular; else the log as it is."""
+    if not isinstance(failure, (MissingSamples, GapInClock)) or not failure.stretches.lost:
+        return log, timing
+    longest = log.between(*failure.stretches.longest)
+    return longest, check_timing(longest)
+
+
+def _with_other_columns(log: Log, entry: RecordingEntry, folder: Path) -> Log:
+    """The log with the columns of its file that the experiment does not use."""
+    if not isinstance(entry.files, str) or entry.columns is None:
+        return log
+    used = str(entry.columns.model_dump(exclude_unset=True))
+    try:
+        every = read_columns(folder / entry.files)
+    except PividentError:
+        return log
+    rest = {n: x for n, x in every.items() if repr(n) not in used and len(x) == log.samples}
+    return replace(log, columns=rest)
+
+
+def _motion(
+    log: Log, timing: Timing, audit: Audit, place: Place, controller: ControllerEntry | None
+) -> list[Remark]:
+    """What the channels say about one another, and about the controller."""
+    parameters = 0 if log.robot is None else len(base_parameters(log.robot))
+    found = check_motion(log, timing, parameters, place)
+    found += check_reference(log, place)
+    if controller is None:
+        return found
+    wrong = any(r.severity == "wrong" for r in found)
+    wrong |= any(f.severity == "wrong" and f.kind in CONSEQUENTIAL for f in audit.findings)
+    found += check_limit(log, controller)
+    if controller.kp is not None and not wrong:
+        reversed_joints = () if audit.power is None else audit.power.reversed
+        found += check_gains(log, timing, controller, reversed_joints, place)
+    return found
+
+
+def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
+    """What was checked of one log, in words."""
+    name = log.name if entry.part is None else f"{log.name} ({entry.part[0]:g} s on)"
+    rate = f" at {audit.timing.rate:.6g} Hz" if audit.timing.rate else ""
+    judged = "" if audit.model is None else ", signs, gains, delay, excitation"
+    return f"{name}: {log.samples} samples{rate}; clock, gaps, units, columns, limits{judged}"
+
+
+def _long_delay(delay: float, place: Place) -> Remark:
+    """A declared delay that no logger has."""
+    return Remark(
+        "wrong",
+        "timing",
+        "delay",
+        f"The torque is declared to be {delay:g} s late.",
+        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
+        "tau",
+        (*place, "delay"),
+    )
+
+
+def _no_rate(rate: float, place: Place) -> Remark:
+    """A declared rate that no log has."""
+    return Remark(
+        "wrong",
+        "timing",
+        "rate",
+        f"The rate is {rate:g} Hz, which no robot's log has.",
+        "It may be a period in seconds, or a rate in kHz; rate is in Hz.",
+        "",
+        (*place, "rate"),
+    )
+
+
+def _kind(failure: PividentError) -> str:
+    """The kind of a remark about an error that no finding tells."""
+    return "gap" if isinstance(failure, (MissingSamples, GapInClock)) else "refused"
+
+
+def _kinds(failure: PividentError) -> tuple[str, ...]:
+    """Kinds of findings that say the same as an error of the reader."""
+    if isinstance(failure, MissingSamples):
+        return ("gap",)
+    own = next((k for c, k in TOLD_BY_AUDIT.items() if isinstance(failure, c)), ())
+    return (*own, "reach") if "far beyond its limits" in str(failure) else own
+
+
+def _told(failure: PividentError, audit: Audit) -> bool:
+    """Whether the audit says what the reader refused."""
+    kinds = _kinds(failure)
+    return any(f.kind in kinds and f.severity == "wrong" for f in audit.findings)

@@ -1,0 +1,164 @@
+"""Methods, parameters, control law and output of an experiment, and what would be done with it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.check.filters_check import check_filters
+from pivident.check.plan import Plan, plan_of
+from pivident.check.remark import Place, Remark, of_error
+from pivident.check.stability_check import check_stability
+from pivident.dynamics.base_parameters import base_parameters
+from pivident.errors import ExperimentError, PividentError
+from pivident.estimation.methods import Method
+from pivident.estimation.problem import Problem, parameter_index
+from pivident.experiment.experiment import Experiment
+from pivident.experiment.recordings import loop_of
+from pivident.files import check_output
+from pivident.recording.recording import Recording
+from pivident.recording.timestamps import LOWEST_RATE
+from pivident.robot.description import Robot
+from pivident.robot.naming import find_joint
+
+
+class ProblemCheck:
+    """The tables about what is to be estimated, and how; each stage adds its remarks.
+
+    Args:
+        experiment: the experiment.
+        robot: the robot, where it can be read.
+        recordings: those that can be read, each with its table.
+        content: the content of the file, its short forms written out.
+
+    Attributes:
+        remarks: what was found.
+        plan: what an identification would do, or None where it cannot begin.
+    """
+
+    def __init__(
+        self,
+        experiment: Experiment,
+        robot: Robot | None,
+        recordings: list[tuple[Place, Recording]],
+        content: dict[str, Any],
+    ) -> None:
+        self.remarks: list[Remark] = []
+        self.plan: Plan | None = None
+        self._experiment, self._content, self._plain = experiment, experiment.content, content
+        methods = self._methods()
+        self._output()
+        self.remarks += check_filters(methods, [r for _, r in recordings])
+        if robot is not None:
+            fitted = [r for place, r in recordings if place[0] == "recording"]
+            unseen = [r for place, r in recordings if place[0] == "validation"]
+            self._of_robot(robot, methods, fitted, unseen)
+
+    def _methods(self) -> dict[str, Method]:
+        try:
+            return self._experiment.methods()
+        except PividentError as error:
+            self.remarks.append(self._refused(error, ("identify", "methods")))
+            return {}
+
+    def _of_robot(
+        self,
+        robot: Robot,
+        methods: dict[str, Method],
+        fitted: list[Recording],
+        unseen: list[Recording],
+    ) -> None:
+        """What names joints and parameters, and the plan."""
+        self._joints(robot)
+        try:
+            self._experiment.consistency()
+        except PividentError as error:
+            self.remarks.append(self._refused(error, ("consistency",)))
+        problem = self._problem(robot, fitted)
+        if problem is not None and methods:
+            law, folds = self._content.controller, self._content.validation.folds
+            kind, source = ("", "") if law is None else (law.type, law.source)
+            self.plan = plan_of(problem, methods, unseen, folds, kind, source)
+
+    def _joints(self, robot: Robot) -> None:
+        """Joints that other tables name."""
+        load, known = self._content.payload, self._content.gains.payload
+        for table, joint in (
+            (("payload", "link"), None if load is None else load.link),
+            (("gains", "payload", "joint"), None if known is None else known.joint),
+        ):
+            names = (*robot.joint_names, *(link.name for link in robot.links))
+            try:
+                if joint is not None and joint not in names:
+                    find_joint(robot.joint_names, joint)
+            except PividentError as error:
+                self.remarks.append(self._refused(error, table))
+
+    def _problem(self, robot: Robot, fitted: list[Recording]) -> Problem | None:
+        """The problem that would be identified, without a law that has to be found first."""
+        given, law = self._content.identify, self._content.controller
+        loop = None
+        if law is not None and law.type != "identify" and law.source != "reconstruct":
+            try:
+                recordings = tuple(fitted)
+                if recordings or law.type != "virtual_pd":
+                    _, loop = loop_of(law, robot, recordings)
+                    loop.controller.check(robot.size)
+            except PividentError as error:
+                self.remarks.append(self._refused(error, ("controller",)))
+                loop = None
+            else:
+                self._stability(robot, fitted)
+        if not fitted:
+            self._parameters(robot)
+            return None
+        try:
+            return Problem(
+                robot,
+                tuple(fitted),
+                loop,
+                parameters=None if given.parameters is None else tuple(given.parameters),
+                mask=given.mask,
+                initial=given.initial,
+            )
+        except PividentError as error:
+            key = "initial" if given.parameters is None else "parameters"
+            self.remarks.append(self._refused(error, ("identify", key)))
+            return None
+
+    def _parameters(self, robot: Robot) -> None:
+        """Names of parameters, where no recording can be read."""
+        given = self._content.identify
+        base = base_parameters(robot)
+        for key, names in (("parameters", given.parameters or ()), ("initial", given.initial)):
+            for name in names:
+                try:
+                    parameter_index(base, name)
+                except PividentError as error:
+                    self.remarks.append(self._refused(error, ("identify", key)))
+
+    def _stability(self, robot: Robot, fitted: list[Recording]) -> None:
+        law = self._content.controller
+        if law is None or law.kp is None or not fitted:
+            return
+        first = fitted[0]
+        rate = first.control_rate or first.rate
+        if rate < LOWEST_RATE:
+            return
+        self.remarks += check_stability(robot, law, rate, np.mean(first.q, axis=0))
+
+    def _refused(self, error: Exception, table: Place) -> Remark:
+        """An error about the file's own tables; its path in front is left out."""
+        text = " ".join(str(error).split())
+        head, separator, tail = text.partition(": ")
+        own = tail if separator and head.endswith(".toml") else text
+        return of_error(ExperimentError(own), "file", table, self._plain)
+
+    def _output(self) -> None:
+        folder = self._experiment.output or Path(f"{self._experiment.path.stem}-results")
+        try:
+            check_output(folder)
+        except PividentError as error:
+            self.remarks.append(self._refused(error, ("output", "folder")))

@@ -1,0 +1,147 @@
+"""The reference against the log: whether it is one, of the same joints, in the same unit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pivident.audit.log import Log
+from pivident.check.channels import usable_rows
+from pivident.check.remark import Place, Remark
+
+#: Distance between reference and position, relative to the motion, that is plausible.
+CLOSE = 0.25
+
+#: Share of the variance that another reading of the reference must explain.
+ALIKE = 0.97
+
+#: Travel below which a joint's reference is not judged [rad or m].
+MOTION = 0.05
+
+
+def check_reference(log: Log, table: Place) -> list[Remark]:
+    """Whether the reference is one: of the same joints, in the same unit, before the position.
+
+    Args:
+        log: one log.
+        table: table of the recording.
+    """
+    if "q_ref" not in log.channels or "q" not in log.channels:
+        return []
+    q, q_ref = log.channels["q"], log.channels["q_ref"]
+    if q.shape != q_ref.shape:
+        return []
+    rows = usable_rows(q, q_ref)
+    if len(rows) < 50:
+        return []
+    return [*_reference(log, q[rows], q_ref[rows], (*table, "columns", "q_ref"))]
+
+
+def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iterator[Remark]:
+    names, units = log.joint_names, (*place[:-2], "units", "q_ref")
+    distance = np.std(q_ref - q, axis=0) / np.maximum(np.std(q, axis=0), 1e-12)
+    copies = [names[j] for j in range(q.shape[1]) if np.array_equal(q[:, j], q_ref[:, j])]
+    if copies:
+        yield Remark(
+            "wrong",
+            "reference",
+            "copy",
+            f"The reference of {', '.join(copies)} is the measured position itself.",
+            "Name the column of the setpoint; without one leave q_ref out and set "
+            'reference = "reconstruct".',
+            copies[0],
+            place,
+        )
+        return
+    for j, name in enumerate(names[: q.shape[1]]):
+        if np.std(q_ref[:, j]) == 0 and np.std(q[:, j]) > 0:
+            yield Remark(
+                "wrong",
+                "reference",
+                "constant",
+                f"The reference of {name} never changes, but {name} moves.",
+                "Name the column of this joint's setpoint.",
+                name,
+                place,
+            )
+            return
+    far = [j for j in range(q.shape[1]) if distance[j] > CLOSE and np.ptp(q[:, j]) > MOTION]
+    if not far:
+        moving = np.ptp(q, axis=0) > MOTION
+        apart = moving * np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), MOTION)
+        for j in np.flatnonzero(apart > 0.1).tolist():
+            yield Remark(
+                "look",
+                "reference",
+                "offset",
+                f"The reference of {names[j]} lies {np.mean(q_ref - q, axis=0)[j]:.4g} rad (or "
+                "m) away from the position all the time.",
+                "The two have another zero; correct one of them in the log.",
+                names[j],
+                place,
+            )
+        return
+    fit = np.abs(_correlations(q, q_ref))
+    best = fit.argmax(axis=1)
+    swapped = [j for j in far if best[j] != j and fit[j, best[j]] ** 2 > ALIKE]
+    if swapped:
+        pairs = ", ".join(f"{names[j]} follows the reference of {names[best[j]]}" for j in swapped)
+        yield Remark(
+            "wrong",
+            "reference",
+            "order",
+            f"The columns of q and q_ref are in different order: {pairs}.",
+            "List both in the order of the robot's joints.",
+            names[swapped[0]],
+            place,
+        )
+        return
+    for j in far:
+        signed = _correlations(q[:, [j]], q_ref[:, [j]])[0, 0]
+        factor = signed * float(np.std(q_ref[:, j]) / np.std(q[:, j]))
+        if signed**2 > ALIKE:
+            cause, step = f"{factor:.4g} times the position", "Check the units of q and q_ref."
+            if signed < 0:
+                step = "One of the two has a reversed sign; correct it in the log."
+            elif 0.9 < factor * np.pi / 180 < 1.1:
+                step = 'It seems to be in degrees: set units = {q_ref = "deg"}.'
+            elif 0.9 < factor * 180 / np.pi < 1.1:
+                step = 'The positions seem to be in degrees: set units = {q = "deg"}.'
+            yield Remark(
+                "wrong", "reference", "unit", f"The reference of {names[j]} is {cause}.", step,
+                names[j], units,
+            )  # fmt: skip
+            continue
+        speed_of_ref = abs(_correlations(q[:, [j]], np.gradient(q_ref[:, [j]], axis=0))[0, 0])
+        speed_of_q = abs(_correlations(q_ref[:, [j]], np.gradient(q[:, [j]], axis=0))[0, 0])
+        if max(speed_of_ref, speed_of_q) ** 2 > 0.9:
+            which, other = ("q", "q_ref") if speed_of_ref > speed_of_q else ("q_ref", "q")
+            yield Remark(
+                "wrong",
+                "reference",
+                "speed",
+                f"{which} of {names[j]} is the derivative of {other}: it holds a speed.",
+                f"Name the column of the position for {which}.",
+                names[j],
+                (*place[:-1], which),
+            )
+            continue
+        yield Remark(
+            "look",
+            "reference",
+            "far",
+            f"{names[j]} does not follow its reference: they are {100 * distance[j]:.3g} % of the "
+            "motion apart.",
+            "Another column, another joint, or a reference in another frame; IV and PIV simulate "
+            "the loop along it.",
+            names[j],
+            place,
+        )
+
+
+def _correlations(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Correlation of every column of x with every column of y."""
+    x, y = x - x.mean(axis=0), y - y.mean(axis=0)
+    size = np.outer(np.linalg.norm(x, axis=0), np.linalg.norm(y, axis=0))
+    return (x.T @ y) / np.where(size > 0, size, 1.0)
