@@ -22,6 +22,7 @@ from pivident.check.columns_check import check_columns
 from pivident.check.file_check import file_problems
 from pivident.check.filters_check import check_filters
 from pivident.check.geometry_check import check_geometry
+from pivident.check.gravity_check import check_gravity
 from pivident.check.loop_check import (
     check_gains,
     check_limit,
@@ -278,6 +279,8 @@ class _Check:
         if controller is not None and controller.kp is not None and not wrong:
             reversed_joints = () if audit.power is None else audit.power.reversed
             found += check_gains(log, audit.timing, controller, reversed_joints, place)
+            if entry.columns is None or not entry.columns.inputs:
+                found += check_gravity(log, audit.timing, controller)
         return found
 
     def _with_other_columns(self, log: Log, entry: RecordingEntry) -> Log:

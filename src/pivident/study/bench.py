@@ -25,6 +25,7 @@ from pivident.simulation.closed_loop import LoopSignals, Trajectory, simulate
 from pivident.simulation.controllers import Controller
 from pivident.simulation.counted_law import counted
 from pivident.simulation.excitation import FourierSeries
+from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.noise import Deviation, Noise, stream
 from pivident.study.motion import feed_forward_of, per_joint, reference_of
 from pivident.study.scenario import Scenario
@@ -258,7 +259,9 @@ class Bench:
             np.full(n, FARTHEST),
             np.full(n, FASTEST),
         )
-        controller = self.controller
+        controller = with_measured_gravity(
+            self.controller, robot, loop.drive_gain, loop.feed_forward
+        )
         if rounded:
             controller = counted(controller, self.noise, signals.rate, q_ref, dq_ref)
         model = make_model(robot, parameters, theta, clip=clip)

@@ -82,7 +82,7 @@ def feed_forward_of(
         loop: says whether there are any, and the drive gains.
         reference: q, dq, ddq.
     """
-    if loop.feed_forward == "none":
+    if loop.feed_forward in ("none", "gravity_measured"):  # that one is a part of the law
         return None
     standard = standard_parameters(robot)
     theta = nominal_values(robot, standard)
