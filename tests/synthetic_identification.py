@@ -8,13 +8,14 @@ from scipy.signal import lfilter
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.controller_identification import ControllerIdentification, JointLaw
+from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.identification import (
     FittedRecording,
     Identification,
     Iteration,
     JointFit,
 )
+from pivident.estimation.joint_law import JointLaw
 from pivident.estimation.problem import Loop
 from pivident.estimation.unknown_loop import Feedback
 from pivident.robot import load_robot

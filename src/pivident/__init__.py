@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from pivident.report.builder import write_report
     from pivident.robot import Robot, load_robot
     from pivident.simulation.controllers import PD, PID, Cascade, PythonController
+    from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
     from pivident.simulation.simulated_record import SimulatedRecord, simulate
     from pivident.simulation.virtual_pd import virtual_pd
     from pivident.tables.chosen import table
@@ -56,6 +57,8 @@ _HOME = {
     "AutoRegressive": "pivident.estimation.methods",
     "Bandpass": "pivident.estimation.methods",
     "Cascade": "pivident.simulation.controllers",
+    "GravityCompensated": "pivident.simulation.gravity_compensation",
+    "GravityModel": "pivident.simulation.gravity_compensation",
     "Identification": "pivident.estimation.identification",
     "InstrumentalVariables": "pivident.estimation.methods",
     "LeastSquares": "pivident.estimation.methods",
@@ -101,6 +104,8 @@ __all__ = [
     "AutoRegressive",
     "Bandpass",
     "Cascade",
+    "GravityCompensated",
+    "GravityModel",
     "Identification",
     "InstrumentalVariables",
     "LeastSquares",

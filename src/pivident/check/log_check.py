@@ -12,13 +12,14 @@ from pathlib import Path
 from typing import Any
 
 from pivident.audit.audit import Audit, audit_log
-from pivident.audit.log import Log
 from pivident.audit.file_columns import read_columns
+from pivident.audit.log import Log
 from pivident.audit.reading import entry_log
 from pivident.audit.timing import Timing, check_timing
 from pivident.check.columns_check import check_columns
 from pivident.check.gains_check import check_gains, check_limit
 from pivident.check.geometry_check import check_geometry
+from pivident.check.gravity_check import check_gravity
 from pivident.check.motion_check import check_motion
 from pivident.check.reference_check import check_reference
 from pivident.check.remark import Place, Remark, of_error, of_finding
@@ -134,7 +135,9 @@ def check_log(
         remarks.append(_no_rate(float(entry.rate or 0.0), place))
     if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
         every = _with_other_columns(log, entry, folder)
-        remarks += _motion(*_without_gaps(every, audit.timing, failure), audit, place, controller)
+        stretch, timing = _without_gaps(every, audit.timing, failure)
+        has_inputs = entry.columns is not None and bool(entry.columns.inputs)
+        remarks += _motion(stretch, timing, audit, place, controller, has_inputs)
     looked_at = _looked_at(log, audit, entry) if robot is not None or not remarks else ""
     return LogCheck(tuple(remarks), recordings, audit, looked_at)
 
@@ -183,7 +186,12 @@ def _with_other_columns(log: Log, entry: RecordingEntry, folder: Path) -> Log:
 
 
 def _motion(
-    log: Log, timing: Timing, audit: Audit, place: Place, controller: ControllerEntry | None
+    log: Log,
+    timing: Timing,
+    audit: Audit,
+    place: Place,
+    controller: ControllerEntry | None,
+    has_inputs: bool,
 ) -> list[Remark]:
     """What the channels say about one another, and about the controller."""
     parameters = 0 if log.robot is None else len(base_parameters(log.robot))
@@ -197,6 +205,8 @@ def _motion(
     if controller.kp is not None and not wrong:
         reversed_joints = () if audit.power is None else audit.power.reversed
         found += check_gains(log, timing, controller, reversed_joints, place)
+        if not has_inputs:
+            found += check_gravity(log, timing, controller)
     return found
 
 

@@ -30,6 +30,7 @@ from pivident.simulation.closed_loop import (
 from pivident.simulation.feed_forward import (
     computed_torque_feed_forward,
     gravity_feed_forward,
+    with_measured_gravity,
 )
 from pivident.simulation.loop_kernel import TORQUE
 from pivident.threads import run_in_threads
@@ -65,7 +66,10 @@ class AuxiliaryModel:
         self.problem = problem
         self.differences = differences
         self.torque = torque
-        self.loop = problem.loop
+        self.loop = loop = problem.loop
+        self.controller = with_measured_gravity(
+            loop.controller, problem.robot, loop.drive_gain, loop.feed_forward
+        )
         self.signals = []
         for k, recording in enumerate(problem.recordings):
             if kinematics is None:
@@ -98,7 +102,7 @@ class AuxiliaryModel:
     def _motion(self, k: int, model: Model) -> SimulatedMotion:
         """The motion of one recording; the channels of the simulation are never held whole."""
         recording, (signals, start) = self.problem.recordings[k], self.signals[k]
-        controller, names = self.loop.controller, self.problem.robot.joint_names
+        controller, names = self.controller, self.problem.robot.joint_names
         ratio = signals.rate / recording.rate
         step = round(ratio)
         if step < 1 or abs(ratio - step) > 1e-9:
@@ -192,7 +196,7 @@ def loop_signals(
         q_ref, dq_ref = recording.q_ref, recording.dq_ref
     inputs = np.sum(list(recording.inputs.values()), axis=0) if recording.inputs else None
     gain = np.broadcast_to(np.asarray(loop.drive_gain, float), (n,)).copy()
-    if loop.feed_forward != "none":
+    if loop.feed_forward in ("gravity", "computed_torque"):
         known = 0.0 if inputs is None else inputs
         inputs = known + _feed_forward(robot, loop, q_ref, dq_ref, recording) / gain
     tracking = np.abs(recording.q - q_ref).max(axis=0)

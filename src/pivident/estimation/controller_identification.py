@@ -8,7 +8,8 @@ the loop helps to tell gains apart. The law is linear in its gains,
 
 but for the lag T inside D, over which the fit is projected (variable projection, Golub and
 Pereyra 1973). Terms in brackets are taken in one after the other, the best first, as long as an
-F-test wants them and they take at least a hundredth of what was left.
+F-test wants them and they take at least a hundredth of what was left. A law that compensates
+gravity has g(q) or g(q_ref) besides, with parameters of its own (``law_gravity``).
 
 Where such a law explains little or would push away from its reference, the drive may follow a speed
 setpoint with an integrator too stiff for this equation (``speed_setpoint``); a law of that kind is
@@ -23,21 +24,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.estimation.joint_law import JointLaw, doubts_of, joint_law
 from pivident.estimation.law_equations import (
     ALWAYS,
     SETPOINT,
-    WORTHWHILE,
     Channel,
-    Equations,
     Term,
-    best_lag,
     channel_of,
-    column_of,
-    select_terms,
-    system_of,
 )
-from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.sandwich import sandwich, windows_of
+from pivident.estimation.law_gravity import (
+    gravity_columns,
+    gravity_models,
+    gravity_notes,
+)
 from pivident.estimation.speed_setpoint import (
     EXPLAINED,
     SpeedSetpoint,
@@ -45,63 +44,15 @@ from pivident.estimation.speed_setpoint import (
     speed_setpoint,
 )
 from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
 from pivident.simulation.controllers import Cascade
+from pivident.simulation.gravity_compensation import GravityCompensated
 from pivident.simulation.linear_law import LinearLaw
 from pivident.threads import run_in_threads
 
 #: Share of the output (rms) that a law on the position error may leave before a speed setpoint is
 #: tried in its place.
 POOR = 0.3
-
-
-@dataclass(frozen=True, eq=False)
-class JointLaw:
-    """The law of one joint.
-
-    Attributes:
-        name: name of the joint.
-        terms: terms in use.
-        gains: their gains, shape (terms,).
-        std: robust standard deviations of the gains.
-        derivative_time: lag T of the differentiator [s].
-        derivative_time_std: its standard deviation [s].
-        averaged: whether two-sample means are differenced.
-        rms: rms of what the law does not explain [u].
-        relative_error: that over the rms of u.
-        f_tests: F statistic of every extra term when it was tried last.
-        samples: samples used; saturated ones are left out.
-        saturated: samples left out.
-    """
-
-    name: str
-    terms: tuple[Term, ...]
-    gains: np.ndarray
-    std: np.ndarray
-    derivative_time: float
-    derivative_time_std: float
-    averaged: bool
-    rms: float
-    relative_error: float
-    f_tests: dict[str, float]
-    samples: int
-    saturated: int
-
-    def gain(self, term: Term) -> float:
-        """Gain of a term, zero where it is not used."""
-        return float(self.gains[self.terms.index(term)]) if term in self.terms else 0.0
-
-    @property
-    def cascade(self) -> tuple[float, float, float, float]:
-        """The law as a cascade kv (kp e - v̂): kp [1/s] and its deviation, kv and its deviation.
-
-        The deviation of the ratio is that of independent gains, an upper bound where they are
-        positively correlated.
-        """
-        kp, kv = self.gain("kp"), self.gain("kd")
-        std = dict(zip(self.terms, self.std, strict=True))
-        ratio = kp / kv
-        relative = np.hypot(std["kp"] / kp, std["kd"] / kv)
-        return ratio, abs(ratio) * float(relative), kv, float(std["kd"])
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,7 +75,7 @@ class ControllerIdentification:
         setpoints: speed setpoints of the joints, where the drives follow one.
     """
 
-    law: LinearLaw | Cascade
+    law: LinearLaw | Cascade | GravityCompensated
     joints: tuple[JointLaw, ...]
     recordings: tuple[str, ...]
     output: np.ndarray
@@ -142,6 +93,11 @@ class ControllerIdentification:
             return tuple(recordings)
         return tuple(as_seen_by_the_drive(r, self.setpoints) for r in recordings)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know of the laws' structure, whole sentences."""
+        return gravity_notes([j.name for j in self.joints], [j.gravity for j in self.joints])
+
     def __str__(self) -> str:
         from pivident.estimation.tables import controller_table
 
@@ -153,6 +109,7 @@ def identify_controller(
     drive_gain: np.ndarray | float = 1.0,
     limit: np.ndarray | float = np.inf,
     terms: Sequence[Term] | None = None,
+    robot: Robot | None = None,
 ) -> ControllerIdentification:
     """Find the control law of each joint from its reference, positions and torques.
 
@@ -162,6 +119,8 @@ def identify_controller(
         limit: largest output; samples that reach it are left out, likewise those whose torque
             is visibly cut off.
         terms: terms of the law; None: ``kp`` and ``kd``, and those others that an F-test wants.
+        robot: its geometry tells what gravity does, so that a law that compensates it is found
+            too, if no ``terms`` are given; None: laws without gravity only.
 
     Returns:
         The law of each joint with its gains, their deviations and its fit.
@@ -182,13 +141,15 @@ def identify_controller(
     gain = np.broadcast_to(np.asarray(drive_gain, float), (joints,))
     bound = np.broadcast_to(np.asarray(limit, float), (joints,))
     channels = [[channel_of(r, j, gain[j], bound[j]) for r in recordings] for j in range(joints)]
-    found: list[JointLaw | None] = [None] * joints
+    weights = gravity_columns(robot) if robot is not None and terms is None else [None] * joints
+    found: list[tuple[JointLaw, np.ndarray] | None] = [None] * joints
 
     def work(j: int) -> None:
-        found[j] = _joint_law(recordings[0].joint_names[j], channels[j], terms)
+        name = recordings[0].joint_names[j]
+        found[j] = joint_law(name, channels[j], terms, recordings, weights[j], gain[j])
 
     run_in_threads(work, range(joints))
-    laws = [own for own in found if own is not None]
+    laws = [own[0] for own in found if own is not None]
     wrong = any(law.gain(term) < 0.0 for law in laws for term in ALWAYS)
     if terms is None and (wrong or any(law.relative_error > POOR for law in laws)):
         setpoints = _speed_setpoints(channels, recordings)
@@ -196,16 +157,10 @@ def identify_controller(
             return _with_setpoints(recordings, channels, setpoints)
         if wrong:
             raise IdentificationError(_refusal(laws, setpoints))
-    law = _law_of(laws)
+    law = _law_of(laws, robot, gain)
     output = np.stack([own[0].u for own in channels], axis=1)
-    model = np.stack(
-        [
-            np.stack(_columns(own[0], law_of_joint), axis=1) @ law_of_joint.gains
-            for own, law_of_joint in zip(channels, laws, strict=True)
-        ],
-        axis=1,
-    )
-    warnings = [text for own in laws for text in _warnings(own)]
+    model = np.stack([own[1] for own in found if own is not None], axis=1)
+    warnings = [text for own in laws for text in doubts_of(own)]
     names = tuple(r.name for r in recordings)
     return ControllerIdentification(
         law, tuple(laws), names, output, model, recordings[0].rate, tuple(warnings), recordings
@@ -287,7 +242,7 @@ def _setpoint_warnings(laws: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoi
         "The reference that is simulated is the setpoint as it arrives, with the known inputs.",
         "The integrator of the speed loop is told from the output beyond the band of the motion, "
         f"of which the loop explains {seen}; there the speed gains look like {noise}.",
-        *(text for law in laws for text in _warnings(law)),
+        *(text for law in laws for text in doubts_of(law)),
     ]
 
 
@@ -311,82 +266,9 @@ def _refusal(refused: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]) ->
     )
 
 
-def _joint_law(name: str, channels: Sequence[Channel], wanted: Sequence[Term] | None) -> JointLaw:
-    """The best differentiator, and for it the terms."""
-    error = np.concatenate([(c.q_ref - c.q)[c.use] for c in channels])
-    if not error.size or np.ptp(error) == 0.0:
-        raise IdentificationError(
-            f"joint {name!r} has no control error to identify a law from: its reference equals "
-            "the position. Was the position logged as its own reference?"
-        )
-    candidates = [Equations.build(channels, 0.0, True), Equations.build(channels, 0.0, False)]
-    terms, _ = select_terms(candidates[1], wanted)
-    lag = best_lag(channels, terms)
-    if lag is not None:
-        candidates.append(lag)
-    chosen = [(equations, *select_terms(equations, wanted)) for equations in candidates]
-    best, terms, tests = min(chosen, key=lambda c: c[0].fit(c[1])[1])
-    plain = chosen[1]
-    if best.fit(terms)[1] * (1.0 + WORTHWHILE) > plain[0].fit(plain[1])[1]:
-        best, terms, tests = plain  # the backward difference, where nothing is better
-    return _finished(name, channels, best, terms, tests)
-
-
-def _columns(channel: Channel, law: JointLaw) -> list[np.ndarray]:
-    """The columns of a finished law."""
-    return [column_of(channel, t, law.derivative_time, law.averaged) for t in law.terms]
-
-
-def _finished(
-    name: str,
-    channels: Sequence[Channel],
-    equations: Equations,
-    terms: tuple[Term, ...],
-    tests: dict[str, float],
-) -> JointLaw:
-    """Gains with robust deviations; the lag's column is the derivative of the fit by T."""
-    time, averaged = equations.time, equations.averaged
-    gains = equations.fit(terms)[0]
-    phi, u = system_of(channels, terms, time, averaged)
-    residual = u - phi @ gains
-    rss = float(residual @ residual)
-    columns = phi
-    if time > 0.0:
-        step = 1e-4 * time
-        ahead = system_of(channels, terms, time + step, averaged)[0] @ gains
-        behind = system_of(channels, terms, time - step, averaged)[0] @ gains
-        columns = np.column_stack([phi, (ahead - behind) / (2.0 * step)])
-    covariance = _robust_covariance(columns, residual)
-    std = np.sqrt(np.diag(covariance))
-    saturated = sum(c.saturated for c in channels)
-    return JointLaw(
-        name=name,
-        terms=terms,
-        gains=gains,
-        std=std[: len(terms)],
-        derivative_time=time,
-        derivative_time_std=float(std[-1]) if time > 0.0 else 0.0,
-        averaged=averaged,
-        rms=float(np.sqrt(rss / u.size)),
-        relative_error=float(np.sqrt(rss / np.sum(u**2))),
-        f_tests=tests,
-        samples=u.size,
-        saturated=saturated,
-    )
-
-
-def _robust_covariance(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
-    """Sandwich over smooth windows of the linear fit with these columns."""
-    scale = np.sqrt(np.mean(columns**2, axis=0))
-    scale[scale == 0.0] = 1.0
-    (windows,) = windows_of([residual.size])
-    sums = JointSums.empty("", np.arange(scale.size), windows.count)
-    shares = list(windows.shares(slice(0, residual.size)))
-    sums.add((columns / scale).T, None, residual, None, shares)
-    return sandwich([sums], np.zeros(scale.size), np.ones(1)) / np.outer(scale, scale)
-
-
-def _law_of(laws: Sequence[JointLaw]) -> LinearLaw:
+def _law_of(
+    laws: Sequence[JointLaw], robot: Robot | None, drive_gain: np.ndarray
+) -> LinearLaw | GravityCompensated:
     """The controller of all joints.
 
     Raises:
@@ -405,7 +287,7 @@ def _law_of(laws: Sequence[JointLaw]) -> LinearLaw:
     def gains(term: Term) -> np.ndarray:
         return np.array([law.gain(term) for law in laws])
 
-    return LinearLaw(
+    linear = LinearLaw(
         kp=gains("kp"),
         kd=gains("kd"),
         ki=gains("ki"),
@@ -415,20 +297,7 @@ def _law_of(laws: Sequence[JointLaw]) -> LinearLaw:
         derivative_time=np.array([law.derivative_time for law in laws]),
         averaged=np.array([law.averaged for law in laws]),
     )
-
-
-def _warnings(law: JointLaw) -> list[str]:
-    """What has to be said about a law."""
-    out = []
-    if law.relative_error > 0.1:
-        out.append(
-            f"The law found for joint {law.name!r} leaves {100 * law.relative_error:.2g} % of its "
-            "output unexplained; take its gains as nominal."
-        )
-    for term, gain, std in zip(law.terms, law.gains, law.std, strict=True):
-        if std > 0.5 * abs(gain):
-            out.append(
-                f"{term} of joint {law.name!r} is {gain:.3g} ± {2 * std:.2g}: this record hardly "
-                "tells it."
-            )
-    return out
+    if robot is None or all(own.gravity is None for own in laws):
+        return linear
+    models = gravity_models(robot, [own.gravity for own in laws], drive_gain)
+    return GravityCompensated(linear, models.get("gravity"), models.get("gravity_reference"))

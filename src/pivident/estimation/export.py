@@ -12,6 +12,7 @@ from os import PathLike
 from typing import Any
 
 from pivident.estimation.identification import Identification
+from pivident.estimation.law_gravity import JointGravity
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Loop
 from pivident.files import atomic_folder
@@ -102,6 +103,7 @@ def controller_values(loop: Loop | None) -> list[dict[str, Any]] | None:
                 "relative_error": None,
                 "saturated": None,
                 "f_tests": {},
+                "gravity": None,
             }
             for own in loop.feedback
         ]
@@ -117,9 +119,28 @@ def controller_values(loop: Loop | None) -> list[dict[str, Any]] | None:
             "relative_error": law.relative_error,
             "saturated": law.saturated,
             "f_tests": law.f_tests,
+            "gravity": gravity_values(law.gravity),
         }
         for law in loop.identified.joints
     ]
+
+
+def gravity_values(gravity: JointGravity | None) -> dict[str, Any] | None:
+    """The gravity model in the law of one joint; None where it has none.
+
+    Args:
+        gravity: the model.
+    """
+    if gravity is None:
+        return None
+    return {
+        "at": "q" if gravity.place == "gravity" else "q_ref",
+        "parameters": [p.name for p in gravity.parameters],
+        "values": gravity.values,
+        "std": gravity.std,
+        "units": [p.unit for p in gravity.parameters],
+        "f_test": gravity.statistic,
+    }
 
 
 def reference_values(loop: Loop | None) -> list[dict[str, Any]] | None:

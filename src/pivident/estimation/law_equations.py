@@ -2,14 +2,15 @@
 
     u = kp e - kd D q + [kv_ref D q_ref] + [ki ∫e] + [ka_ref D D q_ref] + [offset],   e = q_ref - q
 
-They are linear in the gains. Their QR factors are formed once per differentiator; every choice of
-terms is then a small problem on the triangle.
+and, of a law that compensates gravity, [g(q)] or [g(q_ref)], one column for each parameter of its
+gravity model (``law_gravity``). They are linear in the gains. Their QR factors are formed once per
+differentiator; every choice of columns is then a small problem on the triangle.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 import numpy as np
@@ -27,6 +28,9 @@ Term = Literal[
 ALWAYS: tuple[Term, ...] = ("kp", "kd")
 EXTRA: tuple[Term, ...] = ("speed_reference", "ki", "acceleration_reference", "offset")
 TERMS = ALWAYS + EXTRA
+
+#: A column of the equations: that of a term, or, by its number, one of the law's gravity model.
+Column = Term | int
 
 #: What a drive that follows a speed setpoint has instead (``speed_setpoint``).
 SETPOINT: tuple[Term, ...] = ("position_gain", "speed_gain", "integral_gain", "delay")
@@ -51,7 +55,10 @@ LARGEST_START = 0.05
 
 @dataclass(frozen=True, eq=False)
 class Channel:
-    """One joint of one recording: output, reference and positions, and which samples count."""
+    """One joint of one recording: output, reference and positions, and which samples count.
+
+    ``gravity`` holds the columns of its law's gravity model, shape (samples, parameters).
+    """
 
     u: np.ndarray
     q: np.ndarray
@@ -60,6 +67,7 @@ class Channel:
     rate: float
     use: np.ndarray
     saturated: int
+    gravity: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
 
 def channel_of(recording: Recording, j: int, gain: float, limit: float) -> Channel:
@@ -86,12 +94,13 @@ def channel_of(recording: Recording, j: int, gain: float, limit: float) -> Chann
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """All terms and the output for one differentiator, as the triangle of their QR factors.
+    """All columns and the output for one differentiator, as the triangle of their QR factors.
 
     Attributes:
         time: lag T [s].
         averaged: whether two-sample means are differenced.
-        triangle: R of (columns of unit length, output), shape (terms + 1, terms + 1).
+        triangle: R of (columns of unit length, output), shape
+            (columns + 1, columns + 1).
         scale: length of each column.
         rows: number of equations.
     """
@@ -105,7 +114,8 @@ class Equations:
     @classmethod
     def build(cls, channels: Sequence[Channel], time: float, averaged: bool) -> Equations:
         """Form the columns and factor them."""
-        phi, u = system_of(channels, TERMS, time, averaged)
+        every = (*TERMS, *range(channels[0].gravity.shape[1]))
+        phi, u = system_of(channels, every, time, averaged)
         scale = np.sqrt(np.sum(phi**2, axis=0))
         scale[scale == 0.0] = 1.0
         triangle = np.asarray(np.linalg.qr(np.column_stack([phi / scale, u]), mode="r"))
@@ -116,23 +126,25 @@ class Equations:
         """Sum of squares of the output."""
         return float(np.sum(self.triangle[:, -1] ** 2))
 
-    def fit(self, terms: Sequence[Term]) -> tuple[np.ndarray, float]:
-        """Gains of some terms and the residual sum of squares."""
-        columns = [TERMS.index(t) for t in terms]
+    def fit(self, chosen: Sequence[Column]) -> tuple[np.ndarray, float]:
+        """Gains of some columns and the residual sum of squares."""
+        columns = [len(TERMS) + c if isinstance(c, int) else TERMS.index(c) for c in chosen]
         phi, u = self.triangle[:, columns], self.triangle[:, -1]
         gains = np.linalg.lstsq(phi, u, rcond=1e-13)[0]
         return gains / self.scale[columns], float(np.sum((u - phi @ gains) ** 2))
 
 
 def select_terms(
-    equations: Equations, wanted: Sequence[Term] | None
-) -> tuple[tuple[Term, ...], dict[str, float]]:
-    """Terms of the law by forward selection, and the F statistic of each extra one."""
+    equations: Equations,
+    wanted: Sequence[Term] | None,
+    begin: tuple[Column, ...] = ALWAYS,
+) -> tuple[tuple[Column, ...], dict[str, float]]:
+    """Columns of the law by forward selection, and the F statistic of each extra term."""
     from scipy.stats import f as f_distribution
 
     if wanted is not None:
         return tuple(wanted), {}
-    terms: tuple[Term, ...] = ALWAYS
+    terms = begin
     tests: dict[str, float] = {}
     left = list(EXTRA)
     rss = equations.fit(terms)[1]
@@ -150,7 +162,32 @@ def select_terms(
     return terms, tests
 
 
-def best_lag(channels: Sequence[Channel], terms: Sequence[Term]) -> Equations | None:
+def best_equations(
+    channels: Sequence[Channel],
+    begin: tuple[Column, ...] = ALWAYS,
+    wanted: Sequence[Term] | None = None,
+) -> tuple[Equations, tuple[Column, ...], dict[str, float]]:
+    """Equations for the best differentiator, their columns and the F statistics of extra terms.
+
+    Args:
+        channels: one joint in each recording.
+        begin: columns that every law has.
+        wanted: terms of the law; None: those of ``begin``, and others that an F-test wants.
+    """
+    candidates = [Equations.build(channels, 0.0, True), Equations.build(channels, 0.0, False)]
+    terms, _ = select_terms(candidates[1], wanted, begin)
+    lag = best_lag(channels, terms)
+    if lag is not None:
+        candidates.append(lag)
+    chosen = [(equations, *select_terms(equations, wanted, begin)) for equations in candidates]
+    best = min(chosen, key=lambda c: c[0].fit(c[1])[1])
+    plain = chosen[1]  # the backward difference, where nothing is better
+    if best[0].fit(best[1])[1] * (1.0 + WORTHWHILE) > plain[0].fit(plain[1])[1]:
+        return plain
+    return best
+
+
+def best_lag(channels: Sequence[Channel], terms: Sequence[Column]) -> Equations | None:
     """Equations of the lag T with the smallest residual; None where no lag is better than none."""
     from scipy.optimize import minimize_scalar
 
@@ -168,9 +205,11 @@ def best_lag(channels: Sequence[Channel], terms: Sequence[Term]) -> Equations | 
     return Equations.build(channels, h * float(np.exp(found.x)), False)
 
 
-def column_of(channel: Channel, term: Term, time: float, averaged: bool) -> np.ndarray:
+def column_of(channel: Channel, term: Column, time: float, averaged: bool) -> np.ndarray:
     """What a gain multiplies, shape (samples,)."""
     c = channel
+    if isinstance(term, int):
+        return c.gravity[:, term]
     if term == "kp":
         return c.q_ref - c.q
     if term == "kd":
@@ -184,7 +223,7 @@ def column_of(channel: Channel, term: Term, time: float, averaged: bool) -> np.n
 
 
 def system_of(
-    channels: Sequence[Channel], terms: Sequence[Term], time: float, averaged: bool
+    channels: Sequence[Channel], terms: Sequence[Column], time: float, averaged: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """Columns and output on the samples that count."""
     phi = [

@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
-from pivident.simulation.controllers import Controller
+from pivident.simulation.controllers import Controller, FeedForward
 
 if TYPE_CHECKING:
     from pivident.estimation.controller_identification import ControllerIdentification
@@ -44,7 +44,8 @@ class Loop:
             the simulation along the motion, and the instruments then depend on the noise that
             the smoother let through.
         feed_forward: ``gravity`` or ``computed_torque``: the controller adds the inverse
-            dynamics of the reference with the robot's nominal parameters, at rest or in motion.
+            dynamics of the reference with the robot's nominal parameters, at rest or in motion;
+            ``gravity_measured``: it adds the weight of the nominal links at the measured position.
         identified: where the law comes from, if it was identified.
         feedback: where it comes from, joint by joint, if it was told from the noise in the loop.
         reconstructed: where the references come from, one for each recording.
@@ -55,7 +56,7 @@ class Loop:
     drive_gain: np.ndarray | float = 1.0
     limit: np.ndarray | float = np.inf
     reference: Literal["recorded", "smoothed"] = "recorded"
-    feed_forward: Literal["none", "gravity", "computed_torque"] = "none"
+    feed_forward: FeedForward = "none"
     identified: ControllerIdentification | None = None
     feedback: tuple[Feedback, ...] = ()
     reconstructed: tuple[ReconstructedReference, ...] = ()
@@ -69,7 +70,7 @@ class Loop:
             )
         for name, choices in (
             ("reference", ("recorded", "smoothed")),
-            ("feed_forward", ("none", "gravity", "computed_torque")),
+            ("feed_forward", get_args(FeedForward)),
         ):
             if getattr(self, name) not in choices:
                 raise ExperimentError(

@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 
 from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.identification import Identification
+from pivident.estimation.law_gravity import PLACE_TEXTS
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
     ParameterRow,
@@ -59,6 +60,8 @@ def identification_table(identification: Identification) -> str:
 def controller_table(found: ControllerIdentification) -> str:
     """An identified control law: gains with intervals, differentiator, fit, for each joint.
 
+    Where laws compensate gravity, their gravity models come as a second table.
+
     Args:
         found: the law.
     """
@@ -82,7 +85,27 @@ def controller_table(found: ControllerIdentification) -> str:
     columns.append(_column("error %", errors, "."))
     columns.append(_column("saturated", [str(law.saturated) for law in found.joints], ">"))
     head = f"Control law of {', '.join(found.recordings)}, output per rad or m, rad/s or m/s, …"
-    return "\n\n".join([head, _lines(columns), *(f"Warning: {t}" for t in found.warnings)])
+    parts = [head, _lines(columns), *_gravity_tables(found)]
+    return "\n\n".join([*parts, *(f"Warning: {t}" for t in found.warnings)])
+
+
+def _gravity_tables(found: ControllerIdentification) -> list[str]:
+    """What each joint's law takes for the robot's weight; nothing where none compensates it."""
+    rows = [
+        (law.name, PLACE_TEXTS[own.place], p.name, *with_spread(value, 2.0 * std), p.unit)
+        for law in found.joints
+        if (own := law.gravity) is not None
+        for p, value, std in zip(own.parameters, own.values, own.std, strict=True)
+    ]
+    if not rows:
+        return []
+    titles = ("law of", "gravity at", "parameter", "value", "±2σ", "unit")
+    columns = [
+        _column(title, list(cells), side)
+        for title, side, cells in zip(titles, "<<<..<", zip(*rows, strict=True), strict=True)
+    ]
+    title = "Gravity that the law compensates, as its own model of the robot has it"
+    return [title, _lines(columns)]
 
 
 def differentiator_text(averaged: bool, time: float = 0.0, std: float = 0.0) -> str:

@@ -127,7 +127,8 @@ def complete_loop(
     """Recordings with a reference and a loop with a law, whatever was missing.
 
     Args:
-        robot: the robot; a declared law takes its inertia.
+        robot: the robot; a declared law takes its inertia, gravity in an identified one its
+            geometry.
         recordings: runs under the same law.
         controller: the law; None: it is identified.
         reconstruct: whether the reference is reconstructed, recorded or not.
@@ -146,8 +147,10 @@ def complete_loop(
     if not reconstruct:
         if controller is not None:
             return recordings, Loop(controller, drive_gain, limit)
-        found = identify_controller(recordings, gain, limit)
-        return found.signals, Loop(found.law, drive_gain, limit, identified=found)
+        found = identify_controller(recordings, gain, limit, robot=robot)
+        return found.signals, Loop(
+            found.law, drive_gain, limit, identified=found, notes=found.notes
+        )
     notes: list[str] = []
     told: tuple[Feedback, ...] = ()
     signals = [r.q for r in recordings]

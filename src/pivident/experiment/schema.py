@@ -17,6 +17,7 @@ from pivident.experiment.method_tables import IdentifyEntry
 from pivident.experiment.table_values import Folder, Interval, Names, Numbers, Paths, PerJoint
 from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
+from pivident.simulation.controllers import FeedForward
 
 #: Keys that every real loop may have.
 LOOP_KEYS = {"drive_gain", "limit", "feed_forward"}
@@ -158,7 +159,7 @@ class ControllerEntry(Entry):
     speed_feed_forward: float = 0.0
     drive_gain: Numbers = 1.0
     limit: Numbers | None = None
-    feed_forward: Literal["none", "gravity", "computed_torque"] = "none"
+    feed_forward: FeedForward = "none"
     bandwidth: PositiveFloat | None = None
     damping: PositiveFloat | None = None
     reference: Literal["recorded", "smoothed", "reconstruct"] | None = None

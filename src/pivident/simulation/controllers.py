@@ -3,17 +3,18 @@
 All laws here share one discrete form, joint by joint, with q the *measured* position,
 
     u_k = r_k - B(z)/A(z) q_k + I_k,       I_k = I_{k-1} + K_i h (w_k - W(z)/A(z) q_k)
-    τ_k = gain · clip(u_k + inputs_k, ±limit)
+    τ_k = gain · clip(u_k + g(q_k) + inputs_k, ±limit)
 
-where r and w gather what is known beforehand (reference, feed-forward). One compiled loop runs
-them all, and B/A is what the prefilter of IDIM-PIV inverts: the law without its integrator.
+where r and w gather what is known beforehand (reference, feed-forward) and g is the torque of
+gravity that a law may compensate. One compiled loop runs them all, and B/A is what the prefilter
+of IDIM-PIV inverts: the law without its integrator and gravity, which are slow.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
@@ -22,7 +23,14 @@ from pivident.errors import ExperimentError
 #: One gain for each joint, or one for all.
 Gains = np.ndarray | Sequence[float] | float
 
+#: What a controller may add: nothing, gravity of the reference or of the measured position, or the
+#: inverse dynamics of the reference.
+FeedForward = Literal["none", "gravity", "gravity_measured", "computed_torque"]
+
 TAPS = 3  # B, A and W have at most second order
+
+#: Masses of a law that does not compensate gravity.
+WEIGHTLESS = np.zeros((0, 0, 4))
 
 
 class SampledLaw(NamedTuple):
@@ -36,6 +44,8 @@ class SampledLaw(NamedTuple):
         integral_gain: K_i per second, shape (joints,).
         reference: r, shape (samples, joints) [unit of u].
         integrand_reference: w, shape (samples, joints).
+        masses: of g, see ``gravity_compensation.GravityModel``, shape (joints, joints, 4); no
+            joints: the law does not compensate gravity at the measured position.
     """
 
     feedback: np.ndarray
@@ -44,6 +54,7 @@ class SampledLaw(NamedTuple):
     integral_gain: np.ndarray
     reference: np.ndarray
     integrand_reference: np.ndarray
+    masses: np.ndarray = WEIGHTLESS
 
 
 class Controller(Protocol):

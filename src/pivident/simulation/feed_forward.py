@@ -1,7 +1,8 @@
-"""Feed-forward torques from nominal parameters, evaluated on the reference.
+"""Torques that a controller adds from nominal parameters.
 
-They are known before the run, so they enter the simulated loop like any other known input: added
-to the controller's output (divide by the drive gain where that is not a torque).
+Evaluated on the reference they are known before the run, so they enter the simulated loop like any
+other known input: added to the controller's output (divide by the drive gain where that is not a
+torque). Gravity at the measured position is not known before; it becomes a part of the law.
 """
 
 from __future__ import annotations
@@ -13,6 +14,8 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import Robot
+from pivident.simulation.controllers import Controller, FeedForward
+from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
 
 if TYPE_CHECKING:
     from pivident.estimation.problem import Loop
@@ -28,7 +31,7 @@ def loop_feed_forward(
         loop: says whether there are any, and the drive gains.
         reference: q, dq, ddq, each (samples, joints).
     """
-    if loop.feed_forward == "none":
+    if loop.feed_forward in ("none", "gravity_measured"):  # that one is a part of the law
         return None
     standard = standard_parameters(robot)
     theta = nominal_values(robot, standard)
@@ -76,3 +79,19 @@ def computed_torque_feed_forward(
         Torques or forces [N m or N].
     """
     return Regressor.build(robot, parameters).torque(q_ref, dq_ref, ddq_ref, theta)
+
+
+def with_measured_gravity(
+    controller: Controller, robot: Robot, drive_gain: np.ndarray | float, kind: FeedForward
+) -> Controller:
+    """The law with the nominal robot's gravity at the measured position, where ``kind`` says so.
+
+    Args:
+        controller: the law.
+        robot: the robot; its nominal masses are those of the gravity model.
+        drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+        kind: what the controller adds; of all but ``gravity_measured`` the law knows nothing.
+    """
+    if kind != "gravity_measured":
+        return controller
+    return GravityCompensated(controller, GravityModel.nominal(robot, drive_gain))

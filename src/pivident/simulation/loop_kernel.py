@@ -18,6 +18,7 @@ from pivident.dynamics.friction_table import (
 )
 from pivident.robot.friction import FrictionColumn
 from pivident.simulation.controllers import TAPS, SampledLaw
+from pivident.simulation.gravity_compensation import PLACE, gravity_torques
 from pivident.simulation.integration import (
     CLOCKS,
     DDQ,
@@ -64,6 +65,9 @@ class LoopState(NamedTuple):
             shape (samples of delay + 2, joints).
         integral: I of the control law, shape (joints,).
         past: inner state of B/A and W/A in direct form II, shape (joints, TAPS).
+        place: scratch of the law's gravity model, shape (joints, PLACE).
+        measured: positions that the law reads, shape (joints,).
+        weight: gravity that it compensates, shape (joints,); zero where it does not.
     """
 
     vectors: np.ndarray
@@ -79,6 +83,9 @@ class LoopState(NamedTuple):
     commanded: np.ndarray
     integral: np.ndarray
     past: np.ndarray
+    place: np.ndarray
+    measured: np.ndarray
+    weight: np.ndarray
 
 
 def initial_state(
@@ -109,6 +116,9 @@ def initial_state(
         commanded=np.zeros((late + 2, n)),
         integral=np.zeros(n),
         past=np.zeros((n, TAPS)),
+        place=np.zeros((n, PLACE)),
+        measured=np.zeros(n),
+        weight=np.zeros(n),
     )
     friction_torque(*friction[:5], state.vectors, V, FRICTION, state.slopes, AT_REST)
     state.vectors[Q], state.vectors[V] = q, dq
@@ -180,7 +190,8 @@ def run_loop(
     pair_index, pair_value = friction.pair_index, friction.pair_value
     feedback, pole, integrand = law.feedback, law.pole, law.integrand
     integral_gain, reference = law.integral_gain, law.reference
-    integrand_reference = law.integrand_reference
+    integrand_reference, masses = law.integrand_reference, law.masses
+    place, measured, weight = state.place, state.measured, state.weight
     vectors, matrices, slopes, clock = state.vectors, state.matrices, state.slopes, state.clock
     pose, motion, force, composite = state.pose, state.motion, state.force, state.composite
     torque, commanded, integral, past = state.torque, state.commanded, state.integral, state.past
@@ -198,7 +209,14 @@ def run_loop(
         if inputs.shape[0] > 1:
             given = k
         for j in range(n):
-            w = vectors[Q, j] + noise[heard, j]
+            measured[j] = vectors[Q, j] + noise[heard, j]
+        if masses.shape[0] > 0:
+            gravity_torques(
+                parent, prismatic, rotation, translation, gravity, masses, measured, pose, place,
+                weight,
+            )  # fmt: skip
+        for j in range(n):
+            w = measured[j]
             for m in range(1, TAPS):
                 w -= pole[j, m] * past[j, m - 1]
             proportional, integrated = feedback[j, 0] * w, integrand[j, 0] * w
@@ -209,7 +227,8 @@ def run_loop(
                 past[j, m] = past[j, m - 1]
             past[j, 0] = w
             growth = integral_gain[j] * period * (integrand_reference[k, j] - integrated)
-            u = reference[k, j] - proportional + integral[j] + growth + inputs[given, j]
+            u = reference[k, j] - proportional + integral[j] + growth
+            u += weight[j] + inputs[given, j]
             held = min(max(u, -limits[OUTPUT, j]), limits[OUTPUT, j])
             # anti-windup: the integrator rests while it would push further into the limit
             if (u - held) * growth <= 0.0:

@@ -25,7 +25,7 @@ from pivident.robot.description import Robot
 from pivident.simulation.closed_loop import LoopSignals, Trajectory
 from pivident.simulation.closed_loop import simulate as simulate_loop
 from pivident.simulation.controllers import Controller
-from pivident.simulation.feed_forward import loop_feed_forward
+from pivident.simulation.feed_forward import loop_feed_forward, with_measured_gravity
 from pivident.simulation.noise import Noise
 from pivident.simulation.reference import point_to_point
 
@@ -161,7 +161,7 @@ def loop_motion(
         reference: q, dq, ddq, each (samples, joints).
         parameters: heads of base groups; the others are zero.
         theta: their values, shape (parameters,).
-        controller: a law in place of the loop's.
+        controller: a law in place of the loop's, with the gravity that it adds itself.
         noise: position noise that the control law reads, shape (samples, joints) [rad or m].
         clip: whether negative friction levels count as zero.
 
@@ -183,7 +183,10 @@ def loop_motion(
     )
     model = make_model(robot, parameters, theta, clip=clip)
     start = q_ref[0].copy(), dq_ref[0].copy()
-    return simulate_loop(model, controller or loop.controller, signals, robot.joint_names, start)
+    law = controller or with_measured_gravity(
+        loop.controller, robot, loop.drive_gain, loop.feed_forward
+    )
+    return simulate_loop(model, law, signals, robot.joint_names, start)
 
 
 def _true_values(base: BaseParameters, values: Mapping[str, float]) -> np.ndarray:

@@ -24,6 +24,7 @@ from pivident.simulation.closed_loop import Trajectory
 from pivident.simulation.controllers import Controller
 from pivident.simulation.counted_law import counted
 from pivident.simulation.excitation import FourierSeries
+from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.noise import Deviation, Noise, stream
 from pivident.simulation.simulated_record import loop_motion
 from pivident.study.motion import per_joint, reference_of
@@ -242,13 +243,15 @@ class Bench:
         Raises:
             SimulationDiverged: names the joint and the time.
         """
-        scenario, rate = self.scenario, self.scenario.content.record.law_rate
-        controller = self.controller
+        scenario, loop, rate = self.scenario, self.loop, self.scenario.content.record.law_rate
+        controller = with_measured_gravity(
+            self.controller, scenario.robot, loop.drive_gain, loop.feed_forward
+        )
         if rounded:
             controller = counted(controller, self.noise, rate, *reference[:2])
         return loop_motion(
             scenario.robot,
-            self.loop,
+            loop,
             rate,
             reference,
             parameters,

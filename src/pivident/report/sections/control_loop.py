@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from pivident.estimation.controller_identification import ControllerIdentification, JointLaw
+from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.identification import Identification
+from pivident.estimation.joint_law import JointLaw
 from pivident.estimation.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
+from pivident.estimation.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.problem import Loop
 from pivident.estimation.tables import differentiator_text
 from pivident.report.figures import Figure, law_figure, position_unit, reference_figure
@@ -64,6 +66,7 @@ class ControlLoopSection(Section):
             "drives": [
                 (gain, joint.torque_unit) for gain, joint in zip(gains, user.joints, strict=True)
             ],
+            "compensates": any(law.gravity is not None for law in laws),
             "laws": [
                 (law, differentiator_text(*_differentiator(law)), list(_terms(law, unit)))
                 for law, unit in zip(laws, units, strict=False)
@@ -139,6 +142,24 @@ def _terms(law: JointLaw, position: str) -> Iterator[dict[str, Any]]:
             # F = (gained/left) × degrees of freedom
             "taken": statistic / (statistic + law.samples),
             "verdict": _verdict(law, term),
+        }
+    if law.gravity is not None:
+        yield from _weights(law.gravity)
+
+
+def _weights(gravity: JointGravity) -> Iterator[dict[str, Any]]:
+    """The parameters of the law's gravity model; the F-test is that of all of them together."""
+    where = "q" if gravity.place == "gravity" else "q_ref"
+    for p, value, std in zip(gravity.parameters, gravity.values, gravity.std, strict=True):
+        yield {
+            "name": f"gravity, {p.name}",
+            "meaning": f"∂g/∂{p.name} at {where}, the {PLACE_TEXTS[gravity.place]}",
+            "unit": p.unit,
+            "gain": float(value),
+            "std": float(std),
+            "statistic": gravity.statistic,
+            "taken": gravity.taken,
+            "verdict": "accepted",
         }
 
 

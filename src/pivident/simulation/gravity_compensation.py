@@ -1,0 +1,187 @@
+"""Control laws that add the torque of gravity of their own model of the robot.
+
+    u = [law](q_ref, q) + g(x),     x the measured position q, or the reference q_ref
+
+    g_j(x) = -z_j · Σ_i (m_ji (o_i - o_j) + R_i s_ji) × g,     prismatic: -z_j · Σ_i m_ji g
+
+with z_j the axis of joint j, o_i and R_i origin and orientation of link i, g the acceleration of
+gravity, and m_ji, s_ji mass and first moments of link i as the law of joint j knows them. Each
+joint has masses of its own, since its gravity model is identified in the unit of its own output.
+On the reference g is known before the run; on the measured position it is a part of the feedback
+and is evaluated in the compiled loop.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from pivident.dynamics.kernels import link_poses, tree_of
+from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
+from pivident.errors import ExperimentError
+from pivident.robot.description import Robot
+from pivident.simulation.controllers import Controller, PythonController, SampledLaw
+
+#: Parameters that gravity acts on, in the order of the last axis of ``GravityModel.masses``.
+MASS_STEMS = ("mx", "my", "mz", "m")
+
+#: Numbers of a link's place in the base frame: its orientation row by row, and its origin.
+PLACE = 12
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def gravity_torques(
+    parent, prismatic, rotation, translation, gravity, masses, q, pose, place, out
+):  # fmt: skip
+    """Torque of gravity of each joint in one posture.
+
+    Args:
+        parent: geometry of the robot, see ``dynamics.kernels.Tree``; likewise the next four.
+        prismatic: which joints slide.
+        rotation: orientations at zero.
+        translation: origins at zero.
+        gravity: acceleration of gravity in the base frame [m/s²].
+        masses: first moments and mass of every link for every joint, shape (joints, joints, 4).
+        q: positions [rad or m], shape (joints,).
+        pose: scratch, shape (joints, 12).
+        place: scratch, shape (joints, PLACE).
+        out: receives the torques, shape (joints,).
+    """
+    link_poses(prismatic, rotation, translation, q, pose)
+    n = q.size
+    for i in range(n):
+        p = parent[i]
+        for a in range(3):
+            if p < 0:
+                for b in range(3):
+                    place[i, 3 * a + b] = pose[i, 3 * a + b]
+                place[i, 9 + a] = pose[i, 9 + a]
+                continue
+            x, y, z = place[p, 3 * a], place[p, 3 * a + 1], place[p, 3 * a + 2]
+            for b in range(3):
+                place[i, 3 * a + b] = x * pose[i, b] + y * pose[i, 3 + b] + z * pose[i, 6 + b]
+            place[i, 9 + a] = place[p, 9 + a] + x * pose[i, 9] + y * pose[i, 10] + z * pose[i, 11]
+    for j in range(n):
+        lx, ly, lz, mass = 0.0, 0.0, 0.0, 0.0
+        for i in range(j, n):
+            sx, sy, sz, m = masses[j, i, 0], masses[j, i, 1], masses[j, i, 2], masses[j, i, 3]
+            mass += m
+            lx += m * (place[i, 9] - place[j, 9])
+            ly += m * (place[i, 10] - place[j, 10])
+            lz += m * (place[i, 11] - place[j, 11])
+            lx += place[i, 0] * sx + place[i, 1] * sy + place[i, 2] * sz
+            ly += place[i, 3] * sx + place[i, 4] * sy + place[i, 5] * sz
+            lz += place[i, 6] * sx + place[i, 7] * sy + place[i, 8] * sz
+        fx, fy, fz = mass * gravity[0], mass * gravity[1], mass * gravity[2]
+        if not prismatic[j]:
+            fx = ly * gravity[2] - lz * gravity[1]
+            fy = lz * gravity[0] - lx * gravity[2]
+            fz = lx * gravity[1] - ly * gravity[0]
+        out[j] = -(place[j, 2] * fx + place[j, 5] * fy + place[j, 8] * fz)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _along(parent, prismatic, rotation, translation, gravity, masses, q, out):
+    """``gravity_torques`` of many postures, shape (samples, joints)."""
+    n = q.shape[1]
+    pose, place = np.empty((n, 12)), np.empty((n, PLACE))
+    for k in range(q.shape[0]):
+        gravity_torques(
+            parent, prismatic, rotation, translation, gravity, masses, q[k], pose, place, out[k]
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class GravityModel:
+    """What the laws of a robot's joints take for the weight of its links.
+
+    Attributes:
+        robot: its geometry and gravity.
+        masses: mx, my, mz and m of link i as the law of joint j knows them, shape
+            (joints j, links i, 4) [u per N m times kg m or kg]; zero for links that joint j does
+            not carry.
+    """
+
+    robot: Robot
+    masses: np.ndarray
+
+    @classmethod
+    def of(
+        cls,
+        robot: Robot,
+        parameters: Sequence[Parameter],
+        theta: np.ndarray,
+        drive_gain: np.ndarray | float = 1.0,
+    ) -> GravityModel:
+        """The same parameters for all joints.
+
+        Args:
+            robot: the robot.
+            parameters: standard parameters or heads of base groups; those without weight are
+                passed over.
+            theta: their values, shape (parameters,).
+            drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+        """
+        n = robot.size
+        masses = np.zeros((n, n, len(MASS_STEMS)))
+        gain = np.broadcast_to(np.asarray(drive_gain, float), (n,))
+        for p, value in zip(parameters, theta, strict=True):
+            if p.stem not in MASS_STEMS:
+                continue
+            carrier = p.joint
+            while carrier >= 0:
+                masses[carrier, p.joint, MASS_STEMS.index(p.stem)] = value / gain[carrier]
+                carrier = robot.joints[carrier].parent
+        return cls(robot, masses)
+
+    @classmethod
+    def nominal(cls, robot: Robot, drive_gain: np.ndarray | float = 1.0) -> GravityModel:
+        """The masses of the robot's description."""
+        standard = standard_parameters(robot)
+        return cls.of(robot, standard, nominal_values(robot, standard), drive_gain)
+
+    def torque(self, q: np.ndarray) -> np.ndarray:
+        """What the laws add in postures q [rad or m]; both of shape (samples, joints) [u]."""
+        out = np.empty(q.shape)
+        _along(*tree_of(self.robot), self.masses, np.ascontiguousarray(q, dtype=float), out)
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class GravityCompensated:
+    """A control law with gravity added: at the measured position, at the reference, or both.
+
+    Attributes:
+        feedback: the law without gravity.
+        measured: gravity model evaluated at the measured position; None: there is none.
+        reference: gravity model evaluated at the reference; None: there is none.
+    """
+
+    feedback: Controller
+    measured: GravityModel | None = None
+    reference: GravityModel | None = None
+
+    def check(self, joints: int) -> None:
+        """Refuse Python functions, and a law or gravity model of another number of joints."""
+        if isinstance(self.feedback, PythonController):
+            raise ExperimentError(
+                "gravity cannot be added to a control law that is a Python function: let the "
+                "function add it, it is given the measured position"
+            )
+        self.feedback.check(joints)
+        for model in (self.measured, self.reference):
+            if model is not None and model.robot.size != joints:
+                raise ExperimentError(
+                    f"the gravity model of the control law is that of {model.robot.size} joints, "
+                    f"but the robot has {joints}"
+                )
+
+    def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
+        """Discretise at ``rate`` [Hz] for the reference ``q_ref``, ``dq_ref``: a `SampledLaw`."""
+        law = self.feedback.law(rate, q_ref, dq_ref)
+        if self.reference is not None:
+            law = law._replace(reference=law.reference + self.reference.torque(q_ref))
+        return law if self.measured is None else law._replace(masses=self.measured.masses)
