@@ -139,7 +139,7 @@ CASES = [
     signals("the record lasts a second", {n: v[:1000] for n, v in log().items()}, "record is short", "1 s of motion", code=0),
     signals("the record has five samples", {n: v[:5] for n, v in log().items()}, "5 sample(s)", "16", code=1),
     signals("the rate is too low for the motion", every(40), "rate of 25 Hz is low for this motion", code=1),
-    signals("the torque was logged late", torques(lambda x: delayed(x, 10)), "torque", "9.99 ms", "later than the positions", "delay"),
+    signals("the torque was logged late", torques(lambda x: delayed(x, 10)), "torque", "9.992 ± 0.017 ms", "later than the positions", "delay"),
     signals("one torque was logged late", both("tau2")(lambda x: delayed(x, 8)), "elbow", "later"),
     signals("the positions were logged late", motion(lambda x: delayed(x, 10)), "torque", "earlier than the positions"),
     signals("the declared delay is in milliseconds", torques(lambda x: delayed(x, 10)), "delay", "10 s late", "10 ms are 0.01", text=said(("files =", "delay = 10\nfiles ="))),
