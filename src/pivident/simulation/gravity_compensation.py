@@ -124,6 +124,9 @@ class GravityModel:
                 passed over.
             theta: their values, shape (parameters,).
             drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+
+        Returns:
+            The gravity model, in the unit of the controller's output.
         """
         n = robot.size
         masses = np.zeros((n, n, len(MASS_STEMS)))
@@ -139,12 +142,27 @@ class GravityModel:
 
     @classmethod
     def nominal(cls, robot: Robot, drive_gain: np.ndarray | float = 1.0) -> GravityModel:
-        """The masses of the robot's description."""
+        """The masses of the robot's description.
+
+        Args:
+            robot: the robot.
+            drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+
+        Returns:
+            The gravity model, in the unit of the controller's output.
+        """
         standard = standard_parameters(robot)
         return cls.of(robot, standard, nominal_values(robot, standard), drive_gain)
 
     def torque(self, q: np.ndarray) -> np.ndarray:
-        """What the laws add in postures q [rad or m]; both of shape (samples, joints) [u]."""
+        """What the laws add in given postures.
+
+        Args:
+            q: positions [rad or m], shape (samples, joints).
+
+        Returns:
+            Torques of gravity in the unit of the controller's output, shape (samples, joints).
+        """
         out = np.empty(q.shape)
         _along(*tree_of(self.robot), self.masses, np.ascontiguousarray(q, dtype=float), out)
         return out
@@ -165,7 +183,14 @@ class GravityCompensated:
     reference: GravityModel | None = None
 
     def check(self, joints: int) -> None:
-        """Refuse Python functions, and a law or gravity model of another number of joints."""
+        """Refuse Python functions, and a law or gravity model of another number of joints.
+
+        Args:
+            joints: of the robot.
+
+        Raises:
+            ExperimentError: says what was given and what to give.
+        """
         if isinstance(self.feedback, PythonController):
             raise ExperimentError(
                 "gravity cannot be added to a control law that is a Python function: let the "
