@@ -167,9 +167,18 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             check_within_reach("q", finite, _only(robot, j))
         except PividentError as error:
             sentence, _, step = str(error).partition("; ")
-            text = sentence + "."
+            middle = sum(joint.position_limits or (0.0, 0.0)) / 2.0
             findings.append(
-                Finding("wrong", "scale", "reach", text, joint.name, step[0].upper() + step[1:])
+                Finding(
+                    "wrong",
+                    "scale",
+                    "reach",
+                    sentence + ".",
+                    joint.name,
+                    step[0].upper() + step[1:],
+                    value=float(finite[np.argmax(np.abs(finite[:, j] - middle)), j]),
+                    unit="rad" if joint.kind == "revolute" else "m",
+                )
             )
             continue
         if joint.rated_speed is None or not timing.rate or len(finite) < 100:
