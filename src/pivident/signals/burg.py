@@ -22,8 +22,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-#: Relative rounding of a sum of squares that is not felt: estimates have errors of 1/√N.
-_ROUNDING = 1e-9
+#: Relative rounding of a sum of squares, at worst, that is not felt: coefficients are estimates
+#: with errors of 1/√N, a thousand times as large.
+_ROUNDING = 1e-6
 
 #: Samples of a stretch that stays in the fastest cache.
 _STRETCH = 1024
