@@ -32,6 +32,20 @@ def test_jitter():
     assert finding.value == pytest.approx(40.0, abs=0.1) and finding.bound == pytest.approx(10.0)
 
 
+def test_what_new_samples_make_good_is_told_and_not_wrong():
+    t = np.arange(5000) * 1e-3
+    t[3000] += 0.4e-3
+    t[3500:] += 6e-3  # shorter than what is interpolated, 10 ms
+    log = clocked(t, resample=True)
+    (jitter,) = [f for f in check_timing(log).findings if f.kind == "jitter"]
+    assert jitter.severity == "fine" and jitter.value == pytest.approx(600.0, abs=0.1)
+    assert serious(log) == [] and serious(replace(log, resample=False)) != []
+    t[4000:] += 0.5
+    (gap,) = serious(clocked(t, resample=True))
+    assert gap.kind == "gap" and gap.severity == "wrong" and gap.sample == 3999
+    assert "part = " in gap.step and "resample" not in gap.step
+
+
 def test_repeated_backward_and_missing_stamps():
     t = np.arange(5000) * 1e-3
     t[100] = t[99]

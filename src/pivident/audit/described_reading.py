@@ -36,6 +36,7 @@ def described_log(
     transmission: Transmission | None = None,
     joint_names: Sequence[str] | None = None,
     rate: float | None = None,
+    resample: bool = False,
     samples_axis: int | None = None,
     position_offset: Sequence[float] | None = None,
     name: str | None = None,
@@ -54,7 +55,9 @@ def described_log(
         robot: gives joint names and transmission.
         transmission: instead of the robot's.
         joint_names: instead of the robot's.
-        rate: declared sampling rate [Hz].
+        rate: declared sampling rate [Hz]; with `resample` that of the new samples.
+        resample: whether a reading interpolates onto a uniform clock. The log is judged as it was
+            logged all the same: interpolation would blur limits and steps of encoders.
         samples_axis: which axis of two-dimensional arrays is time.
         position_offset: added to the joint positions [rad or m].
         name: name of the log.
@@ -93,6 +96,7 @@ def described_log(
         logged = {kind: np.array(v[:, : len(names)]) for kind, v in logged.items()}
         declared = clock_place.columns if clock_place is not None else ()
         clocks, unit, notes = clocks_in(stamps, (units or {}).get("t"), declared)
+    rate = None if resample and clocks else rate  # it is not that of the stamps
     channels, commands = _to_si(logged, units or {}, side, transmission, position_offset, robot)
     first = places.get("q", next(iter(places.values()), None))
     return Log(
@@ -113,6 +117,7 @@ def described_log(
         side.get("q", "joint") if isinstance(side, Mapping) else side,
         unit,
         torque_scales((units or {}).get("tau"), names),
+        resample,
     )
 
 

@@ -37,6 +37,7 @@ class Log:
         side: ``joint`` or ``motor``, where the logged positions were measured.
         clock_unit: unit of the clocks in the file.
         torque_scale: joints whose torque has a scale that nobody vouches for.
+        resample: whether a reading makes new samples at equal intervals, and over short gaps.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Log:
     side: str = "joint"
     clock_unit: str = "s"
     torque_scale: tuple[TorqueScale, ...] = ()
+    resample: bool = False
 
     @property
     def samples(self) -> int:

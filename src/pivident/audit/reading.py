@@ -108,6 +108,7 @@ def entry_log(
             side=entry.side,
             robot=robot,
             rate=entry.rate,
+            resample=entry.resample,
             samples_axis=entry.samples_axis,
             position_offset=entry.position_offset,
             **adjusted,

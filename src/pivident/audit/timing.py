@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from pivident.audit.finding import Finding, Severity
 from pivident.audit.log import Log
-from pivident.recording.gaps import GAP, stretches
+from pivident.recording.gaps import GAP, bridged_interval, stretches
 from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
 
 #: Two clocks that drift apart by more than this deserve a look; quartz keeps 1e-4.
@@ -128,8 +128,11 @@ def _one_clock(
             findings.append(finding("wrong", kind, text, k, step, value=float(at.size)))
             regular = False
     ratio = steps / period
-    gaps = lacking(steps, period)
-    if gaps.size > 0.9 * np.sum(ratio > GAP):
+    tolerated, gaps = GAP * period, lacking(steps, period)
+    if log.resample:  # which fills the shorter ones
+        tolerated = bridged_interval(period)
+        gaps = np.flatnonzero(steps > tolerated)
+    if gaps.size > 0.9 * np.sum(steps > tolerated):
         lost = int(np.sum(np.round(ratio[gaps]) - 1))
         longest = int(gaps[np.argmax(ratio[gaps])])
         k = int(place[longest])
@@ -139,12 +142,13 @@ def _one_clock(
         )
         step = "Mend the stamps first; then cut the recording there (part)."
         if regular:
-            advice = stretches(finite).advice()
+            left = stretches(finite)
+            advice = (replace(left, resample=False) if log.resample else left).advice()
             step = f"{advice[0].upper()}{advice[1:]}."
         findings.append(finding("wrong", "gap", text, k, step, value=float(lost), unit="samples"))
         regular = False
-        steps = steps[ratio <= GAP]
-        ratio = ratio[ratio <= GAP]
+        steps = steps[steps <= tolerated]
+        ratio = steps / period
     inside = ratio[(ratio > 0)]
     largest = float(np.abs(inside - 1.0).max(initial=0.0))
     spread = float(np.std(inside - 1.0))
@@ -157,7 +161,11 @@ def _one_clock(
         f"{100 * spread:.2g} %)."
     )
     numbers: dict[str, Any] = {"value": 100 * largest, "unit": "%", "bound": 100 * JITTER_TOLERANCE}
-    if largest > JITTER_TOLERANCE:
+    if largest > JITTER_TOLERANCE and log.resample:
+        text += " New samples are made at equal intervals, as resample = true asks."
+        findings.append(Finding("fine", "timing", "jitter", text, name, **numbers))
+        regular = False
+    elif largest > JITTER_TOLERANCE:
         step = (
             "Resample onto a uniform grid (resample = true), or give the rate if only the stamps "
             "are irregular and the samples are not."

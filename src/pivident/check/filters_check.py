@@ -24,6 +24,12 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
         signals = getattr(method, "signals", None)
         if not isinstance(signals, Bandpass) or signals.cutoff < slowest.rate / 2:
             continue
+        step = (
+            f"Set bandpass = {{cutoff = {slowest.rate / 10:g}}} or so, above the band of the "
+            "motion; or check the unit of the time stamps."
+        )
+        if slowest.slowed:
+            step = f"{slowest.slowed[0].upper()}{slowest.slowed[1:]}."
         remarks.append(
             Remark(
                 "wrong",
@@ -31,8 +37,7 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
                 "cutoff",
                 f"The position filter of {name!r} has a cutoff of {signals.cutoff:g} Hz, but at "
                 f"{slowest.rate:g} Hz {slowest.name} holds nothing above {slowest.rate / 2:g} Hz.",
-                f"Set bandpass = {{cutoff = {slowest.rate / 10:g}}} or so, above the band of the "
-                "motion; or check the unit of the time stamps.",
+                step,
                 slowest.name,
                 ("identify", "bandpass", "cutoff"),
                 refused=True,

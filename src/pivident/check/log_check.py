@@ -55,9 +55,6 @@ CONSEQUENTIAL = ("reach", "speed", "angle unit", "side", "order", "late", "early
 #: Findings after which the geometry cannot be judged.
 HIDES_GEOMETRY = (*CONSEQUENTIAL, "sign", "missing", "rate")
 
-#: Findings that new samples on a uniform clock make good.
-MADE_GOOD = ("jitter", "gap")
-
 #: A declared delay beyond this is in milliseconds [s].
 LONGEST_DELAY = 0.5
 
@@ -122,8 +119,6 @@ def check_log(
     elif failure is not None:
         kinds = _kinds(failure)
         own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
-    if entry.resample and failure is None:
-        own = [r for r in own if r.kind not in MADE_GOOD]
     remarks += own
     grave = [f.kind for f in audit.findings if f.severity == "wrong"]
     if audit.model is not None and not set(grave) & set(HIDES_GEOMETRY):

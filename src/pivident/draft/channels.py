@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.draft.bag_topics import OwnClock
 from pivident.draft.guess import DraftError, Sureness
 from pivident.draft.log_files import LogFile, Run
 from pivident.recording.column_series import JOINT, Series
@@ -44,6 +45,11 @@ class Channel:
         """Numbers of some joints as logged, shape (samples, joints)."""
         table = run.files[self.file].columns
         return np.column_stack([table[self.columns[joint]] for joint in joints])
+
+    def own_clock(self, run: Run) -> OwnClock | None:
+        """The clock of a channel that was logged beside the positions, by a clock of its own."""
+        clocks = run.files[self.file].own_clocks
+        return next((clocks[c] for c in self.columns.values() if c in clocks), None)
 
 
 @dataclass(frozen=True, eq=False)

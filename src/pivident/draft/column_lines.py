@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+from pivident.draft.bag_topics import OwnClock
 from pivident.draft.channels import JointMap
 from pivident.draft.clock import Clock
+from pivident.draft.clock_lines import clock_place
 from pivident.draft.guess import Guess, Question
 from pivident.draft.kept_joints import KeptJoints
 from pivident.draft.position_units import UnitGuess
@@ -17,10 +19,10 @@ from pivident.draft.torque_scale import TorqueUnit
 MARGIN = 0.5
 
 
-def time_lines(
+def window_line(
     clock: Clock, window: tuple[float, float], still: float, motion: tuple[float, float]
 ) -> list[Guess]:
-    """Rate, resampling and window.
+    """The part of the log that is kept.
 
     Args:
         clock: the clock.
@@ -28,24 +30,6 @@ def time_lines(
         still: share of the motion's time in which no joint moves.
         motion: first and last time at which a joint moves [s].
     """
-    lines = []
-    if clock.by_rate:
-        question = None
-        if clock.sure == "guess":
-            question = Question("rate", "At what rate was the log taken, in Hz?")
-        lines.append(
-            Guess(
-                "recording", "rate", float(f"{clock.rate:.8g}"), clock.sure, clock.seen,
-                "In Hz; every speed and acceleration depends on it.", question,
-            )
-        )  # fmt: skip
-    if clock.resample:
-        lines.append(
-            Guess(
-                "recording", "resample", True, "certain",
-                f"the clock is irregular ({clock.seen}), so that samples are interpolated",
-            )
-        )  # fmt: skip
     start, end = float(clock.seconds[0]), float(clock.seconds[-1])
     if window != (start, end):
         seen = (
@@ -54,8 +38,8 @@ def time_lines(
             "on both sides"
         )
         value = [round(window[0], 3), round(window[1], 3)]
-        lines.append(Guess("recording", "part", value, "likely", seen, "Times on the log's clock."))
-    return lines
+        return [Guess("recording", "part", value, "likely", seen, "Times on the log's clock.")]
+    return []
 
 
 def side_line(torque: TorqueUnit) -> list[Guess]:
@@ -75,6 +59,7 @@ def column_lines(
     joints: JointMap,
     kept: KeptJoints,
     clock: Clock,
+    others: Mapping[str, OwnClock],
     references: Mapping[str, Any],
     keys: Mapping[str, int],
 ) -> list[Guess]:
@@ -84,26 +69,28 @@ def column_lines(
         joints: columns by channel and joint.
         kept: joints that are identified.
         clock: the clock.
+        others: clocks of the channels that have one of their own, by name.
         references: references that are believed, with unit and reason.
         keys: number of each file by its key.
     """
     numbers = {number: key for key, number in keys.items()}
+    read = ["q", "tau", *(name for name in ("q_ref", "dq_ref") if name in references)]
     lines = []
     if clock.column is not None:
-        place: Any = clock.column
-        if len(keys) > 1:
+        place: Any = clock_place(clock.column, others, read)
+        if len(keys) > 1 and isinstance(place, str):
             place = {"file": numbers[joints.channels["q"].file], "columns": clock.column}
         lines.append(Guess("recording.columns", "t", place, clock.sure, clock.seen))
-    for name in ("q", "tau", "q_ref", "dq_ref"):
-        channel = joints.channels.get(name)
-        if channel is None or (name.endswith("_ref") and name not in references):
-            continue
+    for name in read:
+        channel = joints.channels[name]
         value: Any = [channel.columns[joint] for joint in kept.names]
         if len(keys) > 1 and numbers[channel.file] != name:
             value = {"file": numbers[channel.file], "columns": value}
         seen = f"told from the names; {joints.seen}"
         if name in references:
             seen = f"told from the names; {references[name][1]}"
+        if name in others:
+            seen += f"; it comes at {others[name].rate:.5g} Hz by a clock of its own"
         if channel.others:
             seen += f". Other series that could be meant begin with {', '.join(channel.others[:4])}"
         sure = joints.sure if name == "q" or joints.sure == "guess" else "likely"

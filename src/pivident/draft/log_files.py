@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
 
 from pivident.audit.clocked_reading import shown
 from pivident.audit.file_columns import read_columns
+from pivident.draft.bag_topics import OwnClock, bag_table
 from pivident.draft.guess import DraftError
 from pivident.recording.channel_words import Reading, read_words, words_of
 from pivident.recording.column_series import JOINT, Series, column_series
+from pivident.recording.read_bag import is_bag
 
 #: Endings that say nothing about a log.
 ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
@@ -26,11 +28,14 @@ class LogFile:
         path: where it is.
         columns: every numeric column, shape (samples,), in the units of the file.
         series: columns that belong together.
+        own_clocks: clocks of the columns that have one of their own, by name; these columns are
+            taken at the instants of the others, NaN where they say nothing.
     """
 
     path: Path
     columns: dict[str, np.ndarray]
     series: tuple[Series, ...]
+    own_clocks: Mapping[str, OwnClock] = field(default_factory=dict)
 
     @property
     def samples(self) -> int:
@@ -66,7 +71,7 @@ def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
     """
     files = [_read(path, joint_names) for path in paths]
     kinds = {reading.channel for f in files if (reading := file_reading(f.path)).channel}
-    alike = len({tuple(f.columns) for f in files}) == 1
+    alike = len({tuple(n for n in f.columns if n not in f.own_clocks) for f in files}) == 1
     if len(files) > 1 and alike and len(kinds) < 2:
         return [Run((file,)) for file in files]
     rows = {file.samples for file in files}
@@ -92,7 +97,11 @@ def file_reading(path: Path) -> Reading:
 
 
 def _read(path: Path, joint_names: Sequence[str]) -> LogFile:
-    columns = read_columns(path)
+    clocks: dict[str, OwnClock] = {}
+    if is_bag(path):
+        columns, clocks = bag_table(path, tuple(joint_names))
+    else:
+        columns = read_columns(path)
     own = file_reading(path)
     series = []
     for found in column_series(list(columns), joint_names):
@@ -101,4 +110,4 @@ def _read(path: Path, joint_names: Sequence[str]) -> LogFile:
             # Only the file's name says what columns called after joints hold.
             found = replace(found, reading=replace(own, unit=found.reading.unit))
         series.append(found)
-    return LogFile(path, columns, tuple(series))
+    return LogFile(path, columns, tuple(series), clocks)

@@ -10,7 +10,8 @@ import numpy as np
 
 from pivident.draft.channels import JointMap, joint_map
 from pivident.draft.clock import Clock, read_clock, speed_rate
-from pivident.draft.column_lines import MARGIN, column_lines, side_line, time_lines, unit_lines
+from pivident.draft.clock_lines import clock_lines
+from pivident.draft.column_lines import MARGIN, column_lines, side_line, unit_lines, window_line
 from pivident.draft.guess import Answers, DraftError, Guess
 from pivident.draft.kept_joints import KeptJoints, kept_joints
 from pivident.draft.log_files import Run
@@ -107,10 +108,13 @@ def recording_lines(
     torque = torque_unit(robot, found, channel.unit, channel.is_current, answers.get("unit of tau"))
     keys = _file_keys(run, joints)
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
+    used = ("tau", *references)
+    others = {n: c for n in used if (c := joints.channels[n].own_clock(run)) is not None}
     lines = [
-        *time_lines(clock, window, still, (first, last)),
+        *clock_lines(clock, others),
+        *window_line(clock, window, still, (first, last)),
         *side_line(torque),
-        *column_lines(joints, kept, clock, references, keys),
+        *column_lines(joints, kept, clock, others, references, keys),
         *unit_lines(clock, unit, own, torque, references),
     ]
     return RecordingLines(
@@ -238,6 +242,10 @@ def _references(
     if channel is None or not set(kept.names) <= set(channel.columns):
         return found
     values = channel.values(run, kept.names)
+    rows = np.full(len(si), True)
+    if channel.own_clock(run) is not None:  # it begins later, ends earlier, has gaps of its own
+        rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
+        values, si = values[rows], si[rows]
     turning = [k for k, j in enumerate(own) if unit.units[j] not in ("m", "mm")]
     judged = turning or list(range(len(own)))
     names = ("rad", "deg", "rev") if turning else ("m", "mm")
@@ -250,9 +258,9 @@ def _references(
     speed = joints.channels.get("dq_ref")
     if speed is None or not set(kept.names) <= set(speed.columns) or len(judged) < len(own):
         return found
-    slope = speeds(values * POSITION[match[0]], clock.seconds)
+    slope = speeds(values * POSITION[match[0]], clock.seconds[rows])
     tried = tuple(SPEED) if turning else ("m/s", "mm/s")
-    fits = following_unit(speed.values(run, kept.names), slope, tried, SPEED)
+    fits = following_unit(speed.values(run, kept.names)[rows], slope, tried, SPEED)
     if fits is not None:
         found["dq_ref"] = (fits[0], f"the derivative of q_ref up to {100 * fits[1]:.2g} %")
     return found

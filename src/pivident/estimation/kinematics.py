@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.errors import RecordingTooShort
+from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.methods import Bandpass, RandomWalk
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
@@ -70,6 +70,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
 
     Raises:
         RecordingTooShort: fewer than `SHORTEST_RUN` samples would remain between the ends.
+        RecordingError: a cut-off that the recording's rate does not allow.
     """
     known = signals.ends(recording.rate) if isinstance(signals, Bandpass) else (EDGE, EDGE)
     if recording.samples < sum(known) + SHORTEST_RUN:
@@ -77,6 +78,12 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     unknown = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     if isinstance(signals, Bandpass):
+        if recording.slowed and not signals.cutoff < recording.rate / 2:
+            raise RecordingError(
+                f"recording {recording.name!r}: the position filter has a cut-off of "
+                f"{signals.cutoff:g} Hz, but at {recording.rate:g} Hz there is nothing above "
+                f"{recording.rate / 2:g} Hz; {recording.slowed}"
+            )
         passed = bandpass(
             recording.q,
             recording.rate,

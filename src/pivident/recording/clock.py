@@ -9,7 +9,12 @@ import numpy as np
 
 from pivident.errors import RecordingError
 from pivident.recording import timestamps
-from pivident.recording.clock_alignment import ClockedChannel, have_one_clock, onto_one_clock
+from pivident.recording.clock_alignment import (
+    ClockedChannel,
+    have_one_clock,
+    is_reduced,
+    onto_one_clock,
+)
 
 
 @dataclass(frozen=True)
@@ -27,6 +32,23 @@ class Clock:
     resample: bool
     unit_given: bool
     part: tuple[float, float] | None
+
+
+@dataclass(frozen=True)
+class UniformClock:
+    """The clock that all channels were brought onto.
+
+    Attributes:
+        rate: its rate [Hz].
+        start: time of the first sample [s].
+        notes: what was done, in sentences.
+        slowed: why it is slower than the positions were logged, see `Recording`.
+    """
+
+    rate: float
+    start: float
+    notes: tuple[str, ...] = ()
+    slowed: str = ""
 
 
 def beside_torque(
@@ -47,8 +69,8 @@ def beside_torque(
 
 def on_one_clock(
     logged: dict[str, np.ndarray], clocked: Mapping[str, ClockedChannel], clock: Clock
-) -> tuple[float, float, tuple[str, ...]]:
-    """Rate [Hz], time of the first sample [s], and what was done; on demand, new samples.
+) -> UniformClock:
+    """The one clock of all channels; on demand, new samples on it.
 
     Args:
         logged: channels by name, and ``t`` where all share it, which is taken out. New samples
@@ -65,7 +87,7 @@ def on_one_clock(
         if clock.rate is None or clock.resample:
             alternative = "resampling needs it" if clock.resample else "or give the rate"
             raise RecordingError(f"no column is named for the time t; name it, {alternative}")
-        return float(clock.rate), 0.0, ()
+        return UniformClock(float(clock.rate), 0.0)
     if clocked:
         _check_clocks(logged, clocked)
         channels = [replace(clocked[name], values=logged[name]) for name in logged]
@@ -103,7 +125,7 @@ def _check_clocks(logged: Mapping[str, np.ndarray], clocked: Mapping[str, Clocke
 
 def _as_it_is(
     logged: dict[str, np.ndarray], channels: Sequence[ClockedChannel], clock: Clock
-) -> tuple[float, float, tuple[str, ...]]:
+) -> UniformClock:
     """The samples as they were logged, where their one clock is regular."""
     t, notes = channels[0].t, tuple(dict.fromkeys(note for c in channels for note in c.notes))
     if clock.part is not None:
@@ -113,18 +135,33 @@ def _as_it_is(
             for name in logged:
                 logged[name] = logged[name][inside]
     if clock.rate is None:
-        return timestamps.rate_of(t), float(t[0]), notes
+        return UniformClock(timestamps.rate_of(t), float(t[0]), notes)
     timestamps.check_rate(clock.rate, t)
-    return float(clock.rate), float(t[0]), notes
+    return UniformClock(float(clock.rate), float(t[0]), notes)
 
 
 def _resampled(
     logged: dict[str, np.ndarray], channels: Sequence[ClockedChannel], clock: Clock, one: bool
-) -> tuple[float, float, tuple[str, ...]]:
+) -> UniformClock:
     """New samples on a uniform clock."""
     rate = clock.rate
     if one:
         rate = timestamps.uniform_grid(channels[0].t, clock.rate)[1]
     aligned = onto_one_clock(channels, rate, clock.part)
     logged.update(aligned.values)
-    return aligned.rate, float(aligned.t[0]), aligned.notes
+    slowed = _slowed(channels, aligned.rate) if rate is None else ""
+    return UniformClock(aligned.rate, float(aligned.t[0]), aligned.notes, slowed)
+
+
+def _slowed(channels: Sequence[ClockedChannel], rate: float) -> str:
+    """Which channel makes the rate lower than that of the positions, and what keeps theirs."""
+    positions = next(channel for channel in channels if channel.channel == "q")
+    if not is_reduced(positions, rate):
+        return ""
+    slowest = min(channels, key=lambda channel: channel.rate)
+    kept = float(f"{positions.rate:.3g}")
+    return (
+        f"the channel {slowest.channel} comes at {slowest.rate:.4g} Hz by the clock "
+        f"{slowest.clock} and sets the rate of all channels; write rate = {kept:g} under "
+        "[recording] to keep that of the positions"
+    )

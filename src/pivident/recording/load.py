@@ -120,7 +120,7 @@ def load_recording(
         checks.check_not_saturated("tau", logged["tau"], moving, joint_names)
 
     clock = Clock(rate, resample, "t" in (units or {}), part)
-    rate, start_time, notes = on_one_clock(logged, clocked, clock)
+    found = on_one_clock(logged, clocked, clock)
     _to_joint_side(logged, sides, transmission, position_offset)
     if robot is not None:
         for channel in ("q", "q_ref"):
@@ -139,8 +139,10 @@ def load_recording(
     return Recording(
         name=name,
         joint_names=joint_names,
-        rate=rate,
-        **content | {"start_time": start_time, "notes": notes} | options,
+        rate=found.rate,
+        **content
+        | {"start_time": found.start, "notes": found.notes, "slowed": found.slowed}
+        | options,
     )
 
 
@@ -155,7 +157,7 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             )
     if robot is not None and not isinstance(robot, Robot):
         raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
-    known = {field.name for field in fields(Recording)} - {*CHANNELS, "inputs", "sources"}
+    known = {field.name for field in fields(Recording)} - {*CHANNELS, "inputs", "sources", "slowed"}
     for name in options:
         if name not in known:
             raise RecordingError(

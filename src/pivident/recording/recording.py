@@ -70,6 +70,8 @@ class Recording:
         allow_constant: whether a joint may stand still, or its torque be constant.
         saturation: ``refuse`` or ``allow`` torques that are cut off at a limit.
         notes: how the samples were brought onto one clock, in sentences.
+        slowed: why the rate is lower than that of the logged positions, and what keeps theirs, as
+            a half sentence; empty where it is not.
         torque_scale: joints whose torque has a scale that nobody vouches for; its parameters then
             are as good as that scale.
 
@@ -103,6 +105,7 @@ class Recording:
     allow_constant: bool = False
     saturation: Saturation = "refuse"
     notes: tuple[str, ...] = field(default=(), kw_only=True)  # how clocks were brought together
+    slowed: str = field(default="", kw_only=True)  # by a channel with a slower clock
     torque_scale: tuple[TorqueScale, ...] = field(default=(), kw_only=True)
 
     def __post_init__(self) -> None:
