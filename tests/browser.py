@@ -1,6 +1,7 @@
 """A page on a phone, as headless Chromium shows it."""
 
 import base64
+import contextlib
 import html
 import json
 import os
@@ -9,6 +10,7 @@ import shutil
 import signal
 import subprocess
 import threading
+import zlib
 
 import pytest
 
@@ -117,6 +119,20 @@ def told(page, folder, width, seconds=240.0):
         os.killpg(process.pid, signal.SIGKILL)
         process.wait()
         process.stderr.close()
+
+
+def words_printed(text, folder):
+    """How many pieces of text each printed page of a page has, shape (pages,)."""
+    page, paper = folder / "printed.html", folder / "printed.pdf"
+    page.write_text(text, encoding="utf-8")
+    command = [*browser(folder, 800), f"--print-to-pdf={paper}", "--no-pdf-header-footer"]
+    subprocess.run([*command, page.as_uri()], capture_output=True, timeout=120, check=True)
+    counts = []
+    for stream in re.findall(rb"stream\r?\n(.*?)endstream", paper.read_bytes(), re.DOTALL):
+        with contextlib.suppress(zlib.error):
+            shown = re.findall(rb"\bT[jJ]\b", zlib.decompressobj().decompress(stream))
+            counts += [len(shown)] if len(shown) > 10 else []
+    return counts
 
 
 def framed(text, folder, probe, width):

@@ -11,6 +11,7 @@ from pivident.estimation.parameter_rows import (
     method_labels,
     parameter_rows,
     percent,
+    plus_minus,
     significant,
     with_spread,
 )
@@ -37,6 +38,22 @@ def row(value: float, std: float, truth: float = math.nan) -> ParameterRow:
 )
 def test_values_end_at_the_second_digit_of_their_spread(value, spread, text):
     assert with_spread(value, spread) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "spread", "text"),
+    [
+        (1000.056, 0.0912, "+1000.056 ± 0.091"),
+        (1.00002, 0.0003, "+1.00002 ± 0.00030"),
+        (-49.9991, 0.0151, "-49.999 ± 0.015"),
+        (1.5, 0.0, "+1.5000"),
+        (1.5, math.nan, "+1.5000"),
+        (1.5, math.inf, "+1.5000 ± ∞"),
+    ],
+)
+def test_value_and_spread_are_written_together(value, spread, text):
+    assert plus_minus(value, spread, sign=True) == text
+    assert plus_minus(value, spread) == text.removeprefix("+")
 
 
 @pytest.mark.parametrize(

@@ -33,8 +33,11 @@ def test_both_encoders_and_resonance_come_out_in_text_and_files(tmp_path, capsys
     text = capsys.readouterr().out
     for part in ("both encoders, two masses", "motor encoder alone", "rigid model:", "N/m"):
         assert part in text
+    # This motion excites the resonance, and only two of the three ways can tell the stiffness.
+    assert "above" not in text and "unexplained, more than 50 %, so that nothing" in text
     content = json.loads((tmp_path / "out" / "flexibility.json").read_text())
     joint = content["joints"][0]
+    assert joint["compliance"]["stiffness"]["low"] is None
     estimates = dict(zip(joint["two_mass"]["names"], joint["two_mass"]["theta"], strict=True))
     assert estimates["stiffness"] == pytest.approx(2e5, rel=0.01)
     assert joint["resonance"]["stiffness"]["value"] == pytest.approx(2e5, rel=0.01)

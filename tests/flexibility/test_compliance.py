@@ -19,6 +19,8 @@ from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
 
+from . import flexible_joint
+
 RATE, REDUCTION = 500.0, 100.0
 
 JOINT = TwoMassJoint(
@@ -117,6 +119,17 @@ def test_hysteresis_of_the_spring_is_its_loop():
     assert found.hysteresis.value == pytest.approx(2e-4, rel=0.15)
     assert found.stiffness.value == pytest.approx(3e6, rel=0.05)
     assert "no reference was recorded" in found.notes[0]
+
+
+def test_a_swinging_joint_has_no_estimate_of_slow_motion():
+    swinging = identify_compliance(flexible_joint.record(1))
+    assert swinging.unexplained == pytest.approx(0.88, abs=0.01)
+    estimates = ("stiffness", "friction", "hysteresis", "damping", "encoder_lag", "offset")
+    assert not any(getattr(swinging, name).told for name in (*estimates, "backlash"))
+    assert not swinging.lines and np.isnan(swinging.deflection).all()
+    assert len(swinging.notes) == 1 and "leaves 88 % of the deflection" in swinging.notes[0]
+    slow = identify_compliance(flexible_joint.record(1, top=None))  # without its excitation
+    assert slow.unexplained < 0.5 and all(getattr(slow, name).told for name in estimates)
 
 
 def test_without_link_encoder_or_motion_it_is_refused():

@@ -8,9 +8,10 @@ import pytest
 
 from pivident.audit import audit_log
 from pivident.audit.page import render_page
+from pivident.report import builder
 from pivident.report.builder import render_report
 from tests.audit.logs import planar
-from tests.browser import PHONE, asked, needs_browser
+from tests.browser import PHONE, asked, needs_browser, words_printed
 from tests.synthetic_identification import (
     synthetic_identification,
     synthetic_loop,
@@ -105,6 +106,26 @@ def test_tables_sort_and_filter(answers):
     assert found["again"] == found["original"]
     assert found["filtered"] == ["fv1", "fv2"]
     assert found["count"].split() == ["2", "of", str(len(found["original"]))]
+
+
+def test_printed_tables_repeat_all_heads_on_every_page(tmp_path):
+    """A table that can be sorted prints as many words as one that cannot, page by page."""
+    script = '<script src="tables.js"></script>'
+    (tmp_path / "tables.js").write_text(template("tables.js"), encoding="utf-8")
+    row = "<tr><td>fv</td><td>1.5</td></tr>"
+    counts = []
+    for kind in ("sortable", ""):
+        text = (
+            f"<html><head><style>{template('style.css')}</style></head><body><main>"
+            f'<div class="scroll"><table class="{kind}"><thead><tr><th>Parameter</th><th>Value</th>'
+            f"</tr></thead><tbody>{row * 150}</tbody></table></div></main>{script}</body></html>"
+        )
+        counts.append(words_printed(text, tmp_path))
+    assert len(counts[1]) > 2 and counts[0] == counts[1]
+
+
+def template(name):
+    return (Path(builder.__file__).parent / "templates" / name).read_text(encoding="utf-8")
 
 
 def test_narrow_windows_show_the_same(text, tmp_path):

@@ -20,6 +20,8 @@ from pivident.robot import load_robot
 from pivident.simulation.controllers import Cascade
 from pivident.validation.cross_validation import cross_validate
 from pivident.validation.model_error import (
+    JointModelError,
+    ModelError,
     model_error,
     model_error_by_held_out_blocks,
     model_error_by_repetition,
@@ -158,6 +160,47 @@ def test_held_out_blocks_tell_model_error_from_noise(made):
     assert shares[0] > 0.8
     assert shares[1] < 0.5
     assert "at most" in str(split) and "estimate's own error" in str(split)
+
+
+def split_of(*shares):
+    """A split by held-out blocks with the given shares of noise and their deviations."""
+    joints = tuple(
+        JointModelError(f"joint_{i}", "N m", 1.0, s**0.5, (1 - s) ** 0.5, s, std)
+        for i, (s, std) in enumerate(shares, 1)
+    )
+    return ModelError("IDIM-PIV", "held-out blocks", "errors", 20.0, joints, None)
+
+
+def test_intervals_of_a_share_are_ones_that_a_share_can_have():
+    split = split_of((0.83, 0.107), (1.0, 0.0), (0.091, 0.0115), (0.02, 0.03))
+    intervals = [joint.share_interval for joint in split.joints]
+    assert np.allclose(intervals, [(0.616, 1.0), (1.0, 1.0), (0.068, 0.114), (0.0, 0.08)])
+    rows = [line.split("N m")[1].split() for line in split.joint_table().splitlines()[1:]]
+    assert [" ".join(row) for row in rows] == [
+        "83 62 to 100",
+        "100 –",
+        "9.1 6.8 to 11.4",
+        "2.0 0.0 to 8.0",
+    ]
+    (said,) = split.sentences()[:1]
+    assert "noise makes at most 2.0 % (2σ: 0.0 to 8.0 %) to 100 % (in every block) of" in said
+
+
+def test_a_share_that_may_be_anything_is_not_told():
+    (said,) = split_of((0.43, 0.42)).sentences()
+    assert said == (
+        "Below 20 Hz, the held-out motion does not tell noise from model error: noise may make "
+        "0 to 100 % of the variance (2σ) (errors)."
+    )
+    told, untold = split_of((0.43, 0.42), (0.83, 0.107)).sentences()
+    assert "noise makes at most 83 % (2σ: 62 to 100 %) of the error's variance; the" in told
+    assert "on joint_1: noise may make 0 to 100 % of the variance (2σ)." in untold
+
+
+def test_joints_that_tell_nothing_alone_may_tell_something_together():
+    split = split_of(*[(0.2, 0.3)] * 9)
+    assert not any(joint.is_told for joint in split.joints) and split.mostly_model_error
+    assert split.sentences()[-1].startswith("Over all joints less than half is noise: a longer")
 
 
 def test_nothing_repeated_and_nothing_held_out_gives_no_split(made):

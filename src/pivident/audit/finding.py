@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol, TypeVar
 
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.plain_values import plain
 
 Severity = Literal["fine", "look", "wrong"]
@@ -59,7 +60,7 @@ class Finding:
             return ""
         text = f"{self.value:.4g}"
         if self.interval is not None:
-            text = f"{self.value:.3g} ± {(self.interval[1] - self.interval[0]) / 2:.2g}"
+            text = plus_minus(self.value, (self.interval[1] - self.interval[0]) / 2)
         return text if self.unit.startswith("unit") else f"{text} {self.unit}".rstrip()
 
     def as_json(self) -> dict[str, Any]:

@@ -21,6 +21,7 @@ from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.errors import PividentError
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.recording.checks import check_within_reach
 from pivident.recording.torque_scale import scale_sentences
 from pivident.robot.description import Robot
@@ -137,9 +138,9 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
         "look",
         "scale",
         "load",
-        f"The torques show a body of {load.mass:.2f} ± {2 * load.deviation:.2f} kg (2σ of the fit, "
-        f"if the masses of the description are exact) on the link of {last} that the description "
-        "lacks; beside it their scale is right.",
+        f"The torques show a body of {plus_minus(load.mass, 2 * load.deviation)} kg (2σ of the "
+        f"fit, if the masses of the description are exact) on the link of {last} that the "
+        "description lacks; beside it their scale is right.",
         last,
         f"A tool or a payload? Add its mass, centre of mass and inertia to the link of {last} in "
         "the file that model names under [robot]. Left as it is, its parameters become part of "
@@ -339,7 +340,7 @@ def _gain_findings(
             continue
         interval = (a - 2 * deviation, a + 2 * deviation)
         text = (
-            f"The torque of {joint.name} is {a:.3g} ± {2 * deviation:.2g} times that of the "
+            f"The torque of {joint.name} is {plus_minus(a, 2 * deviation)} times that of the "
             "description."
         )
         severity, step = _judged_gain(a, deviation, float(reduction[j]))

@@ -87,6 +87,7 @@ def gains_text(found: GainsOfExperiment) -> str:
 
 def _gain_table(found: GainsOfExperiment) -> str:
     """One line for each joint."""
+    from pivident.estimation.parameter_rows import plus_minus, with_spread
     from pivident.validation.plain_table import plain_table
 
     result, known = found.gains, found.gains.anchored
@@ -97,27 +98,27 @@ def _gain_table(found: GainsOfExperiment) -> str:
         of_command = f"{found.torque_units[j]}/{name.base_unit}"
         unit.append("× declared" if name.place == "dataset" else of_command)
         if known[j]:
-            gain.append(f"{found.values[j]:.5g}")
-            interval.append(f"{2 * found.std[j]:.2g}")
-            declared.append(
-                f"{result.kappa[j]:.4f} ± {2 * result.std[j]:.2g}" if name.given else "none given"
-            )
+            value, spread = with_spread(found.values[j], 2 * found.std[j])
+            gain.append(value)
+            interval.append(spread)
+            over = plus_minus(result.kappa[j], 2 * result.std[j])
+            declared.append(over if name.given else "none given")
         else:
             gain.append("not known")
             interval.append("–")
             declared.append("–" if name.given else "none given")
-        value, std = _ratio(found, j, reference)
+        ratio, std = _ratio(found, j, reference)
         if len(group_of[j].motors) == 1:
             against.append("–")
         elif j == reference:
             against.append("reference")
         else:
-            against.append(f"{value:.4g} ± {2 * std:.2g} × {result.joints[reference]}")
+            against.append(f"{plus_minus(ratio, 2 * std)} × {result.joints[reference]}")
     return plain_table(
         [
             ("joint", "<", list(result.joints)),
             ("gain", ".", gain),
-            ("±2σ", ">", interval),
+            ("±2σ", ".", interval),
             ("unit", "<", unit),
             ("over the declared gain", "<", declared),
             ("ratio", "<", against),
@@ -141,6 +142,7 @@ def least_squares_text(found: GainsOfExperiment) -> str:
     Args:
         found: the gains of an experiment file.
     """
+    from pivident.estimation.parameter_rows import plus_minus
     from pivident.validation.plain_table import plain_table
 
     if not found.gains.literature:
@@ -149,7 +151,7 @@ def least_squares_text(found: GainsOfExperiment) -> str:
     columns = [("joint", "<", list(found.gains.joints))]
     for name, (kappa, std) in found.gains.literature.items():
         cells = [
-            f"{k * s:.5g} ± {2 * d * abs(s):.2g}" for k, d, s in zip(kappa, std, scale, strict=True)
+            plus_minus(k * s, 2 * d * abs(s)) for k, d, s in zip(kappa, std, scale, strict=True)
         ]
         columns.append((LEAST_SQUARES[name], "<", cells))
     units = [f"{t}/{d.base_unit}" for t, d in zip(found.torque_units, found.declared, strict=True)]
@@ -225,15 +227,17 @@ def _remedy(found: GainsOfExperiment, whose: str) -> str:
 
 def _temperature_table(found: GainsOfExperiment) -> str:
     """Temperature coefficients, and whether they were worth it."""
+    from pivident.estimation.parameter_rows import with_spread
     from pivident.validation.plain_table import plain_table
 
     rows = found.temperatures
     scale, unit = (100.0, "%/K") if rows[0].unit == "1/K" else (100.0 * 3600.0, "%/h")
+    texts = [with_spread(scale * r.coefficient, 2 * scale * r.std) for r in rows]
     table = plain_table(
         [
             ("joint", "<", [r.joint for r in rows]),
-            (f"a [{unit}]", ".", [f"{scale * r.coefficient:.3g}" for r in rows]),
-            ("±2σ", ">", [f"{2 * scale * r.std:.2g}" for r in rows]),
+            (f"a [{unit}]", ".", [value for value, _ in texts]),
+            ("±2σ", ".", [spread for _, spread in texts]),
             ("F", ".", [f"{r.f_statistic:.1f}" for r in rows]),
             ("p", ">", [f"{r.p_value:.2g}" for r in rows]),
             ("taken", "<", ["yes" if r.worth else "no, not told from zero" for r in rows]),
@@ -260,13 +264,15 @@ def log_units_text(row: MotorInLogUnits) -> str:
     Args:
         row: the motor's own estimate.
     """
+    from pivident.estimation.parameter_rows import with_spread
     from pivident.validation.plain_table import plain_table
 
+    texts = [with_spread(v, 2 * s) for v, s in zip(row.values, row.std, strict=True)]
     table = plain_table(
         [
             (f"{row.joint}: θ/k", "<", list(row.names)),
-            ("value", ">", [f"{v:.4g}" for v in row.values]),
-            ("±2σ", ">", [f"{2 * s:.2g}" for s in row.std]),
+            ("value", ".", [value for value, _ in texts]),
+            ("±2σ", ".", [spread for _, spread in texts]),
             ("unit", "<", list(row.units)),
         ]
     )

@@ -24,6 +24,7 @@ from pivident.audit.scale import check_positions, check_scale
 from pivident.audit.timing import check_timing
 from pivident.draft.guess import Question, Sureness
 from pivident.errors import PividentError
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.recording.torque_scale import GUESSED, MASSES
 from pivident.recording.units import COMMAND, TORQUE
 from pivident.robot.description import Robot
@@ -341,7 +342,7 @@ def _factors_text(robot: Robot, found: Comparison) -> str:
             f" ({found.trouble})" if found.trouble else ""
         )
     texts = [
-        f"{robot.joints[j].name} {found.factors[j]:.2f} ± {2 * found.deviations[j]:.2f}"
+        f"{robot.joints[j].name} {plus_minus(found.factors[j], 2 * found.deviations[j])}"
         for j in known
     ]
     return f"times the torque of the robot's masses: {', '.join(texts)}" + _load_text(robot, found)
@@ -352,6 +353,6 @@ def _load_text(robot: Robot, found: Comparison) -> str:
     if found.load is None:
         return ""
     return (
-        f"; beside a body of {found.load.mass:.2f} ± {2 * found.load.deviation:.2f} kg on the link "
-        f"of {robot.joints[-1].name} that the description lacks, such as a tool"
+        f"; beside a body of {plus_minus(found.load.mass, 2 * found.load.deviation)} kg on the "
+        f"link of {robot.joints[-1].name} that the description lacks, such as a tool"
     )

@@ -143,9 +143,9 @@ class NegativePayload(IdentificationError):
     def __init__(self, mass: float, std: float) -> None:
         self.mass, self.std = mass, std
         super().__init__(
-            f"the load's mass is {mass:.4g} ± {2 * std:.2g} kg (2σ): the record with the load "
-            "carries less than the one without. Swap the two records, or check which tool each "
-            "one was taken with"
+            f"the load's mass is {mass:.4g} kg (2σ: {mass - 2 * std:.4g} to "
+            f"{mass + 2 * std:.4g} kg): the record with the load carries less than the one "
+            "without. Swap the two records, or check which tool each one was taken with"
         )
 
 

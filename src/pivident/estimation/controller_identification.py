@@ -37,6 +37,7 @@ from pivident.estimation.law_gravity import (
     gravity_models,
     gravity_notes,
 )
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.estimation.speed_setpoint import (
     EXPLAINED,
     SpeedSetpoint,
@@ -233,7 +234,7 @@ def _joint_law_of(name: str, own: SpeedSetpoint, saturated: int) -> JointLaw:
 
 def _setpoint_warnings(laws: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]) -> list[str]:
     """What has to be said about laws with a speed setpoint."""
-    noise = ", ".join(f"{s.noise_gain:.0f} ± {2 * s.std[2]:.0f}" for s in setpoints)
+    noise = ", ".join(plus_minus(s.noise_gain, 2 * float(s.std[2])) for s in setpoints)
     seen = ", ".join(f"{100 * s.loop_explained:.2g} %" for s in setpoints)
     left = 100.0 * max(law.relative_error for law in laws)
     return [
@@ -256,7 +257,7 @@ def _refusal(refused: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]) ->
         gains = (own.position_gain, own.speed_gain, own.noise_gain, own.integral_gain)
         worst = int(np.argmin(np.array(gains) / own.std[:4]))
         which = ("position gain", "speed gain", "speed gain beyond the motion's band", "integrator")
-        cause = f"leaves its {which[worst]} at {gains[worst]:.3g} ± {2 * own.std[worst]:.2g}"
+        cause = f"leaves its {which[worst]} at {plus_minus(gains[worst], 2 * own.std[worst])}"
     return (
         f"the law found for joint {law.name!r} has {term} = {law.gain(term):.4g} and would push "
         f"away from the reference; {100 * law.relative_error:.3g} % of the output stay "

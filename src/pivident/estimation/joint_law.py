@@ -29,6 +29,7 @@ from pivident.estimation.law_gravity import (
     best_gravity,
 )
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.estimation.sandwich import sandwich, windows_of
 from pivident.recording.recording import Recording
 
@@ -204,7 +205,7 @@ def doubts_of(law: JointLaw) -> list[str]:
     for term, gain, std in zip(law.terms, law.gains, law.std, strict=True):
         if std > 0.5 * abs(gain):
             out.append(
-                f"{term} of joint {law.name!r} is {gain:.3g} ± {2 * std:.2g}: this record hardly "
+                f"{term} of joint {law.name!r} is {plus_minus(gain, 2 * std)}: this record hardly "
                 "tells it."
             )
     return out

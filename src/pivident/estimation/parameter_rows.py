@@ -168,6 +168,19 @@ def with_spread(value: float, spread: float) -> tuple[str, str]:
     return text, spread_text
 
 
+def plus_minus(value: float, spread: float, sign: bool = False) -> str:
+    """``0.123 ± 0.045``: a value and its spread in matching digits; the value where none is known.
+
+    Args:
+        value: the value.
+        spread: such as 2σ; none where it is zero or NaN.
+        sign: whether a positive value is written with its sign.
+    """
+    text, spread_text = with_spread(value, spread)
+    text = f"+{text}" if sign and not text.startswith("-") else text
+    return f"{text} ± {spread_text}" if spread > 0.0 else text
+
+
 def percent(x: float) -> str:
     """A percentage: ``1.2 %``."""
     return significant(x, 2) if math.isnan(x) else f"{significant(x, 2)} %"

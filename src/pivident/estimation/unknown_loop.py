@@ -23,6 +23,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.controller_identification import (
     identify_controller,
 )
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.estimation.problem import Loop
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
@@ -214,7 +215,7 @@ def _implied_reference(recording: Recording, law: LinearLaw, gain: np.ndarray) -
 
 def _told(feedback: Sequence[Feedback]) -> str:
     gains = "; ".join(
-        f"{f.name}: kp {f.kp:.4g} ± {2 * f.kp_std:.2g}, kd {f.kd:.4g} ± {2 * f.kd_std:.2g}"
+        f"{f.name}: kp {plus_minus(f.kp, 2 * f.kp_std)}, kd {plus_minus(f.kd, 2 * f.kd_std)}"
         for f in feedback
     )
     return (

@@ -15,14 +15,15 @@ like a stiffer spring.
 Torque and acceleration are low-passed without phase. Where the reference was recorded, they are
 instrumented with their part that follows from it, so that noise of the torque cannot make the
 spring look stiff. Deviations come from leaving out blocks of the motion in turn (jackknife): they
-hold what the model does not explain, too.
+hold what the model does not explain, too. They cannot hold what makes most of the deflection: where
+the model leaves that, the joint does something else, as a rule it swings, and nothing is estimated.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
@@ -45,6 +46,9 @@ CLEAR = 3.0
 
 #: Share of the torque that must lie on each side of zero for backlash to show.
 BOTH_SIDES = 0.1
+
+#: Share of the deflection, by rms, that may be left unexplained if the rest is to be believed.
+MOST_UNEXPLAINED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +77,9 @@ class Compliance:
         instrumented: whether instruments from the reference were used.
         notes: what to know, in sentences.
         fitted: deflection and model without lines over the torque, shape (3, samples), to draw.
+
+    Where more than :data:`MOST_UNEXPLAINED` is left, what was estimated is withheld: those
+    quantities have neither value nor ends, and the note says why.
     """
 
     recording: str
@@ -95,6 +102,11 @@ class Compliance:
     instrumented: bool
     notes: tuple[str, ...]
     fitted: np.ndarray = field(repr=False)
+
+    @property
+    def explained(self) -> bool:
+        """Whether the model explains so much of the deflection that its estimates are given."""
+        return self.unexplained <= MOST_UNEXPLAINED
 
 
 def identify_compliance(
@@ -156,14 +168,14 @@ def identify_compliance(
     left = motion.deflection - final.columns @ final.theta
     without_lines = motion.deflection - final.of_lines()
     slope = tried["damping"]
-    damping = Measured(math.nan, -math.inf, math.inf, "N m s/rad")
+    damping = Measured.untold("N m s/rad")
     if slope.tells_stiffness:
         of_one = compliance**2
         value, std = -slope.value("damping") / of_one, slope.std("damping") / of_one
         damping = Measured.around(value, std, "N m s/rad", STUDENT)
     heavier = prepared(1.1 * motor_inertia, retimed=motion.retimed)
     other = fit_deflection(heavier, orders, kept).value("torque")
-    return Compliance(
+    found = Compliance(
         recording=recording.name,
         joint=name,
         stiffness=k,
@@ -184,6 +196,31 @@ def identify_compliance(
         instrumented=motion.instruments is not None,
         notes=notes,
         fitted=np.vstack([torque, without_lines, without_lines - left]),
+    )
+    return found if found.explained else _withheld(found)
+
+
+def _withheld(found: Compliance) -> Compliance:
+    """The same without estimates, which a model that leaves most of the deflection cannot give."""
+    note = (
+        f"a slow motion's model leaves {100 * found.unexplained:.2g} % of the deflection "
+        f"unexplained, more than {100 * MOST_UNEXPLAINED:.0f} %, so that nothing is estimated from "
+        "it: the load swings, or the deflection has another cause than the torque; record a "
+        "motion that is slower and without excitation of the resonance"
+    )
+    return replace(
+        found,
+        stiffness=Measured.untold("N m/rad"),
+        stiffness_change=math.nan,
+        friction=Measured.untold("N m"),
+        encoder_lag=Measured.untold("s"),
+        offset=Measured.untold("rad"),
+        hysteresis=Measured.untold("rad"),
+        backlash=None if found.backlash is None else Measured.untold("rad"),
+        damping=Measured.untold("N m s/rad"),
+        lines=(),
+        deflection=(math.nan, math.nan),
+        notes=(note,),
     )
 
 

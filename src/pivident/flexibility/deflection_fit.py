@@ -121,7 +121,7 @@ class DeflectionFit:
         """
         i, j = self.names.index(name), self.names.index("torque")
         if not self.tells_stiffness:
-            return Measured(math.nan, -math.inf, math.inf, unit)
+            return Measured.untold(unit)
         value = -self.theta[i] / self.theta[j]
         std = jackknife_deviation(-self.replicates[:, i] / self.replicates[:, j])
         return Measured.around(value, std, unit, STUDENT)

@@ -228,13 +228,13 @@ def _plain(value: Any) -> Any:
 
 
 def summary(found: Sequence[JointFlexibility]) -> dict[str, list[Measured]]:
-    """Stiffness of each joint by recording, for comparison.
+    """Stiffness of each joint by recording, for comparison; withheld ones stay out.
 
     Args:
         found: joints of recordings.
     """
     stiffness: dict[str, list[Measured]] = {}
     for one in found:
-        if one.compliance is not None:
+        if one.compliance is not None and one.compliance.stiffness.told:
             stiffness.setdefault(one.joint, []).append(one.compliance.stiffness)
     return stiffness

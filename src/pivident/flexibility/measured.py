@@ -52,6 +52,20 @@ class Measured:
         least = 1.0 / high if high > 0 else math.inf
         return cls(best, least, 1.0 / low if low > 0 else math.inf, unit)
 
+    @classmethod
+    def untold(cls, unit: str) -> Measured:
+        """What a record says nothing about: no value, no ends.
+
+        Args:
+            unit: its unit.
+        """
+        return cls(math.nan, -math.inf, math.inf, unit)
+
+    @property
+    def told(self) -> bool:
+        """Whether there is a value or at least a lower end."""
+        return math.isfinite(self.value) or math.isfinite(self.low)
+
     @property
     def clear(self) -> bool:
         """Whether zero is outside the interval."""

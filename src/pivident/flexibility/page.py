@@ -101,6 +101,8 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
     _with_legend(plot)
     stiffness = of_kind(str(compliance.stiffness), sliding)
     note = f"stiffness {stiffness}; the encoders' lag and offset are still in it"
+    if not compliance.explained:
+        note = f"{100 * compliance.unexplained:.2g} % of it is unexplained: no stiffness is given"
     return Figure(plot, 320, "Deflection", f"Deflection over {quantity}; {note}", note)
 
 

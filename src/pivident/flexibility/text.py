@@ -108,6 +108,11 @@ def _words(name: str) -> str:
 
 
 def _compliance_rows(c: Compliance) -> list[tuple[str, str]]:
+    return [*(_estimated_rows(c) if c.explained else []), *_recorded_rows(c)]
+
+
+def _estimated_rows(c: Compliance) -> list[tuple[str, str]]:
+    """What the terms of the deflection are."""
     rows: list[tuple[str, object]] = [
         ("stiffness", c.stiffness),
         ("motor friction", c.friction),
@@ -127,9 +132,6 @@ def _compliance_rows(c: Compliance) -> list[tuple[str, str]]:
     ]
     low, high = (1e3 * end for end in c.deflection)
     rows.append(("deflection by torque", f"{low:.3g} to {high:.3g} mrad"))
-    low, high = (1e3 * end for end in c.recorded)
-    rows.append(("recorded difference", f"{low:.3g} to {high:.3g} mrad"))
-    rows.append(("unexplained", f"{1e3 * c.residual:.2g} mrad rms ({100 * c.unexplained:.2g} %)"))
     if math.isfinite(c.stiffness_change) and c.motor_inertia:
         rows.append(
             (
@@ -138,6 +140,15 @@ def _compliance_rows(c: Compliance) -> list[tuple[str, str]]:
             )
         )
     return [(label, str(value)) for label, value in rows]
+
+
+def _recorded_rows(c: Compliance) -> list[tuple[str, str]]:
+    """How far the encoders differ, and how much of that is left."""
+    low, high = (1e3 * end for end in c.recorded)
+    return [
+        ("recorded difference", f"{low:.3g} to {high:.3g} mrad"),
+        ("unexplained", f"{1e3 * c.residual:.2g} mrad rms ({100 * c.unexplained:.2g} %)"),
+    ]
 
 
 def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import significant, with_spread
+from pivident.estimation.parameter_rows import plus_minus, significant
 from pivident.friction.contrasts import (
     against_motion,
     at,
@@ -342,7 +342,7 @@ def pm(value: float, std: float) -> str:
         value: the value.
         std: its standard deviation.
     """
-    return " ± ".join(with_spread(value, 2.0 * std))
+    return plus_minus(value, 2.0 * std)
 
 
 def _gain(gain: float, std: float) -> str:

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.estimation.parameter_rows import significant
+from pivident.estimation.parameter_rows import plus_minus, significant
 from pivident.friction.order_spectrum import OrderSpectrum
 from pivident.friction.ripple_orders import Angle, NamedOrder, Relation
 from pivident.recording.recording import Recording
@@ -151,7 +151,7 @@ class RippleLine:
             remarks.append("speed varies too little to tell it from a line of constant frequency")
         if self.depends_on_load:
             reach = TWO_SIDED * self.load_slope_std
-            remarks.append(f"depends on load (slope {self.load_slope:.2f} ± {reach:.2f})")
+            remarks.append(f"depends on load (slope {plus_minus(self.load_slope, reach)})")
         if self.depends_on_direction:
             remarks.append(
                 f"forward {significant(self.forward)}, backward {significant(self.backward)} "
@@ -162,9 +162,9 @@ class RippleLine:
         if self.smoothed > 0.5:
             remarks.append("mostly faster than the position smoother")
         text = (
-            f"{self.joint}: order {self.order:.5g} ± {TWO_SIDED * self.order_std:.2g} of "
-            f"{self.angle.name} ({relation}), {significant(self.amplitude)} ± "
-            f"{significant(TWO_SIDED * self.amplitude_std, 2)} {self.unit}, phase "
+            f"{self.joint}: order {plus_minus(self.order, TWO_SIDED * self.order_std)} of "
+            f"{self.angle.name} ({relation}), "
+            f"{plus_minus(self.amplitude, TWO_SIDED * self.amplitude_std)} {self.unit}, phase "
             f"{self.phase:.2f} rad, {100 * self.share:.2g} % of the residual's variance, {p}, "
             f"{self.frequencies[0]:.3g} to {self.frequencies[1]:.3g} Hz"
         )

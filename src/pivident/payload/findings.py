@@ -6,6 +6,7 @@ import numpy as np
 
 from pivident.errors import NegativePayload
 from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.payload.load_estimate import LoadEstimate
 
 #: Deviations from which on a negative mass is no matter of noise: the records are swapped.
@@ -53,7 +54,7 @@ def warnings_about(
         said.append("The arm without load did not converge; look at its identification first.")
     if load.determined[9] and not load.is_seen:
         said.append(
-            f"No load is seen: its mass, {load.mass:.3g} ± {2 * load.mass_std:.2g} kg (2σ), is "
+            f"No load is seen: its mass, {plus_minus(load.mass, 2 * load.mass_std)} kg (2σ), is "
             "not told from zero, and so it has no centre of mass. Is the loaded record one with "
             "the load?"
         )

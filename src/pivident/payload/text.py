@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from pivident.estimation.parameter_rows import plus_minus, with_spread
 from pivident.payload.identify_payload import PayloadIdentification
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import LoadRow, load_rows
@@ -51,20 +52,16 @@ def load_table(rows: list[LoadRow]) -> str:
     from pivident.validation.plain_table import plain_table
 
     shown = [r for r in rows if math.isfinite(r.std) and r.name != "m"]  # m is the mass above
+    texts = [with_spread(r.value, 2 * r.std) for r in shown]
     columns = [
         ("quantity", "<", [r.label for r in shown]),
-        ("value", ".", [_value(r) for r in shown]),
-        ("±2σ", ">", [f"{2 * r.std:.2g}" for r in shown]),
+        ("value", ".", [value for value, _ in texts]),
+        ("±2σ", ".", [spread for _, spread in texts]),
         ("unit", "<", [r.unit for r in shown]),
     ]
     if any(r.lopsided for r in shown):
         columns.append(("95 % interval", "<", [_interval(r) for r in shown]))
     return plain_table(columns)
-
-
-def _value(row: LoadRow) -> str:
-    digits = 0 if row.std <= 0 else max(0, min(9, 1 - math.floor(math.log10(2 * row.std))))
-    return f"{row.value:.{digits}f}"
 
 
 def _interval(row: LoadRow) -> str:
@@ -134,7 +131,7 @@ def _bounded(load: LoadEstimate, nearest: PossibleLoad) -> str:
 def _friction_sentence(found: PayloadIdentification) -> str:
     """Friction that is another one with the load."""
     named = [
-        f"{name} {change:+.2g} ± {2 * std:.2g} {_unit(found, name)}"
+        f"{name} {plus_minus(change, 2 * std, sign=True)} {_unit(found, name)}"
         for name, change, std in zip(
             found.friction_names, found.friction_change, found.friction_std, strict=True
         )

@@ -9,7 +9,7 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pivident.estimation.methods import Bandpass
-from pivident.estimation.parameter_rows import significant, with_spread
+from pivident.estimation.parameter_rows import plus_minus, significant
 from pivident.report.figures import ERROR, MEASURED, METHOD_COLOURS, Figure, colour, empty_plot
 from pivident.signals.bandpass import bandpass_response
 from pivident.signals.decimation import EDGE_OF_BAND, decimation_gain, decimation_stages
@@ -230,7 +230,7 @@ _LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
 
 
 def _interval(value: float, std: float) -> str:
-    return " ± ".join(with_spread(value, 2.0 * std)) if std > 0 else significant(value)
+    return plus_minus(value, 2.0 * std)
 
 
 def _decibel(gain: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from pivident.consistency.method_names import consistent_label
 from pivident.consistency.profile_intervals import not_found_sentence
 from pivident.consistency.significance import HALF_INTERVAL
 from pivident.errors import IdentificationError
-from pivident.estimation.parameter_rows import significant
+from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.recording.recording import Recording
 from pivident.validation.consistent_prediction import ConsistentPrediction, consistent_prediction
 from pivident.validation.plain_table import plain_table
@@ -156,11 +156,12 @@ class ConsistentEstimate:
         rows = self.moved_rows()
         if not rows:
             return ""
+        free = [with_spread(r.free, r.spread) for r in rows]
         return plain_table(
             [
                 ("parameter", "<", [r.name for r in rows]),
-                ("free", ".", [significant(r.free, 4) for r in rows]),
-                (f"±{HALF_INTERVAL:g}σ", ".", [significant(r.spread, 2) for r in rows]),
+                ("free", ".", [value for value, _ in free]),
+                (f"±{HALF_INTERVAL:g}σ", ".", [spread for _, spread in free]),
                 ("consistent", ".", [significant(r.consistent, 4) for r in rows]),
                 (f"{CONFIDENCE:.0%} interval", "<", [r.interval for r in rows]),
                 ("moved [σ]", ".", [f"{r.moved:+.2f}" for r in rows]),

@@ -16,7 +16,7 @@ from pivident.estimation.decimated import DecimatedRecord, decimated_sums
 from pivident.estimation.full_rate import FullRateRecord, accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.parameter_rows import significant
+from pivident.estimation.parameter_rows import plus_minus
 from pivident.estimation.sandwich import windows_of
 from pivident.signals.prefilter import Prefilter
 
@@ -154,9 +154,10 @@ class EliminationRound:
             name = self.found.names[self.kept[place]]
             if p_value < self.level:
                 self.stopped = (
-                    f"The search ended at {name}: {significant(self.theta[place])} ± "
-                    f"{significant(2 * self.std[place], 2)} {self._parameter(place).unit} "
-                    f"(2σ) is not compatible with zero (p = {p_value:.2g})."
+                    f"The search ended at {name}: "
+                    f"{plus_minus(self.theta[place], 2 * self.std[place])} "
+                    f"{self._parameter(place).unit} (2σ) is not compatible "
+                    f"with zero (p = {p_value:.2g})."
                 )
                 return
             left = [k for k in self.kept if k != self.kept[place]]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import parameter_rows, percent, significant
+from pivident.estimation.parameter_rows import parameter_rows, percent, plus_minus, significant
 from pivident.recording.torque_scale import scale_sentences
 from pivident.validation.examination import Examination
 from pivident.validation.statement import Grade, Statement, listed
@@ -95,7 +95,7 @@ def torque_scale(result: Identification) -> Iterator[Statement]:
 def signs(result: Identification) -> Iterator[Statement]:
     """Friction and rotor inertias cannot be negative."""
     negative = [
-        f"{row.name} = {significant(row.value)} ± {significant(2 * row.std, 2)} {row.unit}"
+        f"{row.name} = {plus_minus(row.value, 2 * row.std)} {row.unit}"
         for row, parameter in zip(parameter_rows(result), result.parameters, strict=True)
         if parameter.is_dissipative and row.value < 0
     ]

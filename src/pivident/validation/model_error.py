@@ -9,7 +9,9 @@ noise say the wrong thing. Two ways to tell them apart:
   beyond the motion's highest frequency would give. This is coarser: model error that reaches
   beyond that frequency counts as noise, and the estimate's own error counts as model error.
 
-Both are judged below the motion's highest frequency, where the estimate is decided.
+Both are judged below the motion's highest frequency, where the estimate is decided. The noise's
+share has an interval from the scatter of the blocks, cut off at 0 and 100 %. Where that reaches
+from little to most, the record does not tell noise from model error, and that is what is said.
 
 Deviations from noise alone tell how well the estimate would repeat, not how near it is to the
 truth. A result holds both, and says which is which.
@@ -37,9 +39,13 @@ from pivident.signals.bandpass import butterworth
 from pivident.validation.cross_validation import CrossValidation
 from pivident.validation.plain_table import plain_table
 from pivident.validation.prediction import motion_band
+from pivident.validation.statement import listed
 
 #: Blocks of the motion that are left out in turn for the deviation of a share.
 BLOCKS = 20
+
+#: An interval of a share that reaches from below the first to above the second tells nothing.
+LITTLE, MOST = 0.25, 0.75
 
 
 @dataclass(frozen=True)
@@ -65,6 +71,19 @@ class JointModelError:
     noise_share: float
     share_std: float
     noise_share_all: float = np.nan
+
+    @property
+    def share_interval(self) -> tuple[float, float]:
+        """The share ± 2σ as far as a share can be, within 0 to 1; NaN without a deviation."""
+        reach = 2.0 * self.share_std
+        low, high = np.clip([self.noise_share - reach, self.noise_share + reach], 0.0, 1.0)
+        return float(low), float(high)
+
+    @property
+    def is_told(self) -> bool:
+        """Whether noise is told from model error: not if it may be little as well as most."""
+        low, high = self.share_interval
+        return not (low < LITTLE and high > MOST)
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,20 +125,12 @@ class ModelError:
 
     def sentences(self) -> list[str]:
         """What was found, in words with numbers."""
-        low, high = (f(self.joints, key=lambda j: j.noise_share) for f in (min, max))
-        makes = _share(low) if low is high else f"{_share(low)} to {_share(high)}"
-        of, rest = "the residual's variance", "comes again with the motion: it is model error"
-        if self.source == "held-out blocks":
-            makes = f"at most {makes}"
-            of, rest = "the error's variance", "is model error, and the estimate's own error"
-        where = "" if low is high else ", from joint to joint"
-        lines = [
-            f"Below {self.band:g} Hz, noise makes {makes} of {of}{where}; the rest {rest} "
-            f"({self.description})."
-        ]
+        told = [j for j in self.joints if j.is_told]
+        untold = [j for j in self.joints if not j.is_told]
+        lines = ([self._told(told)] if told else []) + ([self._untold(untold)] if untold else [])
         shares = [100.0 * j.noise_share_all for j in self.joints]
         if not np.isnan(shares).any():
-            most = "" if low is high else f" to {max(shares):.0f}"
+            most = "" if len(shares) == 1 else f" to {max(shares):.0f}"
             lines.append(f"Over all frequencies noise makes {min(shares):.0f}{most} %.")
         if self.repeatability is not None:
             total = self.identification.robust_std
@@ -131,11 +142,36 @@ class ModelError:
                 "estimates are to the truth."
             )
         if self.mostly_model_error:
-            lines.append(
-                "A longer or quieter record would change little; a better model would, of friction "
-                "first."
-            )
+            advice = "longer or quieter record would change little; a better model would, of "
+            together = "Over all joints less than half is noise: a " if untold else "A "
+            lines.append(f"{together}{advice}friction first.")
         return lines
+
+    def _told(self, joints: Sequence[JointModelError]) -> str:
+        """The least and the largest share among the joints that tell it."""
+        low, high = (f(joints, key=lambda j: j.noise_share) for f in (min, max))
+        makes = _share(low) if low is high else f"{_share(low)} to {_share(high)}"
+        most, whole, rest = "", "residual", "comes again with the motion: it is model error"
+        if self.source == "held-out blocks":
+            most, whole, rest = "at most ", "error", "is model error, and the estimate's own error"
+        where = "" if low is high else ", from joint to joint"
+        return (
+            f"Below {self.band:g} Hz, noise makes {most}{makes} of the {whole}'s variance{where}; "
+            f"the rest {rest} ({self.description})."
+        )
+
+    def _untold(self, joints: Sequence[JointModelError]) -> str:
+        """Joints of which the record says nothing, with the interval that shows it."""
+        some = len(joints) < len(self.joints)
+        where = f" on {listed([j.name for j in joints])}" if some else ""
+        motion = "held-out" if self.source == "held-out blocks" else "repeated"
+        low = 100.0 * min(j.share_interval[0] for j in joints)
+        high = 100.0 * max(j.share_interval[1] for j in joints)
+        basis = "" if some else f" ({self.description})"
+        return (
+            f"Below {self.band:g} Hz, the {motion} motion does not tell noise from model error"
+            f"{where}: noise may make {low:.0f} to {high:.0f} % of the variance (2σ){basis}."
+        )
 
     def joint_table(self) -> str:
         """One line for each joint."""
@@ -148,7 +184,7 @@ class ModelError:
                 ("noise", ".", [significant(j.noise) for j in self.joints]),
                 ("unit", "<", [j.unit for j in self.joints]),
                 ("noise, % of variance", ".", [value for value, _ in shares]),
-                ("±2σ", ".", [spread for _, spread in shares]),
+                ("2σ", ">", [interval for _, interval in shares]),
             ]
         )
 
@@ -158,12 +194,13 @@ class ModelError:
             return []
         found = self.identification
         alone, total = 2.0 * self.repeatability, 2.0 * found.robust_std
+        repeats = [with_spread(x, y) for x, y in zip(found.theta, alone, strict=True)]
         return [
             plain_table(
                 [
                     ("parameter", "<", list(found.names)),
-                    ("value", ".", [significant(x, 5) for x in found.theta]),
-                    ("repeats ±2σ", ".", [significant(x, 2) for x in alone]),
+                    ("value", ".", [value for value, _ in repeats]),
+                    ("repeats ±2σ", ".", [spread for _, spread in repeats]),
                     ("with model error ±2σ", ".", [significant(x, 2) for x in total]),
                     ("unit", "<", list(found.units)),
                 ]
@@ -345,13 +382,19 @@ def _joint(
 
 
 def _percentages(joint: JointModelError) -> tuple[str, str]:
-    """Share of the noise and twice its deviation [%], in matching digits."""
-    if np.isnan(joint.share_std):
-        return significant(100.0 * joint.noise_share, 2), "–"
-    return with_spread(100.0 * joint.noise_share, 200.0 * joint.share_std)
+    """Share of the noise and its interval [%], in matching digits."""
+    share = 100.0 * joint.noise_share
+    low, high = joint.share_interval
+    if not high > low:  # no deviation, or all blocks agree: the whole error in each of them
+        return significant(share, 3 if share == 100.0 else 2), "–"
+    value, _ = with_spread(share, 200.0 * joint.share_std)
+    decimals = len(value.partition(".")[2])
+    return value, f"{100.0 * low:.{decimals}f} to {100.0 * high:.{decimals}f}"
 
 
 def _share(joint: JointModelError) -> str:
     """Share of the noise with its interval, in words."""
-    value, spread = _percentages(joint)
-    return f"{value} %" if spread == "–" else f"{value} ± {spread} % (2σ)"
+    value, interval = _percentages(joint)
+    if interval != "–":
+        return f"{value} % (2σ: {interval} %)"
+    return f"{value} %" if np.isnan(joint.share_std) else f"{value} % (in every block)"

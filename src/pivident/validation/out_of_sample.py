@@ -21,7 +21,7 @@ from pivident.estimation.methods import (
     Method,
     PrefilteredIV,
 )
-from pivident.estimation.parameter_rows import CONTRADICTION, significant
+from pivident.estimation.parameter_rows import CONTRADICTION, plus_minus, significant
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.validation.cross_validation import CrossValidation, cross_validate
@@ -308,7 +308,7 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
             f"The order of the noise model is at its bound for {', '.join(bound)}; raise p_max."
         )
     negative = [
-        f"{name} = {significant(value)} ± {significant(2 * std, 2)} {p.unit}"
+        f"{name} = {plus_minus(value, 2 * std)} {p.unit}"
         for name, value, std, p in zip(
             found.names, found.theta, found.std, found.parameters, strict=True
         )

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.methods import Bandpass
-from pivident.estimation.parameter_rows import significant, with_spread
+from pivident.estimation.parameter_rows import plus_minus, significant
 from pivident.report.frequency_figures import bandwidth_text, loop_figure
 from pivident.report.recipes import sampling_rate, signal_recipe
 from pivident.report.sections.base import Gallery, Section
@@ -118,7 +118,7 @@ def _band_pass_remarks(
     remarks = []
     for what, option, used, factor, too_low, too_high in consequences:
         wanted, spread = factor * joint.bandwidth, 2.0 * factor * joint.bandwidth_std
-        value = " ± ".join(with_spread(wanted, spread)) if spread > 0 else significant(wanted)
+        value = plus_minus(wanted, spread)
         rule = (
             f"{factor:g} bandwidths are {value} Hz for {joint.name}, the fastest joint; used were "
             f"{significant(used)} Hz"
