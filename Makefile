@@ -38,6 +38,7 @@ truth: .venv/.pivident
 	$(BIN)/python benchmarks/statistical_truth.py
 	$(BIN)/python benchmarks/held_out_folds.py
 	$(BIN)/python benchmarks/unknown_loop.py
+	$(BIN)/python benchmarks/gravity_compensated_law.py
 	$(BIN)/python benchmarks/linear_truth.py
 	$(BIN)/python benchmarks/kuka_kr300_blocks.py
 	$(BIN)/python benchmarks/friction_laws.py
