@@ -21,6 +21,7 @@ from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PID
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
 from pivident.simulation.reference import point_to_point
+from pivident.validation.verdict import verdict
 
 RATE = 1000.0
 KP, KD, KI = np.array([6000.0, 2500.0]), np.array([180.0, 60.0]), np.array([2e4, 8e3])
@@ -114,6 +115,8 @@ def test_piv_is_as_precise_as_with_the_known_law():
     np.testing.assert_allclose(found.std, known.std, rtol=0.02)
     assert found.method == "IDIM-PIV (Ĉ)"
     assert any("compensates gravity at the measured position" in w for w in found.warnings)
+    (told,) = [s for s in verdict(found).statements if "compensates gravity" in s.text]
+    assert told.grade == "note"
 
 
 def test_the_gravity_model_is_told_and_stored():

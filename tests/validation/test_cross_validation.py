@@ -297,6 +297,17 @@ def test_without_an_interval_the_difference_itself_decides():
     assert not is_worse(Ratio(1.021, 0.9, 1.16)) and is_worse(Ratio(1.1, 1.01, 1.2))
 
 
+def test_an_estimate_is_not_called_the_best_where_least_squares_predicts_better(problem):
+    results = {name: cross_validate(problem, METHODS[name], folds=2) for name in ("ls", "piv")}
+    best = min(results, key=lambda name: results[name].prediction.total_in_band)
+    judged = _judged({name: METHODS[name] for name in results}, results, {})
+    assert judged.recommended == "piv"
+    for order in (judged, replace(judged, best="ls" if best == "piv" else "piv")):
+        text = " ".join(order.sentences())
+        assert ("Smallest held-out torque error" in text) == (order.best == "piv")
+        assert ("has the smallest error" in text) == (order.best == "ls")
+
+
 def test_a_method_that_fails_does_not_end_the_comparison(problem):
     compared = compare_out_of_sample(replace(problem, loop=None), ["ls"], folds=2)
     assert compared.recommended == "ls"

@@ -232,12 +232,12 @@ def test_spectral_lines_of_the_encoders_are_told(simulated):
 
 def test_many_doubts_about_one_law_are_one_statement():
     doubts = [f"kd of joint {j}: the record hardly tells it." for j in range(11)]
-    law = SimpleNamespace(identified=SimpleNamespace(warnings=doubts))
+    law = SimpleNamespace(identified=SimpleNamespace(warnings=doubts, notes=()))
     result = SimpleNamespace(
         loop=law, warnings=["another", *doubts, "Not converged at all"], torque_scale=()
     )
     other, one = further_warnings(result)
     assert other == "another" and "leaves 11 doubts" in one and doubts[0] in one
-    few = SimpleNamespace(identified=SimpleNamespace(warnings=doubts[:2]))
+    few = SimpleNamespace(identified=SimpleNamespace(warnings=doubts[:2], notes=()))
     shown = list(further_warnings(SimpleNamespace(loop=few, warnings=doubts[:2], torque_scale=())))
     assert shown == doubts[:2]

@@ -114,13 +114,24 @@ def signs(result: Identification) -> Iterator[Statement]:
         yield Statement("physics", "note", f"{text}: {listed(negative)} (2σ).")
 
 
+def identified_law(result: Identification) -> list[Statement]:
+    """What was found in the control law beside its gains; no reservation."""
+    return [Statement("law", "note", text) for text in _law_notes(result)]
+
+
+def _law_notes(result: Identification) -> tuple[str, ...]:
+    found = None if result.loop is None else result.loop.identified
+    return () if found is None else found.notes
+
+
 def further_warnings(result: Identification) -> Iterator[str]:
     """The estimator's warnings that no statement above repeats; many of one law are one."""
     told = scale_sentences(result.torque_scale)
     found = None if result.loop is None else result.loop.identified
     of_law = () if found is None or len(found.warnings) <= DOUBTS else tuple(found.warnings)
+    elsewhere = (*of_law, *told, *_law_notes(result))
     for text in result.warnings:
-        if text in (*of_law, *told) or text.startswith(("Not converged", "Exogeneity")):
+        if text in elsewhere or text.startswith(("Not converged", "Exogeneity")):
             continue
         yield text
     if of_law:

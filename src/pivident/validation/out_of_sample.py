@@ -164,8 +164,12 @@ class OutOfSample:
                     f"{piv} predicts as well as {iv} to within {100 * (TOLERATED - 1):.0f} % or "
                     f"better: take the estimate of {taken}, whose intervals are the better founded."
                 )
-        else:
+        elif self.best == self.recommended:
             lines.append(f"Smallest held-out torque error: {taken}.")
+        else:
+            lines.append(
+                f"Take the estimate of {taken}: its regressors may share noise with the residual."
+            )
         best = self.results[self.best]
         if self.best != self.recommended:
             lines.append(

@@ -19,6 +19,7 @@ from pivident.validation.estimate_statements import (
     convergence,
     determined,
     further_warnings,
+    identified_law,
     signs,
     torque_scale,
 )
@@ -115,6 +116,7 @@ def verdict(examination: Examination | Identification) -> Verdict:
         *model_or_noise(examination),
         *friction_law(examination, name),
         *consistency(examination, name),
+        *identified_law(result),
         *(Statement("warning", "caution", text) for text in further_warnings(result)),
         *(Statement("not tested", "note", text) for text in examination.notes),
     ]
