@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.control_law.identified_law import identify_controller
+from pivident.control_law.unknown_loop import complete_loop
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.controller_identification import identify_controller
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.unknown_loop import complete_loop
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate

@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.control_law.unknown_loop import complete_loop
 from pivident.errors import IdentificationError
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
@@ -28,7 +29,6 @@ from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWalk
 from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.unknown_loop import complete_loop
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot import Robot, load_robot

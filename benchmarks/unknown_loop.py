@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.control_law.unknown_loop import complete_loop
 from pivident.estimation.identify import identify
-from pivident.estimation.unknown_loop import complete_loop
 from pivident.simulation import scenarios
 
 

@@ -12,7 +12,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import INERTIAL
 
 pytest.importorskip("pinocchio")
-from .trees import RandomTree
+from tests.dynamics.trees import RandomTree
 
 SEEDS = st.integers(0, 2**32 - 1)
 

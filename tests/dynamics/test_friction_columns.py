@@ -27,8 +27,7 @@ from pivident.robot.friction import (
     viscous,
 )
 from pivident.robot.transmission import Transmission
-
-from .friction_laws import LAWS, law, smooth_motion
+from tests.dynamics.friction_laws import LAWS, law, smooth_motion
 
 RATE = 500.0
 

@@ -20,8 +20,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
-
-from ..robot.kinematics import gravity_torque
+from tests.robot.kinematics import gravity_torque
 
 ESSENTIAL = (
     "zz1 fv1 fc1 xx2 xz2 zz2 mx2 fv2 fc2 xx3 zz3 my3 ia3 fv3 fc3 mx4 ia4 fv4 fc4 my5 ia5 fv5 fc5 "

@@ -4,9 +4,9 @@ import pytest
 
 from pivident.errors import ExperimentError, PividentError, RobotDescriptionError
 from pivident.experiment import load_experiment
+from pivident.many.study.scenario import load_scenario, read_scenario
 from pivident.robot import parse_modified_dh, read_modified_dh
-from pivident.study.scenario import load_scenario, read_scenario
-from pivident.toml_text import MOST_PARTS, parse_toml
+from pivident.text.toml import MOST_PARTS, parse_toml
 from tests.faults.hostile import STUDY, written
 
 

@@ -6,9 +6,17 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pivident.consistency.consistent_estimate import (
+    ConsistentEstimate,
+    NoConsistentEstimate,
+    consistent_estimates,
+    ends_text,
+)
 from pivident.consistency.consistent_tables import millimetres
 from pivident.consistency.link_intervals import LinkRow, Quantity
 from pivident.consistency.options import ConsistencyOptions
+from pivident.diagnostics.diagnostics import examine_alone
+from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identify import identify
 from pivident.report.builder import render_report
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
@@ -16,14 +24,6 @@ from pivident.report.sections.consistency import _figures
 from pivident.robot import load_robot
 from pivident.simulation.load_scenario import tx40_with_load
 from pivident.simulation.scenarios import TX40_ESSENTIAL
-from pivident.validation.consistent_estimate import (
-    ConsistentEstimate,
-    NoConsistentEstimate,
-    consistent_estimates,
-    ends_text,
-)
-from pivident.validation.examination import examine_alone
-from pivident.validation.verdict import verdict
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.synthetic_identification import synthetic_identification
 

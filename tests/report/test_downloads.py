@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.estimation.export import to_csv
+from pivident.estimation.identification_file import to_csv
 from pivident.report.downloads import MOST_NUMBERS, downloads, signal_step, signals_csv, to_latex
 from tests.synthetic_identification import synthetic_identification
 

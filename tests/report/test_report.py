@@ -7,12 +7,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from pivident.diagnostics.diagnostics import examine_alone
 from pivident.errors import PividentError
 from pivident.estimation.identification import JointFit
 from pivident.report.builder import render_report, write_report
 from pivident.report.drawing_library import drawing_library
 from pivident.report.material import FEWEST_POINTS, TOTAL_POINTS, Material
-from pivident.validation.examination import examine_alone
 from tests.synthetic_identification import (
     synthetic_identification,
     synthetic_loop,
@@ -304,7 +304,8 @@ def test_plotly_and_jinja_are_imported_by_reports_only():
     import sys
 
     code = (
-        "import sys, pivident, pivident.estimation.export, pivident.estimation.tables, "
+        "import sys, pivident, pivident.estimation.identification_file, "
+        "pivident.estimation.summary_tables, "
         "pivident.report; print([m for m in ('plotly', 'jinja2') if m in sys.modules])"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

@@ -15,7 +15,7 @@ from pivident.consistency.profile_intervals import ProfileIntervals
 from pivident.experiment import load_experiment
 from pivident.tables import Table, TableError, table, table_names
 from pivident.tables.chosen import TABLES
-from pivident.validation.residual_tests import residual_tests
+from pivident.validation.residuals.residual_tests import residual_tests
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
 

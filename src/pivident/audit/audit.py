@@ -305,8 +305,8 @@ def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
     Raises:
         PividentError: the folder cannot be written.
     """
-    from pivident.audit.page import render_page
     from pivident.files import atomic_folder
+    from pivident.report.audit.audit_page import render_page
 
     content = {
         "schema": SCHEMA,

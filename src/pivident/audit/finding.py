@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol, TypeVar
 
 from pivident.estimation.parameter_rows import plus_minus
-from pivident.plain_values import plain
+from pivident.text.plain_values import plain
 
 Severity = Literal["fine", "look", "wrong"]
 

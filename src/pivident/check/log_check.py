@@ -34,7 +34,7 @@ from pivident.errors import (
     PividentError,
     SaturatedSignal,
 )
-from pivident.experiment.recordings import recording_of
+from pivident.experiment.recording_tables import recording_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.recording.recording import Recording
 from pivident.recording.timestamps import LOWEST_RATE

@@ -9,7 +9,7 @@ from typing import Any
 
 from pivident.audit.finding import SEVERITIES, Finding, Severity, alike, told_once
 from pivident.errors import FileFormatError, UnknownColumn
-from pivident.plain_values import plain
+from pivident.text.plain_values import plain
 
 #: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
 Place = tuple[int | str, ...]

@@ -10,7 +10,7 @@ from pivident.cli.console import Progress
 from pivident.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from pivident.friction.examination import FrictionExamination
+    from pivident.friction.friction_study import FrictionExamination
 
 
 def friction(
@@ -67,8 +67,8 @@ def run_friction(
     from pivident.estimation.identify import identify
     from pivident.experiment import load_experiment
     from pivident.friction.curves import write_friction
-    from pivident.friction.examination import examine_friction
-    from pivident.friction.ripple_search import find_ripple
+    from pivident.friction.friction_study import examine_friction
+    from pivident.friction.ripple.ripple_search import find_ripple
 
     if standstill is not None and not 0.0 < standstill < 1.0:
         raise ExperimentError(
@@ -101,7 +101,7 @@ def print_friction(examination: FrictionExamination) -> None:
     Args:
         examination: the friction of a record.
     """
-    from pivident.friction.findings import headline
+    from pivident.friction.friction_findings import headline
 
     for joint in examination.joints:
         print(f"{joint.name}: {headline(joint.findings)}")

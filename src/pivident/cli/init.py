@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from pivident.cli.console import Progress, note
 
 if TYPE_CHECKING:
-    from pivident.draft import Draft
-    from pivident.draft.guess import Answers, Question
+    from pivident.init import Draft
+    from pivident.init.guess import Answers, Question
 
 #: How sure a guess is, as the summary shows it, and its colour on a terminal.
 SURE = {"certain": ("seen", "green"), "likely": ("likely", "cyan"), "guess": ("GUESS", "yellow")}
@@ -45,8 +45,8 @@ def run_init(
     Raises:
         PividentError: the log or the robot cannot be used, or the file must not be written.
     """
-    from pivident.draft import draft_experiment
     from pivident.files import atomic_folder
+    from pivident.init import draft_experiment
 
     check_target(out, logs, robot, force)
     answers: Answers = {}
@@ -98,8 +98,8 @@ def print_draft(draft: Draft, out: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from pivident.draft.experiment_text import value_text
-    from pivident.printable import escaped
+    from pivident.init.experiment_text import value_text
+    from pivident.text.printable import escaped
 
     console = Console(highlight=False)
     rows = []

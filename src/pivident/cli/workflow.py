@@ -10,26 +10,26 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pivident.cli.console import Progress, error_line, note
-from pivident.consistency.method_names import PREFIX, free_methods
-from pivident.errors import IdentificationError
-from pivident.estimation.export import save_identification
-from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, Method
-from pivident.estimation.parameter_rows import parameter_rows
-from pivident.estimation.problem import Problem
-from pivident.estimation.shapes import identify_shapes
-from pivident.estimation.tables import comparison_table, rows_kind
-from pivident.files import atomic_folder, check_output
-from pivident.validation.consistent_estimate import (
+from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
     NoConsistentEstimate,
     consistent_estimates,
 )
-from pivident.validation.consistent_files import write_consistent
+from pivident.consistency.consistent_files import write_consistent
+from pivident.consistency.method_names import PREFIX, free_methods
+from pivident.diagnostics.diagnostics import Examination, examine
+from pivident.diagnostics.verdict import save_verdict, verdict
+from pivident.errors import IdentificationError
+from pivident.estimation.identification import Identification
+from pivident.estimation.identification_file import save_identification
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.problem import Problem
+from pivident.estimation.summary_tables import comparison_table, rows_kind
+from pivident.files import atomic_folder, check_output
+from pivident.friction.laws.shapes import identify_shapes
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
-from pivident.validation.examination import Examination, examine
-from pivident.validation.verdict import save_verdict, verdict
 
 #: What the demonstration compares, and on how many held-out blocks.
 DEMO_METHODS = ("ls", "iv", "iv-full-rate", "piv")

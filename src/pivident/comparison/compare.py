@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 
 from pivident.comparison.aligned import aligned_by_group, aligned_by_name
+from pivident.comparison.comparison_errors import ComparisonError
 from pivident.comparison.cross_torque import CrossTorque, cross_torques
 from pivident.comparison.differences import Difference, Estimate, difference, share_a_record
 from pivident.comparison.entry import Entry, entry_of
-from pivident.comparison.errors import ComparisonError
 from pivident.comparison.friction_curves import JointFriction, friction_curves
 from pivident.comparison.groups import difference_of_geometry
 from pivident.comparison.load import distinct_labels, load_entries, relabelled
@@ -114,7 +114,7 @@ class Comparison:
         return tuple(p.name for p in self.parameters if self.is_marked(p.differences[entry]))
 
     def __str__(self) -> str:
-        from pivident.comparison.text import comparison_text
+        from pivident.comparison.comparison_text import comparison_text
 
         return comparison_text(self)
 
@@ -138,7 +138,7 @@ class Comparison:
         Raises:
             PividentError: it cannot be written.
         """
-        from pivident.comparison.files import save_comparison
+        from pivident.comparison.comparison_files import save_comparison
 
         save_comparison(self, folder)
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from pivident.estimation.parameter_rows import significant, with_spread
-from pivident.estimation.tables import error_rows, is_decimated
+from pivident.estimation.summary_tables import error_rows, is_decimated
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import Comparison

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel, make_consistent
     from pivident.consistency.constraints import Bounds
-    from pivident.consistency.lift import lift
+    from pivident.consistency.standard_from_base import lift
 
 _HOME = {
     "Bounds": "pivident.consistency.constraints",
     "ConsistentModel": "pivident.consistency.consistent_model",
-    "lift": "pivident.consistency.lift",
+    "lift": "pivident.consistency.standard_from_base",
     "make_consistent": "pivident.consistency.consistent_model",
 }
 

@@ -29,11 +29,11 @@ from pivident.consistency.profile_intervals import ProfileIntervals, profile_int
 from pivident.consistency.pseudo_inertia import LinkBody, link_body
 from pivident.consistency.reference import make_reference
 from pivident.consistency.significance import NOTABLE_COST, cost_notes, is_far, probability
-from pivident.consistency.torque_sums import TorqueSums, torque_sums
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError, NoConsistentModelNear
 from pivident.estimation.identification import Identification
+from pivident.estimation.torque_sums import TorqueSums, torque_sums
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.estimation.parameter_rows import significant
-from pivident.validation.plain_table import plain_table
+from pivident.text.plain_table import plain_table
 
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel

@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.consistency.torque_sums import TorqueSums, estimated_in_base, estimated_indices
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
+from pivident.estimation.torque_sums import TorqueSums, estimated_in_base, estimated_indices
 
 #: Smallest variance of a direction over that of white errors, relative to the median, below which
 #: a covariance is taken for one of too low a rank.

@@ -23,9 +23,9 @@ from pivident.robot.naming import nearest
 from pivident.simulation.controllers import Controller, FeedForward
 
 if TYPE_CHECKING:
-    from pivident.estimation.controller_identification import ControllerIdentification
-    from pivident.estimation.unknown_loop import Feedback
-    from pivident.simulation.reference_reconstruction import ReconstructedReference
+    from pivident.control_law.identified_law import ControllerIdentification
+    from pivident.control_law.reference_reconstruction import ReconstructedReference
+    from pivident.control_law.unknown_loop import Feedback
 
 #: Share of the rated speed below which rows do not vote on measured records.
 LOW_SPEED = 0.01

@@ -35,18 +35,18 @@ from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
-from pivident.experiment.consistency import consistency_of
+from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
-from pivident.experiment.methods import method_of
-from pivident.experiment.recordings import loop_of, one_by_one, recording_of
-from pivident.experiment.robot import robot_of
+from pivident.experiment.method_table import method_of
+from pivident.experiment.recording_tables import loop_of, one_by_one, recording_of
+from pivident.experiment.robot_table import robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.files import regular_file
-from pivident.printable import shortened
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
-from pivident.toml_text import LARGEST_FILE, parse_toml
+from pivident.text.printable import shortened
+from pivident.text.toml import LARGEST_FILE, parse_toml
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,9 +15,9 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.estimation.parameter_rows import significant, with_spread
-from pivident.export.exported import ExportedText
-from pivident.export.runnable_model import RunnableModel
-from pivident.symbolic.identifiers import latex_name, latex_text, one_line
+from pivident.models.exported import ExportedText
+from pivident.models.runnable_model import RunnableModel
+from pivident.text.identifiers import latex_name, latex_text, one_line
 
 #: Digits of a value whose spread is not known.
 DIGITS = 5

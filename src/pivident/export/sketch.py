@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.export.link_bodies import link_inertias
-from pivident.export.runnable_model import RunnableModel
+from pivident.models.link_bodies import link_inertias
+from pivident.models.runnable_model import RunnableModel
 
 #: Radius of a stick over the sum of all link lengths; axes are twice as thick.
 SLENDERNESS = 0.02

@@ -127,7 +127,7 @@ def plain(text: str) -> str:
     Args:
         text: what may come from a file.
     """
-    from pivident.printable import escaped
+    from pivident.text.printable import escaped
 
     return escaped(text).replace("$", r"\$")
 

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident import __version__
-from pivident.friction.examination import FrictionExamination, JointFriction
+from pivident.friction.friction_study import FrictionExamination, JointFriction
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from pivident.friction.ripple_lines import Ripple
+    from pivident.friction.ripple.ripple_lines import Ripple
 
 #: Number of the layout of ``friction.json``.
 SCHEMA = 1
@@ -65,7 +65,7 @@ def write_friction(
         PividentError: the folder cannot be written.
     """
     from pivident.files import atomic_folder
-    from pivident.friction.page import render_page
+    from pivident.report.friction.friction_page import render_page
 
     page = render_page(examination, title)
     table = curves_table(examination)

@@ -13,7 +13,7 @@ from scipy.signal import lfilter
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.sensitivity import polynomials, response_and_gradient
 from pivident.linear.simulation import continuous_response, delayed
-from pivident.report.figures import colour
+from pivident.report.plotly_figures import colour
 
 #: Points of a curve.
 _POINTS = 400

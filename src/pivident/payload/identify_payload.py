@@ -36,10 +36,10 @@ from pivident.payload.compatibility import (
     link_index,
     tool_frame,
 )
-from pivident.payload.findings import refuse_negative, warnings_about, worse_explained
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.payload.loaded_record import LoadedRecords
+from pivident.payload.payload_findings import refuse_negative, warnings_about, worse_explained
 from pivident.payload.possible_load import PossibleLoad, possible_load
 from pivident.payload.restricted_solution import (
     RestrictedSolution,
@@ -117,7 +117,7 @@ class PayloadIdentification:
         return possible_load(self.load) if self.load.mass > 0 else None
 
     def __str__(self) -> str:
-        from pivident.payload.text import payload_text
+        from pivident.payload.payload_text import payload_text
 
         return payload_text(self)
 

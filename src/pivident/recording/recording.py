@@ -13,12 +13,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.printable import is_printable
+from pivident.logs.source_files import SourceFile
 from pivident.recording import checks
-from pivident.recording.files import SourceFile
 from pivident.recording.torque_scale import TorqueScale, scale_sentences
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
+from pivident.text.printable import is_printable
 
 #: Fields that hold samples, besides the inputs.
 CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexible joints

@@ -13,6 +13,7 @@ from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
 from pivident import __version__
+from pivident.diagnostics.diagnostics import Examination, examine_alone
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import (
@@ -24,11 +25,10 @@ from pivident.estimation.parameter_rows import (
 )
 from pivident.files import atomic_folder
 from pivident.report.drawing_library import drawing_library
-from pivident.report.figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.intervals import marker
 from pivident.report.material import Material
+from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.sections import SECTIONS
-from pivident.validation.examination import Examination, examine_alone
 
 #: Scripts of the page, in the order in which they build on each other.
 PAGE_SCRIPTS = (

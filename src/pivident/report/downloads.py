@@ -10,11 +10,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.export import to_csv, to_json
 from pivident.estimation.identification import FittedRecording, Identification
+from pivident.estimation.identification_file import to_csv, to_json
 from pivident.estimation.parameter_rows import parameter_rows, with_spread
 from pivident.export.latex import latex_number, latex_unit
-from pivident.symbolic.identifiers import identifiers, latex_name, latex_text, one_line
+from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.
 MOST_NUMBERS = 30_000

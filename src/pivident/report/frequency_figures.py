@@ -10,7 +10,14 @@ import plotly.graph_objects as go
 
 from pivident.estimation.methods import Bandpass
 from pivident.estimation.parameter_rows import plus_minus, significant
-from pivident.report.figures import ERROR, MEASURED, METHOD_COLOURS, Figure, colour, empty_plot
+from pivident.report.plotly_figures import (
+    ERROR,
+    MEASURED,
+    METHOD_COLOURS,
+    Figure,
+    colour,
+    empty_plot,
+)
 from pivident.signals.bandpass import bandpass_response
 from pivident.signals.decimation import EDGE_OF_BAND, decimation_gain, decimation_stages
 from pivident.signals.prefilter import Prefilter

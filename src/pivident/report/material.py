@@ -6,6 +6,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
+from pivident.consistency.consistent_estimate import NoConsistentEstimate
+from pivident.diagnostics.diagnostics import Examination
+from pivident.diagnostics.verdict import Verdict, verdict
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identification import FittedRecording, Identification
@@ -13,9 +16,6 @@ from pivident.estimation.parameter_rows import method_labels
 from pivident.estimation.problem import Loop
 from pivident.report.downloads import Download, downloads
 from pivident.report.intervals import ConsistentValue
-from pivident.validation.consistent_estimate import NoConsistentEstimate
-from pivident.validation.examination import Examination
-from pivident.validation.verdict import Verdict, verdict
 
 #: Points of all signals together; a point takes 11 bytes, plotly itself 2 MB.
 TOTAL_POINTS = 150_000

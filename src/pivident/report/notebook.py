@@ -16,12 +16,12 @@ from pivident.estimation.parameter_rows import known, percent, significant, with
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import Comparison
+    from pivident.diagnostics.verdict import Verdict
     from pivident.estimation.identification import Identification
     from pivident.estimation.problem import Problem
     from pivident.recording.recording import Recording
     from pivident.robot.description import Robot
     from pivident.tables.columns import Table
-    from pivident.validation.verdict import Verdict
 
 #: Rows of a table that are shown; a notebook keeps what it shows.
 MOST_ROWS = 60
@@ -37,7 +37,7 @@ def identification_html(result: Identification) -> str:
         result: the identification.
     """
     from pivident.estimation.parameter_rows import parameter_rows
-    from pivident.estimation.tables import ending, friction_line, rows_line
+    from pivident.estimation.summary_tables import ending, friction_line, rows_line
     from pivident.report.intervals import interval_drawing
 
     rows = parameter_rows(result)
@@ -118,8 +118,8 @@ def comparison_html(comparison: Comparison) -> str:
     Args:
         comparison: several results.
     """
+    from pivident.comparison.comparison_text import difference_text, estimate_text
     from pivident.comparison.remarks import findings, level_sentence
-    from pivident.comparison.text import difference_text, estimate_text
 
     return _rendered(
         "comparison",
@@ -156,7 +156,7 @@ def _environment() -> Environment:
 
 
 def _rendered(name: str, **content: Any) -> str:
-    from pivident.printable import escaped
+    from pivident.text.printable import escaped
 
     text = _environment().get_template(f"{name}.html").render(content)
     return escaped(text)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.estimation.parameter_rows import percent, significant
-from pivident.report.figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
-from pivident.validation.residual_spectrum import ResidualSpectra, Spectrum
+from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
+from pivident.validation.residuals.residual_spectrum import ResidualSpectra, Spectrum
 
 
 def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:

@@ -22,10 +22,10 @@ from typing import Literal
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
-from pivident.printable import is_printable
 from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission
+from pivident.text.printable import is_printable
 
 JointKind = Literal["revolute", "prismatic"]
 

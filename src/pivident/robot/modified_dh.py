@@ -65,7 +65,7 @@ from pivident.robot.friction import (
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.naming import errors_name, find_joint, nearest, repeated
 from pivident.robot.transmission import Transmission
-from pivident.toml_text import LARGEST_FILE, parse_toml
+from pivident.text.toml import LARGEST_FILE, parse_toml
 
 if TYPE_CHECKING:
     from pivident.robot.mdh_schema import (

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.errors import RobotDescriptionError
-from pivident.printable import shortened
+from pivident.text.printable import shortened
 
 #: Longest number of a joint; Python refuses to read numbers of thousands of digits.
 MOST_DIGITS = 9

@@ -1,6 +1,6 @@
 """The graph of expressions: its nodes, each of which exists once, their sums and products.
 
-`pivident.symbolic.expressions` is the module to import from; it adds the functions.
+`pivident.dynamics.grouping.expressions` is the module to import from; it adds the functions.
 """
 
 from __future__ import annotations
@@ -52,17 +52,17 @@ class Expression:
         return multiply(other, self)
 
     def __truediv__(self, other: Operand) -> Expression:
-        from pivident.symbolic.expressions import divide
+        from pivident.dynamics.grouping.expressions import divide
 
         return divide(self, other)
 
     def __rtruediv__(self, other: Operand) -> Expression:
-        from pivident.symbolic.expressions import divide
+        from pivident.dynamics.grouping.expressions import divide
 
         return divide(other, self)
 
     def __pow__(self, exponent: Number) -> Expression:
-        from pivident.symbolic.expressions import power
+        from pivident.dynamics.grouping.expressions import power
 
         return power(self, exponent)
 
@@ -96,7 +96,7 @@ class Expression:
     @property
     def symbols(self) -> tuple[Symbol, ...]:
         """Symbols that it depends on, in their order."""
-        from pivident.symbolic.expressions import ordered
+        from pivident.dynamics.grouping.expressions import ordered
 
         found = [node for node in ordered([self]) if isinstance(node, Symbol)]
         return tuple(sorted(found, key=lambda node: node.order))
@@ -111,7 +111,7 @@ class Expression:
         Raises:
             KeyError: a symbol has no value.
         """
-        from pivident.symbolic.expressions import evaluate
+        from pivident.dynamics.grouping.expressions import evaluate
 
         return evaluate([self], values)[0]
 

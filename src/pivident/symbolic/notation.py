@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from pivident.symbolic.expressions import (
+from pivident.dynamics.grouping.expressions import (
     Add,
     Call,
     Constant,
@@ -18,7 +18,7 @@ from pivident.symbolic.expressions import (
     Symbol,
     ordered,
 )
-from pivident.symbolic.identifiers import identifier, latex_name
+from pivident.text.identifiers import identifier, latex_name
 
 #: How firmly the parts of a text hold together: a sum, a sign, a product, anything else.
 _SUM, _SIGN, _PRODUCT, _ATOM = 0, 1, 2, 3

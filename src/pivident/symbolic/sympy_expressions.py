@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
-from pivident.symbolic.expressions import (
+from pivident.dynamics.grouping.expressions import (
     Add,
     Call,
     Constant,

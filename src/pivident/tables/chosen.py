@@ -25,13 +25,17 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "pivident.recording.recording.Recording": ("inputs", "recording", ("signals",)),
     "pivident.robot.description.Robot": ("inputs", "robot", ("joints", "parameters")),
     "pivident.audit.audit.Audit": ("inputs", "audit", ("findings",)),
-    "pivident.validation.residual_tests.ResidualTests": ("doubts", "residual", ("tests",)),
-    "pivident.validation.cross_validation.CrossValidation": (
+    "pivident.validation.residuals.residual_tests.ResidualTests": (
+        "doubts",
+        "residual",
+        ("tests",),
+    ),
+    "pivident.validation.held_out.cross_validation.CrossValidation": (
         "doubts",
         "validation",
         ("folds", "joints"),
     ),
-    "pivident.validation.verdict.Verdict": ("doubts", "verdict", ("statements",)),
+    "pivident.diagnostics.verdict.Verdict": ("doubts", "verdict", ("statements",)),
     "pivident.consistency.consistent_model.ConsistentModel": (
         "models",
         "consistent",
@@ -47,14 +51,14 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         "comparison",
         ("parameters", "results", "torques", "friction"),
     ),
-    "pivident.study.summary.Summary": ("many_results", "study", ("parameters", "methods")),
-    "pivident.fleet.identify_fleet.Fleet": ("many_results", "fleet", ("parameters",)),
-    "pivident.fleet.judgement.Judgement": (
+    "pivident.many.study.summary.Summary": ("many_results", "study", ("parameters", "methods")),
+    "pivident.many.fleet.identify_fleet.Fleet": ("many_results", "fleet", ("parameters",)),
+    "pivident.many.fleet.judgement.Judgement": (
         "many_results",
         "judgement",
         ("parameters", "alarms", "wear"),
     ),
-    "pivident.friction.examination.FrictionExamination": (
+    "pivident.friction.friction_study.FrictionExamination": (
         "many_results",
         "friction",
         ("curves",),

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import PividentError
-from pivident.printable import sheet_text
+from pivident.text.printable import sheet_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -140,7 +140,7 @@ class Table:
         return f"<Table {self.name}: {len(self)} rows, columns {', '.join(self.columns)}>"
 
     def __str__(self) -> str:
-        from pivident.validation.plain_table import plain_table
+        from pivident.text.plain_table import plain_table
 
         shown = self.shown(_SHOWN)
         text = plain_table([(name, "." if number else "<", cells) for name, number, cells in shown])
@@ -189,7 +189,7 @@ def _cell(value: Any) -> Any:
 
 def _text(value: Any) -> str:
     """One cell for the eye."""
-    from pivident.printable import escaped
+    from pivident.text.printable import escaped
 
     if value is None:
         return "–"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from pivident.diagnostics.verdict import Verdict
 from pivident.tables.columns import Table
-from pivident.validation.autocorrelation import LjungBoxTest
-from pivident.validation.cross_validation import CrossValidation
-from pivident.validation.residual_tests import ResidualTests
-from pivident.validation.verdict import Verdict
+from pivident.validation.held_out.cross_validation import CrossValidation
+from pivident.validation.residuals.autocorrelation import LjungBoxTest
+from pivident.validation.residuals.residual_tests import ResidualTests
 
 
 def residual_tests(tests: ResidualTests) -> Table:

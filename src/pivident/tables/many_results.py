@@ -7,16 +7,16 @@ from dataclasses import fields
 from typing import TYPE_CHECKING, Any
 
 from pivident.comparison.compare import Comparison
-from pivident.comparison.files import rows as comparison_rows
+from pivident.comparison.comparison_files import rows as comparison_rows
 from pivident.tables.columns import Table
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from pivident.fleet.identify_fleet import Fleet
-    from pivident.fleet.judgement import Judgement
-    from pivident.friction.examination import FrictionExamination
-    from pivident.study.summary import Summary
+    from pivident.friction.friction_study import FrictionExamination
+    from pivident.many.fleet.identify_fleet import Fleet
+    from pivident.many.fleet.judgement import Judgement
+    from pivident.many.study.summary import Summary
 
 
 def of_frame(name: str, frame: pl.DataFrame) -> Table:
@@ -170,7 +170,7 @@ def fleet_parameters(fleet: Fleet) -> Table:
     Args:
         fleet: the estimates.
     """
-    from pivident.fleet.judgement import parameter_table
+    from pivident.many.fleet.judgement import parameter_table
 
     return of_frame("parameters", parameter_table(fleet))
 
@@ -190,7 +190,7 @@ def judgement_alarms(judgement: Judgement) -> Table:
     Args:
         judgement: of a fleet.
     """
-    from pivident.fleet.control_chart import Alarm
+    from pivident.many.fleet.control_chart import Alarm
 
     names = [f.name for f in fields(Alarm)]
     rows = [

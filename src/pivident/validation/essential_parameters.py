@@ -38,6 +38,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.estimation.problem import Problem
+from pivident.text.plain_table import plain_table
 from pivident.validation.elimination import (
     Elimination,
     EliminationRound,
@@ -46,7 +47,6 @@ from pivident.validation.elimination import (
     torque_error,
     torque_sums,
 )
-from pivident.validation.plain_table import plain_table
 
 #: Probability with which a parameter that is zero stays in. Sixty tests are made of one record:
 #: on simulated TX40 records one of 33 zero parameters stays at 5 %, next to none at 1 %.

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.sandwich import WINDOWS
-from pivident.validation.moment_sums import kept_equations
+from pivident.estimation.covariance.sandwich import WINDOWS
+from pivident.validation.instruments.moment_sums import kept_equations
 
 if TYPE_CHECKING:
     from pivident.estimation.equations import Block

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.figures import Figure
 from pivident.report.material import Material
+from pivident.report.plotly_figures import Figure
 
 
 @dataclass(frozen=True)

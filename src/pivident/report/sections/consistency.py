@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from pivident.consistency.consistent_tables import millimetres
-from pivident.consistency.significance import HALF_INTERVAL
-from pivident.estimation.parameter_rows import significant
-from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
-from pivident.report.figures import Figure
-from pivident.report.sections.base import Section
-from pivident.validation.consistent_estimate import (
+from pivident.consistency.consistent_estimate import (
     CONFIDENCE,
     ConsistentEstimate,
     NoConsistentEstimate,
     interval_text,
 )
+from pivident.consistency.consistent_tables import millimetres
+from pivident.consistency.significance import HALF_INTERVAL
+from pivident.estimation.parameter_rows import significant
+from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
+from pivident.report.plotly_figures import Figure
+from pivident.report.sections.base import Section
 
 #: An end of an interval that nothing bounds is drawn this far away [σ].
 FAR = 20.0

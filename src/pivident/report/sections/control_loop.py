@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from pivident.estimation.controller_identification import ControllerIdentification
+from pivident.control_law.identified_law import ControllerIdentification
+from pivident.control_law.joint_law import JointLaw
+from pivident.control_law.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
+from pivident.control_law.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.identification import Identification
-from pivident.estimation.joint_law import JointLaw
-from pivident.estimation.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
-from pivident.estimation.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.problem import Loop
-from pivident.estimation.tables import differentiator_text
-from pivident.report.figures import Figure, law_figure, position_unit, reference_figure
+from pivident.estimation.summary_tables import differentiator_text
+from pivident.report.plotly_figures import Figure, law_figure, position_unit, reference_figure
 from pivident.report.sections.base import Gallery, Section
 
 #: What each gain multiplies, and its unit with that of the position for {}.

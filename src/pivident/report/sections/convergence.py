@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import change_figure, distance_figure
+from pivident.report.plotly_figures import change_figure, distance_figure
 from pivident.report.sections.base import Gallery, Section
 
 

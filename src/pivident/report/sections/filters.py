@@ -6,8 +6,8 @@ from typing import Any
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Bandpass, RandomWalk
-from pivident.report.figures import Figure
 from pivident.report.frequency_figures import bandpass_figure, decimation_figure, smoother_figure
+from pivident.report.plotly_figures import Figure
 from pivident.report.recipes import sampling_rate, signal_recipe
 from pivident.report.sections.base import Section
 

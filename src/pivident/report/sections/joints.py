@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import position_unit
+from pivident.report.plotly_figures import position_unit
 from pivident.report.sections.base import Section
 
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import Figure
 from pivident.report.frequency_figures import prefilter_figure
+from pivident.report.plotly_figures import Figure
 from pivident.report.recipes import sampling_rate
 from pivident.report.sections.base import Gallery, Section
-from pivident.validation.residual_spectrum import scaled_prefilters
+from pivident.validation.residuals.residual_spectrum import scaled_prefilters
 
 
 class PrefiltersSection(Section):

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import residual_figure
+from pivident.report.plotly_figures import residual_figure
 from pivident.report.sections.base import Gallery, Section
-from pivident.validation.autocorrelation import PRACTICAL_CORRELATION
+from pivident.validation.residuals.autocorrelation import PRACTICAL_CORRELATION
 
 
 class ResidualsSection(Section):

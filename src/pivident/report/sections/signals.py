@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.figures import Figure, signal_figure
+from pivident.report.plotly_figures import Figure, signal_figure
 from pivident.report.sections.base import RecordingSection
 
 

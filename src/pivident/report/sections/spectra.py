@@ -6,7 +6,7 @@ from typing import Any
 
 from pivident.report.sections.base import Gallery, Section
 from pivident.report.spectrum_figures import spectra_figure
-from pivident.validation.residual_spectrum import residual_spectra
+from pivident.validation.residuals.residual_spectrum import residual_spectra
 
 
 class SpectraSection(Section):

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.estimation.tables import ending, error_rows
-from pivident.report.findings import disagreements, findings
+from pivident.estimation.summary_tables import ending, error_rows
+from pivident.report.result_findings import disagreements, findings
 from pivident.report.sections.base import Section
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from pivident.diagnostics.estimate_statements import WELL
 from pivident.estimation.parameter_rows import percent, significant
-from pivident.estimation.tables import rows_kind
+from pivident.estimation.summary_tables import rows_kind
 from pivident.report.sections.base import Section
-from pivident.validation.estimate_statements import WELL
 
 
 class VerdictSection(Section):

@@ -1,0 +1,55 @@
+"""The friction of a record as one HTML page that needs nothing else, in the look of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jinja2 import ChoiceLoader, PackageLoader
+from markupsafe import Markup
+
+from pivident import __version__
+from pivident.friction.friction_findings import Finding, headline
+from pivident.friction.friction_study import FrictionExamination
+from pivident.report.builder import page_environment
+from pivident.report.friction.friction_figures import gain_figure, joint_figures
+from pivident.report.friction.ripple_figures import ripple_figures
+
+
+def render_page(examination: FrictionExamination, title: str | None = None) -> str:
+    """The page as text.
+
+    Args:
+        examination: the friction of a record.
+        title: title of the page; None: the robot's name.
+    """
+    environment = page_environment()
+    environment.loader = ChoiceLoader(
+        [PackageLoader("pivident.report.friction"), PackageLoader("pivident.report")]
+    )
+    environment.globals["headline"] = headline
+    environment.filters["clear"] = _clear
+    summary = environment.get_template("friction_summary.html").render(
+        examination=examination, gain=gain_figure(examination.joints)
+    )
+    sections = [("summary", "What was seen", Markup(summary))]
+    template = environment.get_template("friction_joint.html")
+    for number, joint in enumerate(examination.joints, start=1):
+        body = template.render(joint=joint, figures=joint_figures(joint))
+        sections.append((f"joint-{number}", joint.name, Markup(body)))
+    if examination.ripple is not None:
+        drawn = {j.name: ripple_figures(j) for j in examination.ripple.joints}
+        body = environment.get_template("friction_ripple.html").render(
+            ripple=examination.ripple, figures=drawn
+        )
+        sections.append(("ripple", "Ripple over position", Markup(body)))
+    return environment.get_template("page.html").render(
+        title=title or f"{examination.robot}: friction",
+        head=sections[0],
+        sections=sections[1:],
+        version=__version__,
+    )
+
+
+def _clear(findings: Sequence[Finding]) -> bool:
+    """Whether anything stands out beyond viscous and Coulomb friction."""
+    return any(f.clear and f.brief for f in findings)
