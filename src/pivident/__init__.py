@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from pivident.comparison.compare import compare
     from pivident.consistency.consistent_model import make_consistent
     from pivident.control_law.identified_law import identify_controller
-    from pivident.control_law.unknown_loop import complete_loop
-    from pivident.diagnostics.diagnostics import examine
+    from pivident.control_law.unknown_loop import reconstruct_loop
+    from pivident.diagnostics.diagnostics import diagnose
     from pivident.diagnostics.verdict import verdict
     from pivident.dynamics.base_parameters import base_parameters
     from pivident.errors import PividentError
@@ -76,11 +76,11 @@ _HOME = {
     "base_parameters": "pivident.dynamics.base_parameters",
     "build_regression": "pivident.estimation.identify",
     "compare": "pivident.comparison.compare",
-    "complete_loop": "pivident.control_law.unknown_loop",
+    "reconstruct_loop": "pivident.control_law.unknown_loop",
     "choose_laws": "pivident.friction.laws.law_choice",
     "cross_validate": "pivident.validation.held_out.cross_validation",
     "essential_parameters": "pivident.validation.essential_parameters",
-    "examine": "pivident.diagnostics.diagnostics",
+    "diagnose": "pivident.diagnostics.diagnostics",
     "identify": "pivident.estimation.identify",
     "identify_controller": "pivident.control_law.identified_law",
     "identify_free_law": "pivident.linear.free_law",
@@ -123,10 +123,9 @@ __all__ = [
     "build_regression",
     "choose_laws",
     "compare",
-    "complete_loop",
     "cross_validate",
+    "diagnose",
     "essential_parameters",
-    "examine",
     "identify",
     "identify_controller",
     "identify_free_law",
@@ -136,6 +135,7 @@ __all__ = [
     "load_recording",
     "load_robot",
     "make_consistent",
+    "reconstruct_loop",
     "simulate",
     "table",
     "verdict",

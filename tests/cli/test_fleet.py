@@ -18,7 +18,7 @@ from tests.many.fleet.planar_fleet import write_fleet
 def _in_this_process(monkeypatch):
     """Logs are identified without worker processes: the command is tested here, not the pool."""
 
-    class Pool(runner.Given):
+    class Pool(runner.GivenExecutor):
         def __init__(self, workers=None):
             super().__init__(ThreadPoolExecutor(1), 1)
 

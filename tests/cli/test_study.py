@@ -19,7 +19,7 @@ def in_this_process(monkeypatch):
     """Runs without worker processes: the command is tested here, not the pool."""
     from concurrent.futures import ThreadPoolExecutor
 
-    class Pool(runner.Given):
+    class Pool(runner.GivenExecutor):
         def __init__(self, workers=None):
             super().__init__(ThreadPoolExecutor(1), 1)
 

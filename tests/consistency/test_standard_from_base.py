@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.consistency.standard_from_base import lift
+from pivident.consistency.standard_from_base import standard_from_base
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
@@ -16,7 +16,7 @@ def test_same_torques_and_a_mass_on_every_link(name):
     base = base_parameters(robot)
     rng = np.random.default_rng(3)
     values = base.values(nominal_values(robot, base.standard)) + 0.05 * rng.normal(size=len(base))
-    standard = lift(base, values)
+    standard = standard_from_base(base, values)
     assert np.abs(base.values(standard) - values).max() <= 1e-12 * max(1.0, np.abs(values).max())
     q, dq, ddq = rng.normal(size=(3, 50, robot.size))
     torque = Regressor.build(robot, base.parameters).torque(q, dq, ddq, values)
@@ -31,4 +31,4 @@ def test_true_standard_parameters_stay_where_they_are():
     robot = load_robot("staubli_tx40")
     base = base_parameters(robot)
     nominal = nominal_values(robot, base.standard)
-    assert lift(base, base.values(nominal)) == pytest.approx(nominal, abs=1e-9)
+    assert standard_from_base(base, base.values(nominal)) == pytest.approx(nominal, abs=1e-9)

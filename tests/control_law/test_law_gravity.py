@@ -8,7 +8,7 @@ import pytest
 
 from pivident.control_law.identified_law import identify_controller
 from pivident.control_law.law_gravity import gravity_columns
-from pivident.control_law.unknown_loop import complete_loop
+from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.diagnostics.verdict import verdict
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
@@ -109,7 +109,7 @@ def test_without_noise_of_the_torque_the_law_is_exact():
 def test_piv_is_as_precise_as_with_the_known_law():
     run = record("pd", 0.9)
     known = identify(Problem(ROBOT, (run,), Loop(law_of("pd", 0.9), GAIN)), "piv")
-    recordings, loop = complete_loop(ROBOT, [run], drive_gain=GAIN)
+    recordings, loop = reconstruct_loop(ROBOT, [run], drive_gain=GAIN)
     found = identify(Problem(ROBOT, recordings, loop), "piv")
     assert (np.abs(found.theta - known.theta) < 0.1 * known.std).all()
     np.testing.assert_allclose(found.std, known.std, rtol=0.02)

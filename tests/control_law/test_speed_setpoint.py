@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pivident.control_law.identified_law import identify_controller
-from pivident.control_law.unknown_loop import complete_loop
+from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.errors import IdentificationError
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
@@ -113,7 +113,7 @@ def test_the_kr300_follows_a_speed_setpoint(public_data):
     robot = load_robot(KR300)
     runs = [load_kuka_kr300(run, robot=robot).slice(1.8, 8.2) for run in "AB"]
     gain = np.diag(robot.transmission.reduction)
-    recordings, loop = complete_loop(robot, runs, drive_gain=gain)
+    recordings, loop = reconstruct_loop(robot, runs, drive_gain=gain)
     stated = np.array([1046.4, 1137.6, 1073.4])
     np.testing.assert_allclose(loop.controller.kv, stated, rtol=0.1)
     np.testing.assert_allclose(loop.controller.kp, 572.96 / stated, rtol=0.12)

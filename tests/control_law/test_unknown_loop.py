@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from pivident.control_law.unknown_loop import complete_loop, feedback_from_noise
+from pivident.control_law.unknown_loop import feedback_from_noise, reconstruct_loop
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
@@ -37,7 +37,7 @@ def known(request):
 
 def test_with_an_identified_law_piv_is_as_accurate(known):
     _, problem, truth, error = known
-    recordings, loop = complete_loop(problem.robot, problem.recordings)
+    recordings, loop = reconstruct_loop(problem.robot, problem.recordings)
     assert recordings == problem.recordings
     own, covered, found = median_error(dataclasses.replace(problem, loop=loop), truth)
     assert own <= 1.2 * error and covered > 0.85
@@ -46,7 +46,7 @@ def test_with_an_identified_law_piv_is_as_accurate(known):
 
 def test_with_a_reconstructed_reference(known):
     _, problem, truth, error = known
-    recordings, loop = complete_loop(
+    recordings, loop = reconstruct_loop(
         problem.robot, [blind(r) for r in problem.recordings], problem.loop.controller, True
     )
     assert loop.reconstructed[0].kind == "point_to_point"
@@ -59,7 +59,7 @@ def test_with_a_reconstructed_reference(known):
 
 def test_with_neither(known):
     scenario, problem, truth, error = known
-    recordings, loop = complete_loop(
+    recordings, loop = reconstruct_loop(
         problem.robot, [blind(r) for r in problem.recordings], reconstruct=True
     )
     changed = dataclasses.replace(problem, recordings=recordings, loop=loop)
@@ -86,13 +86,13 @@ def test_a_slow_log_cannot_tell_a_law():
         slow, q=slow.q[::100], tau=slow.tau[::100], rate=50.0, control_rate=None
     )
     with pytest.raises(IdentificationError, match="50 Hz is too slow"):
-        complete_loop(problem.robot, [slow], reconstruct=True)
+        reconstruct_loop(problem.robot, [slow], reconstruct=True)
 
 
 def test_a_hidden_reference_must_be_asked_for():
     problem, _ = tx40_scenario("loop", 0)
     with pytest.raises(ExperimentError, match="q_ref"):
-        complete_loop(problem.robot, [blind(problem.recordings[0])])
+        reconstruct_loop(problem.robot, [blind(problem.recordings[0])])
 
 
 @pytest.mark.record
@@ -102,10 +102,10 @@ def test_emps_with_the_law_identified_and_with_everything_hidden(public_data):
         Cascade(np.array([160.18]), np.array([243.45]), averaged=True), EMPS_GAIN, limit=10.0
     )
     reference = identify(Problem(robot, (record,), exact), "piv")
-    recordings, loop = complete_loop(robot, [record], None, False, EMPS_GAIN, 10.0)
+    recordings, loop = reconstruct_loop(robot, [record], None, False, EMPS_GAIN, 10.0)
     with_law = identify(Problem(robot, recordings, loop), "piv")
     assert abs(with_law.value("m1r") - reference.value("m1r")) < reference.std[0]
-    recordings, loop = complete_loop(robot, [blind(record)], None, True, EMPS_GAIN, 10.0)
+    recordings, loop = reconstruct_loop(robot, [blind(record)], None, True, EMPS_GAIN, 10.0)
     hidden = identify(Problem(robot, recordings, loop), "piv")
     assert hidden.converged
     for k in range(3):  # M, Fv, Fc
@@ -117,7 +117,7 @@ def test_emps_with_the_law_identified_and_with_everything_hidden(public_data):
 @pytest.mark.record
 def test_tx40_with_everything_hidden_converges(public_data):
     robot, record = load_robot("staubli_tx40"), load_staubli_tx40()
-    recordings, loop = complete_loop(robot, [record], reconstruct=True)
+    recordings, loop = reconstruct_loop(robot, [record], reconstruct=True)
     (reference,) = loop.reconstructed
     assert reference.kind == "point_to_point" and len(reference.moves.moves) == 13
     assert reference.relative.max() < 3e-4

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pivident.diagnostics.diagnostics import examine, examine_alone
+from pivident.diagnostics.diagnostics import diagnose, diagnose_one
 from pivident.diagnostics.estimate_statements import further_warnings
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.diagnostics.residual_statements import friction_law
@@ -30,7 +30,7 @@ def simulated():
 def judged(simulated):
     problem, found = simulated
     methods = {name: METHODS[name] for name in found}
-    return verdict(examine(problem, found, methods, folds=2))
+    return verdict(diagnose(problem, found, methods, folds=2))
 
 
 def statement(found: Verdict, topic: str) -> Statement:
@@ -57,20 +57,20 @@ def test_the_text_marks_each_statement(judged):
 
 
 def test_without_held_out_motion_the_verdict_says_so(simulated):
-    found = verdict(examine_alone(simulated[1]))
+    found = verdict(diagnose_one(simulated[1]))
     assert statement(found, "prediction").grade == "caution"
     assert "nothing was held out" in statement(found, "estimate").text
 
 
 def test_least_squares_alone_cannot_tell_its_bias(simulated):
-    found = verdict(examine_alone({"ls": simulated[1]["ls"]}))
+    found = verdict(diagnose_one({"ls": simulated[1]["ls"]}))
     assert statement(found, "feedback").grade == "caution"
     assert "without instruments" in statement(found, "feedback").text
 
 
 def test_an_iteration_that_did_not_converge_is_no_estimate(simulated):
     unfinished = dataclasses.replace(simulated[1]["piv"], converged=False)
-    found = verdict(examine_alone({"piv": unfinished}))
+    found = verdict(diagnose_one({"piv": unfinished}))
     assert found.grade == "bad" and "Do not use" in found.headline
     assert statement(found, "iteration").grade == "bad"
 
@@ -80,7 +80,7 @@ def test_negative_friction_is_refused(simulated):
     theta = piv.theta.copy()
     k = piv.names.index("fc3")
     theta[k] = -theta[k]
-    found = verdict(examine_alone({"piv": dataclasses.replace(piv, theta=theta)}))
+    found = verdict(diagnose_one({"piv": dataclasses.replace(piv, theta=theta)}))
     assert statement(found, "physics").grade == "bad"
     assert "fc3" in statement(found, "physics").text
 
@@ -92,7 +92,7 @@ def test_undetermined_parameters_are_named_with_a_motion(simulated):
         k = piv.names.index(name)
         covariance[k, k] = (3.0 * piv.theta[k]) ** 2
     doubtful = dataclasses.replace(piv, covariance=covariance)
-    found = verdict(examine_alone({"piv": doubtful}))
+    found = verdict(diagnose_one({"piv": doubtful}))
     text = statement(found, "parameters").text
     assert "26 of 28" in text and "fv4" in text and "xx3r" in text
     motions = [s.text for s in found.statements if s.topic == "motion"]
@@ -115,7 +115,7 @@ def test_coloured_residuals_are_noticed(simulated):
     slow = np.cumsum(np.random.default_rng(1).standard_normal(record.whitened.shape), axis=0)
     coloured = dataclasses.replace(record, whitened=slow / slow.std(axis=0))
     changed = dataclasses.replace(piv, recordings=(coloured,), equations=None)
-    found = verdict(examine_alone({"piv": changed}))
+    found = verdict(diagnose_one({"piv": changed}))
     assert "does not whiten" in statement(found, "noise").text
 
 
@@ -127,23 +127,23 @@ def test_the_file_holds_the_statements(judged, tmp_path):
     assert set(content["statements"][0]) == {"topic", "grade", "text", "evidence"}
 
 
-def with_residual_tests(examined, name, joint, **changes):
-    """The examination with other tests on the residual of one joint."""
-    tests = examined.residuals[name]
+def with_residual_tests(diagnosed, name, joint, **changes):
+    """The diagnostics with other tests on the residual of one joint."""
+    tests = diagnosed.residuals[name]
     joints = list(tests.joints)
     joints[joint] = dataclasses.replace(joints[joint], **changes)
     residuals = {name: dataclasses.replace(tests, joints=tuple(joints))}
-    return dataclasses.replace(examined, residuals=residuals)
+    return dataclasses.replace(diagnosed, residuals=residuals)
 
 
 @pytest.fixture(scope="module")
 def quiet(simulated):
     """PIV alone, with residuals that no test objects to."""
-    examined = examine_alone({"piv": simulated[1]["piv"]})
-    for j, own in enumerate(examined.residuals["piv"].joints):
+    diagnosed = diagnose_one({"piv": simulated[1]["piv"]})
+    for j, own in enumerate(diagnosed.residuals["piv"].joints):
         calm = dataclasses.replace(own.variance, p_value=1.0)
-        examined = with_residual_tests(examined, "piv", j, motion=None, variance=calm)
-    return examined
+        diagnosed = with_residual_tests(diagnosed, "piv", j, motion=None, variance=calm)
+    return diagnosed
 
 
 def test_intervals_of_friction_hold_for_the_assumed_law(quiet):
@@ -179,11 +179,11 @@ def test_without_friction_parameters_nothing_is_said_of_their_law(quiet):
         parameters=tuple(piv.parameters[k] for k in kept),
         names=tuple(piv.names[k] for k in kept),
     )
-    examined = dataclasses.replace(quiet, identifications={"piv": few})
-    assert list(friction_law(examined, "piv")) == []
+    diagnosed = dataclasses.replace(quiet, identifications={"piv": few})
+    assert list(friction_law(diagnosed, "piv")) == []
 
 
-def examination_with(loop_error: float, direct_error: float, reference: str = "recorded"):
+def diagnostics_with(loop_error: float, direct_error: float, reference: str = "recorded"):
     """Held-out errors over all frequencies [%], of a method called piv."""
     judged = SimpleNamespace(
         replay=SimpleNamespace(total=loop_error),
@@ -196,26 +196,26 @@ def examination_with(loop_error: float, direct_error: float, reference: str = "r
 
 
 def test_a_simulated_loop_that_misses_half_the_torque_is_a_reservation():
-    fine = examination_with(49.0, 2.5)
+    fine = diagnostics_with(49.0, 2.5)
     assert list(simulated_loop(fine, "piv")) == []
     assert "simulated loop 49 %" in next(prediction(fine, "piv")).evidence
-    for examined, cause in (
-        (examination_with(96.0, 91.0), "most of the measured torque is noise"),
-        (examination_with(64.0, 1.9), "gains, reference or delay of the loop"),
-        (examination_with(64.0, 1.9, "smoothed"), "virtual law does not follow"),
+    for diagnosed, cause in (
+        (diagnostics_with(96.0, 91.0), "most of the measured torque is noise"),
+        (diagnostics_with(64.0, 1.9), "gains, reference or delay of the loop"),
+        (diagnostics_with(64.0, 1.9, "smoothed"), "virtual law does not follow"),
     ):
-        (said,) = simulated_loop(examined, "piv")
+        (said,) = simulated_loop(diagnosed, "piv")
         assert said.grade == "caution" and cause in said.text and "above 50 %" in said.evidence
-        (good,) = prediction(examined, "piv")
+        (good,) = prediction(diagnosed, "piv")
         assert good.grade == "good" and "simulated loop" not in good.evidence
 
 
 def test_a_loop_that_cannot_be_simulated_is_a_reservation():
-    examined = examination_with(0.0, 2.0)
-    judged = examined.out_of_sample.results["piv"]
+    diagnosed = diagnostics_with(0.0, 2.0)
+    judged = diagnosed.out_of_sample.results["piv"]
     judged.replay = None
     judged.held_out[0].failure = "the loop cannot be simulated with this estimate: it diverges"
-    (said,) = simulated_loop(examined, "piv")
+    (said,) = simulated_loop(diagnosed, "piv")
     assert said.grade == "caution" and "On 1 of 1 stretches the loop cannot be" in said.text
 
 

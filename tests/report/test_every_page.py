@@ -8,7 +8,7 @@ import pytest
 import pivident as pv
 from pivident.flexibility.flexibility_page import render_page as flexibility_page
 from pivident.flexibility.joint_study import study_flexibility
-from pivident.friction.friction_study import FrictionExamination, joint_friction
+from pivident.friction.friction_study import FrictionStudy, joint_friction
 from pivident.many.fleet.identify_fleet import identify_fleet
 from pivident.many.fleet.judgement import conclude as conclude_fleet
 from pivident.many.study.conclusion import conclude as conclude_study
@@ -33,7 +33,7 @@ def comparison(folder):
 
 def friction(folder):
     joint = joint_friction(friction_torque(5, 6000, load_factor=0.25))
-    return friction_page(FrictionExamination("arm", "IDIM-IV", ("run",), (joint,), {}))
+    return friction_page(FrictionStudy("arm", "IDIM-IV", ("run",), (joint,), {}))
 
 
 def flexibility(folder):

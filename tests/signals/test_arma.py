@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError
-from pivident.signals.arma import LARGEST_ROOT, ar, arma, inside, select_arma
+from pivident.signals.arma import MAX_ROOT, ar, arma, inside, select_arma
 from pivident.signals.arma_likelihood import Likelihood
 
 PROCESSES = {
@@ -74,7 +74,7 @@ def test_doubly_differenced_white_noise(d):
     v = noise(d, [1, -2, 1], 5000)
     found = arma(v, len(d) - 1, 2)
     assert not found.warnings
-    assert np.abs(np.roots(found.ma)).max() <= LARGEST_ROOT + 1e-9
+    assert np.abs(np.roots(found.ma)).max() <= MAX_ROOT + 1e-9
     assert found.variance == pytest.approx(1.0, abs=5 * np.sqrt(2 / 5000))
     assert np.allclose(found.ma, [1, -2, 1], atol=0.03)
 
@@ -129,7 +129,7 @@ def test_a_long_record_takes_a_moment():
 
 def test_roots_are_reflected():
     assert np.allclose(inside(np.array([1.0, -2.0])), [1.0, -0.5])
-    assert np.allclose(inside(np.array([1.0, -2.0]), reflect=False), [1.0, -LARGEST_ROOT])
+    assert np.allclose(inside(np.array([1.0, -2.0]), reflect=False), [1.0, -MAX_ROOT])
     assert np.array_equal(inside(np.array([1.0, -0.5, 0.0])), [1.0, -0.5, 0.0])
 
 

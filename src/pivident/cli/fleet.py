@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pivident.many.fleet.judgement import Judgement
 
 #: Alarms and failed logs that are printed; all are in the files.
-MOST_PRINTED = 20
+MAX_PRINTED = 20
 
 
 def fleet(
@@ -88,6 +88,6 @@ def _print(judgement: Judgement, place: Path) -> None:
     from pivident.many.fleet.judgement import ALARMS, PAGE, PARAMETERS
     from pivident.text.printable import escaped
 
-    print(escaped(judgement_text(judgement, MOST_PRINTED)))
+    print(escaped(judgement_text(judgement, MAX_PRINTED)))
     for name, path in (("Table", PARAMETERS), ("Alarms", ALARMS), ("Page", PAGE)):
         print(f"{name + ':':8}{place / path}")

@@ -87,7 +87,7 @@ def gains_text(found: GainsOfExperiment) -> str:
 
 def _gain_table(found: GainsOfExperiment) -> str:
     """One line for each joint."""
-    from pivident.estimation.parameter_rows import plus_minus, with_spread
+    from pivident.text.numbers import plus_minus, with_spread
     from pivident.text.plain_table import plain_table
 
     result, known = found.gains, found.gains.anchored
@@ -142,7 +142,7 @@ def least_squares_text(found: GainsOfExperiment) -> str:
     Args:
         found: the gains of an experiment file.
     """
-    from pivident.estimation.parameter_rows import plus_minus
+    from pivident.text.numbers import plus_minus
     from pivident.text.plain_table import plain_table
 
     if not found.gains.literature:
@@ -227,7 +227,7 @@ def _remedy(found: GainsOfExperiment, whose: str) -> str:
 
 def _temperature_table(found: GainsOfExperiment) -> str:
     """Temperature coefficients, and whether they were worth it."""
-    from pivident.estimation.parameter_rows import with_spread
+    from pivident.text.numbers import with_spread
     from pivident.text.plain_table import plain_table
 
     rows = found.temperatures
@@ -264,7 +264,7 @@ def log_units_text(row: MotorInLogUnits) -> str:
     Args:
         row: the motor's own estimate.
     """
-    from pivident.estimation.parameter_rows import with_spread
+    from pivident.text.numbers import with_spread
     from pivident.text.plain_table import plain_table
 
     texts = [with_spread(v, 2 * s) for v, s in zip(row.values, row.std, strict=True)]

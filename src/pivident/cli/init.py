@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 SURE = {"certain": ("seen", "green"), "likely": ("likely", "cyan"), "guess": ("GUESS", "yellow")}
 
 #: Longest value in the summary, in characters.
-LONGEST_VALUE = 60
+MAX_VALUE = 60
 
 
 def run_init(
@@ -107,8 +107,8 @@ def print_draft(draft: Draft, out: Path) -> None:
         if guess.value is None:
             continue
         value = " ".join(value_text(guess.value, 10**9).split())
-        if len(value) > LONGEST_VALUE:
-            value = f"{value[: LONGEST_VALUE - 1]}…"
+        if len(value) > MAX_VALUE:
+            value = f"{value[: MAX_VALUE - 1]}…"
         rows.append((guess.sure, f"{guess.table}.{guess.key}", escaped(value), escaped(guess.seen)))
     if console.is_terminal:
         table = Table.grid(padding=(0, 2))

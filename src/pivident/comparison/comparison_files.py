@@ -16,10 +16,10 @@ from pivident.comparison.comparison_text import (
 )
 from pivident.comparison.entry import Entry
 from pivident.comparison.remarks import findings, level_sentence
-from pivident.estimation.parameter_rows import significant
 from pivident.export.latex import latex_number, latex_unit
 from pivident.files import atomic_folder
 from pivident.text.identifiers import latex_name, latex_text, one_line
+from pivident.text.numbers import format_significant
 from pivident.text.plain_values import json_of_entries, plain
 from pivident.text.printable import sheet_text
 
@@ -201,7 +201,7 @@ def to_latex(comparison: Comparison) -> str:
 
 
 def _percent(error: float) -> str:
-    return rf"{latex_number(significant(100.0 * error, 2))}\,\%"
+    return rf"{latex_number(format_significant(100.0 * error, 2))}\,\%"
 
 
 def _mark(comparison: Comparison, found: Difference | None) -> str:

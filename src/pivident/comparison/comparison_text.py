@@ -13,8 +13,8 @@ from rich.text import Text
 
 from pivident.comparison.compare import ComparedParameter, Comparison
 from pivident.comparison.differences import Difference, Estimate
-from pivident.comparison.remarks import MOST_PERCENT, findings, level_sentence, share_text
-from pivident.estimation.parameter_rows import significant, with_spread
+from pivident.comparison.remarks import MAX_PERCENT, findings, level_sentence, share_text
+from pivident.text.numbers import format_significant, with_spread
 from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ def deviations(z: float) -> str:
     Args:
         z: the difference over its deviation.
     """
-    return f"{round(z, 1) + 0.0:.1f}" if abs(z) < 1e4 else significant(z, 2)
+    return f"{round(z, 1) + 0.0:.1f}" if abs(z) < 1e4 else format_significant(z, 2)
 
 
 def z_text(comparison: Comparison, found: Difference | None) -> str:
@@ -120,7 +120,7 @@ def z_text(comparison: Comparison, found: Difference | None) -> str:
 
 def condition_text(entry: Entry) -> str:
     """Condition number of the observation matrix."""
-    return significant(entry.condition)
+    return format_significant(entry.condition)
 
 
 def ending_text(entry: Entry) -> str:
@@ -272,7 +272,7 @@ def _difference_table(comparison: Comparison) -> RenderableType | None:
     further = (("unit", "left"), ("%", "right"), ("z", "right"))
     table = _table([*names, *further])
     for _, k, p, d in found[:_MOST_LISTED]:
-        percent = significant(d.relative, 2) if abs(d.relative) < MOST_PERCENT else "–"
+        percent = format_significant(d.relative, 2) if abs(d.relative) < MAX_PERCENT else "–"
         z = deviations(d.z)
         _add(table, [p.name, comparison.labels[k], _narrow(difference_text(d)), p.unit, percent, z])
     return _titled(title, table)

@@ -15,8 +15,8 @@ from pivident.consistency.method_names import consistent_label
 from pivident.consistency.profile_intervals import not_found_sentence
 from pivident.consistency.significance import HALF_INTERVAL
 from pivident.errors import IdentificationError
-from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.recording.recording import Recording
+from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
 
 if TYPE_CHECKING:
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pivident.consistency.link_intervals import LinkRow, Quantity
     from pivident.consistency.options import ConsistencyOptions
     from pivident.consistency.profile_intervals import ProfileIntervals
-    from pivident.diagnostics.diagnostics import Examination
+    from pivident.diagnostics.diagnostics import Diagnostics
     from pivident.estimation.identification import Identification
 
 #: Confidence of all intervals.
@@ -92,8 +92,8 @@ class ConsistentEstimate:
             text = "the free estimate is consistent as it is"
         else:
             text = (
-                f"{significant(model.distance)} σ from the free estimate, "
-                f"{significant(model.least_distance)} σ at least"
+                f"{format_significant(model.distance)} σ from the free estimate, "
+                f"{format_significant(model.least_distance)} σ at least"
             )
         return f"{self.label}: {text} ({1e3 * model.seconds:.0f} ms)"
 
@@ -162,7 +162,7 @@ class ConsistentEstimate:
                 ("parameter", "<", [r.name for r in rows]),
                 ("free", ".", [value for value, _ in free]),
                 (f"±{HALF_INTERVAL:g}σ", ".", [spread for _, spread in free]),
-                ("consistent", ".", [significant(r.consistent, 4) for r in rows]),
+                ("consistent", ".", [format_significant(r.consistent, 4) for r in rows]),
                 (f"{CONFIDENCE:.0%} interval", "<", [r.interval for r in rows]),
                 ("moved [σ]", ".", [f"{r.moved:+.2f}" for r in rows]),
                 ("unit", "<", [r.unit for r in rows]),
@@ -230,7 +230,7 @@ def consistent_estimate(
 
 
 def consistent_estimates(
-    examination: Examination,
+    diagnostics: Diagnostics,
     names: Sequence[str],
     options: ConsistencyOptions,
     recordings: Sequence[Recording],
@@ -239,7 +239,7 @@ def consistent_estimates(
     """Make several estimates consistent, and judge them on what was held out.
 
     Args:
-        examination: of the free estimates.
+        diagnostics: of the free estimates.
         names: short names of the methods.
         options: of the stage.
         recordings: those that held-out stretches are parts of.
@@ -248,13 +248,13 @@ def consistent_estimates(
     say = progress or (lambda line: None)
     made: dict[str, ConsistentEstimate | NoConsistentEstimate] = {}
     for name in names:
-        free = examination.identifications[name]
+        free = diagnostics.identifications[name]
         try:
             found = consistent_estimate(free, options, say)
         except IdentificationError as error:
             made[name] = NoConsistentEstimate(consistent_label(free.method), str(error))
             continue
-        judged = examination.out_of_sample
+        judged = diagnostics.out_of_sample
         if judged is not None and name in judged.results:
             say(f"{found.label}: held-out motion")
             # A poor fit of one block stays in: without it the comparison would flatter the stage.
@@ -296,4 +296,4 @@ def _end_text(end: float, digits: int) -> str:
     """A number, or why there is none."""
     if math.isnan(end):
         return NOT_FOUND
-    return OPEN if math.isinf(end) else significant(end, digits)
+    return OPEN if math.isinf(end) else format_significant(end, digits)

@@ -39,7 +39,7 @@ from pivident.robot.naming import nearest
 
 #: Diameter of the steel ball that every link must be at least as large as [m]: about the smallest
 #: thing that is built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
-SMALLEST_BALL = 0.01
+MIN_BALL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ def make_consistent(
     *,
     prior: str = "entropic",
     bounds: Bounds | None = None,
-    margin: float = SMALLEST_BALL,
+    margin: float = MIN_BALL,
     reference: Robot | np.ndarray | None = None,
     room: float = ROOM,
     accept_far: bool = False,

@@ -24,7 +24,7 @@ from pivident.robot.description import Robot
 MASS_WEIGHT = 100.0
 
 
-def lift(
+def standard_from_base(
     base: BaseParameters, values: np.ndarray, reference: Robot | np.ndarray | None = None
 ) -> np.ndarray:
     """Standard parameters with exactly the torques of base parameters, masses near a reference.

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.control_law.joint_law import JointLaw, doubts_of, joint_law
+from pivident.control_law.joint_law import JointLaw, diagnostics_of, joint_law
 from pivident.control_law.law_equations import (
     ALWAYS,
     SETPOINT,
@@ -43,12 +43,12 @@ from pivident.control_law.speed_setpoint import (
     speed_setpoint,
 )
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.parameter_rows import plus_minus
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.gravity_compensation import GravityCompensated
 from pivident.simulation.linear_law import LinearLaw
+from pivident.text.numbers import plus_minus
 from pivident.threads import run_in_threads
 
 #: Share of the output (rms) that a law on the position error may leave before a speed setpoint is
@@ -161,7 +161,7 @@ def identify_controller(
     law = _law_of(laws, robot, gain)
     output = np.stack([own[0].u for own in channels], axis=1)
     model = np.stack([own[1] for own in found if own is not None], axis=1)
-    warnings = [text for own in laws for text in doubts_of(own)]
+    warnings = [text for own in laws for text in diagnostics_of(own)]
     names = tuple(r.name for r in recordings)
     return ControllerIdentification(
         law, tuple(laws), names, output, model, recordings[0].rate, tuple(warnings), recordings
@@ -243,7 +243,7 @@ def _setpoint_warnings(laws: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoi
         "The reference that is simulated is the setpoint as it arrives, with the known inputs.",
         "The integrator of the speed loop is told from the output beyond the band of the motion, "
         f"of which the loop explains {seen}; there the speed gains look like {noise}.",
-        *(text for law in laws for text in doubts_of(law)),
+        *(text for law in laws for text in diagnostics_of(law)),
     ]
 
 

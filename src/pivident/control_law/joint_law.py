@@ -30,8 +30,8 @@ from pivident.control_law.law_gravity import (
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich, windows_of
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.parameter_rows import plus_minus
 from pivident.recording.recording import Recording
+from pivident.text.numbers import plus_minus
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,7 +194,7 @@ def _variances(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     return np.maximum(np.diag(robust), np.diag(white)) / scale**2
 
 
-def doubts_of(law: JointLaw) -> list[str]:
+def diagnostics_of(law: JointLaw) -> list[str]:
     """What has to be said about a law."""
     out = []
     if law.relative_error > 0.1:

@@ -50,7 +50,7 @@ LAGS = (0.1, 0.3, 1.0, 3.0, 10.0, 30.0)
 #: forgotten its start, and the largest share of a record that may be given for it.
 START = 3
 FORGOTTEN = 1200
-LARGEST_START = 0.05
+MAX_START = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ def channel_of(recording: Recording, j: int, gain: float, limit: float) -> Chann
         recording.tau[:, j], recording.q[:, j]
     )
     saturated = int((~use).sum())
-    use[: max(START, min(FORGOTTEN, int(LARGEST_START * use.size)))] = False
+    use[: max(START, min(FORGOTTEN, int(MAX_START * use.size)))] = False
     assert recording.q_ref is not None
     dq_ref = None if recording.dq_ref is None else recording.dq_ref[:, j]
     return Channel(

@@ -21,8 +21,8 @@ import numpy as np
 REST = 0.02
 
 #: Shortest move and shortest rest between two [s].
-SHORTEST_MOVE = 0.05
-SHORTEST_REST = 0.004
+MIN_MOVE = 0.05
+MIN_REST = 0.004
 
 #: Samples per move that the fit of its timing uses; more would not make it better.
 FIT_SAMPLES = 250
@@ -155,11 +155,11 @@ def moving_spans(dq: np.ndarray, rate: float) -> list[slice]:
     edges = np.flatnonzero(np.diff(np.r_[False, moving, False].astype(np.int8)))
     spans: list[slice] = []
     for start, stop in edges.reshape(-1, 2):
-        if spans and start - spans[-1].stop < SHORTEST_REST * rate:
+        if spans and start - spans[-1].stop < MIN_REST * rate:
             spans[-1] = slice(spans[-1].start, int(stop))
         else:
             spans.append(slice(int(start), int(stop)))
-    return [s for s in spans if s.stop - s.start >= SHORTEST_MOVE * rate]
+    return [s for s in spans if s.stop - s.start >= MIN_MOVE * rate]
 
 
 def _via_points(q: np.ndarray, spans: Sequence[slice]) -> np.ndarray:

@@ -21,7 +21,7 @@ from pivident.signals.random_walk import smooth_channels
 BELIEVED = 5e-3
 
 #: Samples per parameter that a reference must be told from.
-FEWEST_SAMPLES = 50
+MIN_SAMPLES = 50
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +77,7 @@ def reconstruct_reference(signal: np.ndarray, rate: float) -> ReconstructedRefer
         q, dq, ddq = moves.reference(np.arange(len(signal)) / rate)
         rms = np.sqrt(np.mean((signal - q) ** 2, axis=0))
         size = 4 * len(moves.moves) / signal.shape[1] + len(moves.points)
-        if (rms / span).max() < BELIEVED and len(signal) > FEWEST_SAMPLES * size:
+        if (rms / span).max() < BELIEVED and len(signal) > MIN_SAMPLES * size:
             freedom = size / len(signal)
             return ReconstructedReference(
                 "point_to_point", q, dq, ddq, moves, rms, rms / span, freedom

@@ -26,13 +26,13 @@ from pivident.control_law.reference_reconstruction import (
     reconstruct_reference,
 )
 from pivident.errors import IdentificationError
-from pivident.estimation.parameter_rows import plus_minus
 from pivident.estimation.problem import Loop
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.controllers import Controller
 from pivident.simulation.linear_law import LinearLaw, differentiated
 from pivident.simulation.virtual_pd import virtual_pd
+from pivident.text.numbers import plus_minus
 
 #: Cut-off frequencies of the high-pass tried [Hz].
 CUTOFFS = (20.0, 30.0, 45.0, 60.0, 100.0, 150.0, 200.0)
@@ -117,7 +117,7 @@ def _high_passed_fit(
     return Feedback(name, gains[0], std[0], gains[1], std[1], averaged, cutoff, explained)
 
 
-def complete_loop(
+def reconstruct_loop(
     robot: Robot,
     recordings: Sequence[Recording],
     controller: Controller | None = None,

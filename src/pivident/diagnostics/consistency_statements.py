@@ -7,17 +7,17 @@ from collections.abc import Iterator
 
 from pivident.consistency.consistent_estimate import NoConsistentEstimate
 from pivident.consistency.significance import NOTABLE_COST
-from pivident.diagnostics.diagnostics import Examination
+from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.statement import Statement
-from pivident.estimation.parameter_rows import significant
+from pivident.text.numbers import format_significant
 
 #: A step to consistent parameters that is less probable lies outside the intervals.
 IMPROBABLE = 0.01
 
 
-def consistency(examination: Examination, name: str) -> Iterator[Statement]:
+def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
     """Whether a real machine can have these parameters."""
-    made = examination.consistent
+    made = diagnostics.consistent
     found = made.get(name) or next(reversed(list(made.values())), None)
     if found is None:
         return
@@ -31,8 +31,8 @@ def consistency(examination: Examination, name: str) -> Iterator[Statement]:
         yield Statement("physics", "good", text, f"{found.label} has the same torques")
         return
     evidence = (
-        f"least distance {significant(model.least_distance, 2)} σ, p = {model.p_value:.2g}; "
-        f"distance of those taken {significant(model.distance, 2)} σ"
+        f"least distance {format_significant(model.least_distance, 2)} σ, p = {model.p_value:.2g}; "
+        f"distance of those taken {format_significant(model.distance, 2)} σ"
     )
     if prediction is not None:
         evidence += f"; {prediction}"

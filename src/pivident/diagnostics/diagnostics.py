@@ -31,7 +31,7 @@ FOLDS = 5
 
 
 @dataclass(frozen=True, eq=False)
-class Examination:
+class Diagnostics:
     """What was found out about the results of one problem.
 
     Attributes:
@@ -69,7 +69,7 @@ class Examination:
         return (converged or list(self.identifications))[-1]
 
 
-def examine(
+def diagnose(
     problem: Problem,
     identifications: Mapping[str, Identification],
     methods: Mapping[str, Method] | None = None,
@@ -78,7 +78,7 @@ def examine(
     gap: float | None = None,
     recordings: Sequence[Recording] = (),
     progress: Callable[[str], None] | None = None,
-) -> Examination:
+) -> Diagnostics:
     """Test results and compare them on held-out motion.
 
     Args:
@@ -119,25 +119,25 @@ def examine(
         except IdentificationError as error:
             notes.append(f"Nothing could be held out: {error}.")
     say("testing residuals and instruments")
-    examination = examine_alone(identifications)
+    diagnostics = diagnose_one(identifications)
     split = None
-    name = examination.recommended if out_of_sample is None else out_of_sample.recommended
+    name = diagnostics.recommended if out_of_sample is None else out_of_sample.recommended
     validation = None if out_of_sample is None else out_of_sample.results.get(name)
     try:
         split = model_error(problem, identifications[name], validation)
     except IdentificationError as error:
         notes.append(f"Noise and model error could not be told apart: {error}.")
-    return Examination(
+    return Diagnostics(
         identifications,
-        examination.residuals,
-        examination.instruments,
+        diagnostics.residuals,
+        diagnostics.instruments,
         out_of_sample,
         split,
-        (*examination.notes, *notes),
+        (*diagnostics.notes, *notes),
     )
 
 
-def examine_alone(identifications: Mapping[str, Identification]) -> Examination:
+def diagnose_one(identifications: Mapping[str, Identification]) -> Diagnostics:
     """The tests that need nothing but the results.
 
     Args:
@@ -152,4 +152,4 @@ def examine_alone(identifications: Mapping[str, Identification]) -> Examination:
                 instruments[name] = instrument_tests(result)
             except IdentificationError as error:
                 notes.append(f"{result.method}: the instruments could not be tested: {error}.")
-    return Examination(identifications, residuals, instruments, notes=tuple(notes))
+    return Diagnostics(identifications, residuals, instruments, notes=tuple(notes))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pivident.diagnostics.diagnostics import Examination
+from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.statement import Grade, Statement, listed
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import parameter_rows, percent, plus_minus, significant
+from pivident.estimation.parameter_rows import parameter_rows
 from pivident.recording.torque_scale import scale_sentences
+from pivident.text.numbers import format_significant, percent, plus_minus
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].
 WELL = 10.0
@@ -18,13 +19,13 @@ WELL = 10.0
 DOUBTS = 3
 
 
-def choice(examination: Examination, name: str) -> Iterator[Statement]:
+def choice(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
     """Which method to use for this record and why."""
-    result, compared = examination.identifications[name], examination.out_of_sample
+    result, compared = diagnostics.identifications[name], diagnostics.out_of_sample
     if compared is None:
         why = (
             "it is the only one here"
-            if len(examination.identifications) == 1
+            if len(diagnostics.identifications) == 1
             else "it is the last that converged; nothing was held out to compare them on"
         )
         yield Statement("estimate", "note", f"Take that of {result.method}: {why}.")
@@ -69,7 +70,7 @@ def determined(result: Identification) -> Iterator[Statement]:
     evidence = (
         f"2σ from {percent(2 * best.relative_std)} ({best.name}) to "
         f"{percent(2 * worst.relative_std)} ({worst.name}); condition number "
-        f"{significant(result.condition)}"
+        f"{format_significant(result.condition)}"
     )
     text = f"{len(well)} of {len(rows)} parameters are known to {WELL:g} % or better (2σ)"
     if not (zero or middle):

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pivident.diagnostics.diagnostics import Examination
+from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.statement import Statement, listed
-from pivident.estimation.parameter_rows import percent
+from pivident.text.numbers import percent
 
 #: Parameters that differ least squares from instruments are named from so many deviations on.
 NAMED_SHIFT = 2.0
 
 
-def feedback_bias(examination: Examination, name: str) -> Iterator[Statement]:
+def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
     """Whether least squares and instruments differ."""
-    tests = examination.instruments.get(name) or next(
-        reversed(list(examination.instruments.values())), None
+    tests = diagnostics.instruments.get(name) or next(
+        reversed(list(diagnostics.instruments.values())), None
     )
     if tests is None:
         yield Statement(
@@ -48,9 +48,9 @@ def feedback_bias(examination: Examination, name: str) -> Iterator[Statement]:
         yield Statement("feedback", "good", text, evidence)
 
 
-def strength(examination: Examination, name: str) -> Iterator[Statement]:
+def strength(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
     """Whether the instruments are relevant and not contradicted."""
-    tests = examination.instruments.get(name)
+    tests = diagnostics.instruments.get(name)
     if tests is None:
         return
     relevance = tests.relevance

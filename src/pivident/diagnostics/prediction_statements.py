@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pivident.diagnostics.diagnostics import Examination
+from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.statement import Statement
-from pivident.estimation.parameter_rows import percent
+from pivident.text.numbers import percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 
 #: A simulated loop whose torque misses more than this of the measured one explains less than three
@@ -14,16 +14,16 @@ from pivident.validation.held_out.cross_validation import CrossValidation
 LOOP_MISSES = 50.0
 
 
-def prediction(examination: Examination, name: str) -> Iterator[Statement]:
+def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
     """How well unseen motion is predicted."""
-    compared = examination.out_of_sample
+    compared = diagnostics.out_of_sample
     if compared is None or name not in compared.results:
         yield Statement(
             "prediction",
             "caution",
             "Judged on the motion that was fitted only: hold blocks out, or give a second "
             "recording.",
-            f"torque error {percent(100 * examination.identifications[name].relative_error)}",
+            f"torque error {percent(100 * diagnostics.identifications[name].relative_error)}",
         )
         return
     judged = compared.results[name]
@@ -42,9 +42,9 @@ def prediction(examination: Examination, name: str) -> Iterator[Statement]:
     yield Statement("prediction", "caution" if grows > 1.5 else "good", f"{text}.", evidence)
 
 
-def simulated_loop(examination: Examination, name: str) -> Iterator[Statement]:
+def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
     """Whether the loop that makes the instruments is far from the machine's, and why."""
-    compared = examination.out_of_sample
+    compared = diagnostics.out_of_sample
     judged = None if compared is None else compared.results.get(name)
     if judged is None:
         return

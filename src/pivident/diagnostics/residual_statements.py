@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pivident.diagnostics.diagnostics import Examination
+from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.statement import Grade, Statement, listed
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import significant
+from pivident.text.numbers import format_significant
 from pivident.validation.residuals.residual_tests import ResidualTests
 
 
@@ -65,7 +65,8 @@ def spectral_lines(result: Identification) -> Iterator[Statement]:
     records = () if result.equations is None else result.equations.records
     units = dict(zip((j.name for j in result.joints), _position_units(result), strict=True))
     found = {
-        f"{joint} at {significant(line.frequency)} Hz, {significant(line.std, 2)} {units[joint]}"
+        f"{joint} at {format_significant(line.frequency)} Hz, {format_significant(line.std, 2)} "
+        f"{units[joint]}"
         for r in records
         if isinstance(r, FullRateRecord)
         for joint, lines in zip(units, r.kinematics.lines, strict=False)
@@ -80,7 +81,7 @@ def _position_units(result: Identification) -> list[str]:
     return ["rad" if joint.kind == "revolute" else "m" for joint in result.robot.joints]
 
 
-def friction_law(examination: Examination, name: str) -> Iterator[Statement]:
+def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
     """What the intervals of friction parameters presume, and whether the residual objects.
 
     A covariance knows the noise. It does not know that another law of friction would give these
@@ -88,7 +89,7 @@ def friction_law(examination: Examination, name: str) -> Iterator[Statement]:
     is a sign of that, and a reservation where held-out motion says that model error makes
     most of it: noise of the speed that enters the bend of a law leaves the same traces.
     """
-    result, tests = examination.identifications[name], examination.residuals[name]
+    result, tests = diagnostics.identifications[name], diagnostics.residuals[name]
     own = [
         (own_name, p.joint)
         for own_name, p in zip(result.names, result.parameters, strict=True)
@@ -103,7 +104,7 @@ def friction_law(examination: Examination, name: str) -> Iterator[Statement]:
         f"friction law only: {listed(list(laws))}."
     )
     signs = _signs_of_another_law(tests, {joints[j].name for _, j in own})
-    split = examination.model_error
+    split = diagnostics.model_error
     doubtful = bool(signs) and split is not None and split.mostly_model_error
     if doubtful:
         text += (
@@ -131,9 +132,9 @@ def _signs_of_another_law(tests: ResidualTests, concerned: set[str]) -> str:
     return " and ".join(found)
 
 
-def model_or_noise(examination: Examination) -> Iterator[Statement]:
+def model_or_noise(diagnostics: Diagnostics) -> Iterator[Statement]:
     """Model error told apart from noise."""
-    split = examination.model_error
+    split = diagnostics.model_error
     if split is None:
         return
     sentences = split.sentences()

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pivident.diagnostics.consistency_statements import consistency
-from pivident.diagnostics.diagnostics import Examination, examine_alone
+from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
 from pivident.diagnostics.estimate_statements import (
     choice,
     convergence,
@@ -88,37 +88,37 @@ class Verdict:
         return verdict_html(self)
 
 
-def verdict(examination: Examination | Identification) -> Verdict:
+def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
     """Put what was found out into words.
 
     Args:
-        examination: tests and comparisons; for a result alone the tests that need nothing else.
+        diagnostics: tests and comparisons; for a result alone the tests that need nothing else.
 
     Returns:
         Statements in a fixed order, each with a grade and its numbers.
     """
-    if isinstance(examination, Identification):
-        examination = examine_alone({examination.method: examination})
-    name = examination.recommended
-    result = examination.identifications[name]
+    if isinstance(diagnostics, Identification):
+        diagnostics = diagnose_one({diagnostics.method: diagnostics})
+    name = diagnostics.recommended
+    result = diagnostics.identifications[name]
     statements = [
-        *choice(examination, name),
+        *choice(diagnostics, name),
         *torque_scale(result),
         *convergence(result),
         *determined(result),
         *signs(result),
-        *feedback_bias(examination, name),
-        *noise(result, examination.residuals[name]),
+        *feedback_bias(diagnostics, name),
+        *noise(result, diagnostics.residuals[name]),
         *spectral_lines(result),
-        *strength(examination, name),
-        *prediction(examination, name),
-        *simulated_loop(examination, name),
-        *model_or_noise(examination),
-        *friction_law(examination, name),
-        *consistency(examination, name),
+        *strength(diagnostics, name),
+        *prediction(diagnostics, name),
+        *simulated_loop(diagnostics, name),
+        *model_or_noise(diagnostics),
+        *friction_law(diagnostics, name),
+        *consistency(diagnostics, name),
         *identified_law(result),
         *(Statement("warning", "caution", text) for text in further_warnings(result)),
-        *(Statement("not tested", "note", text) for text in examination.notes),
+        *(Statement("not tested", "note", text) for text in diagnostics.notes),
     ]
     return Verdict(result.method, name, tuple(statements), scale_headline(result.torque_scale))
 

@@ -36,7 +36,7 @@ from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 
 #: Rounds of simulation; gains that change by less than this share of their deviation stand still.
-MOST_ROUNDS, STILL = 8, 0.05
+MAX_ROUNDS, STILL = 8, 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +252,7 @@ def _with_instruments(
     say: Callable[[str], None],
 ) -> tuple[GainEquations, np.ndarray, np.ndarray, int]:
     """Simulate the loop under both loads, solve with its motion as instruments, repeat."""
-    for k in range(MOST_ROUNDS):
+    for k in range(MAX_ROUNDS):
         moved = _simulated(setting, records, equations, ell, x)
         sums = drive_sums(setting.wide.robot, regressor, moved)
         _check_rows(sums)

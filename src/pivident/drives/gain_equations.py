@@ -33,10 +33,10 @@ from pivident.estimation.normal_equations import JointSums
 PRIOR_STD = 5.0
 
 #: Longest step in log gains.
-LONGEST_STEP = 1.0
+MAX_STEP = 1.0
 
 #: Iterations of the search, and how little its last step may be, in standard deviations.
-MOST_STEPS, SETTLED = 100, 1e-4
+MAX_STEPS, SETTLED = 100, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,14 +186,14 @@ def least_squares(equations: GainEquations, ell: np.ndarray) -> tuple[np.ndarray
     """
     n, damping = equations.motors, 1e-3
     x, least = linear_part(equations, ell)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         steps = instrumented(equations, ell, x)
         hessian = _added([s.ff for s in steps])
         reduced = hessian[:n, :n] - hessian[:n, n:] @ _solve(hessian[n:, n:], hessian[n:, :n])
         gradient = _added([s.ft for s in steps])[:n]
         while damping < 1e12:
             step = np.linalg.solve(reduced + damping * np.diag(np.diag(reduced)), gradient)
-            step *= min(1.0, LONGEST_STEP / max(np.abs(step).max(), 1e-300))
+            step *= min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
             tried, value = linear_part(equations, ell + step)
             if value <= least:
                 break
@@ -221,12 +221,12 @@ def instrumental_variables(
         IdentificationError: the iteration does not settle.
     """
     n = equations.motors
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         steps = instrumented(equations, ell, x)
         jacobian = _added([s.zf for s in steps])
         error = _added([s.zt for s in steps])
         step = _solve(jacobian, error)
-        step *= min(1.0, LONGEST_STEP / max(np.abs(step[:n]).max(), 1e-300))
+        step *= min(1.0, MAX_STEP / max(np.abs(step[:n]).max(), 1e-300))
         ell, x = ell + step[:n], x + step[n:]
         if abs(step @ error) < SETTLED**2:
             return ell, x

@@ -44,7 +44,7 @@ LEVEL = 0.05
 PASSES = 4
 
 #: Largest relative change of a motor constant over the record that is believed.
-LARGEST_CHANGE = 0.5
+MAX_CHANGE = 0.5
 
 
 @dataclass(frozen=True)
@@ -129,7 +129,7 @@ def identify_motor_temperature(
         for m, own in enumerate(sums):
             # the first pass finds a model, from which the next ones take the slope
             found, std[m], degrees[m], state[m] = _step(own, with_slope=k > 0)
-            rate[m] = np.clip(found, -LARGEST_CHANGE, LARGEST_CHANGE)
+            rate[m] = np.clip(found, -MAX_CHANGE, MAX_CHANGE)
     from scipy.stats import f
 
     answers = []

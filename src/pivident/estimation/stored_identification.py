@@ -29,7 +29,7 @@ from pivident.robot.naming import nearest
 from pivident.robot.robot_values import Finite, Name, RobotValues, Values, made_robot, problem_text
 
 #: Larger files are not identifications [bytes].
-LARGEST_FILE = 2**27
+MAX_FILE = 2**27
 
 #: Largest asymmetry of a covariance, relative to its standard deviations.
 ASYMMETRY = 1e-9
@@ -150,7 +150,7 @@ def json_of_file(file: Path) -> dict[str, Any]:
     """
     try:
         size = regular_file(file).stat().st_size
-        if size > LARGEST_FILE:
+        if size > MAX_FILE:
             raise IdentificationFileError(
                 str(file),
                 f"has {size} bytes, more than any identification; is it the log? Give the file "

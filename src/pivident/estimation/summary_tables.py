@@ -12,14 +12,11 @@ from pivident.estimation.parameter_rows import (
     CONTRADICTION,
     ParameterRow,
     aligned_rows,
-    known,
     largest_difference,
     method_labels,
     parameter_rows,
-    percent,
-    significant,
-    with_spread,
 )
+from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 
 #: Width of a table in characters, unless its numbers need more.
 WIDTH = 110
@@ -42,11 +39,11 @@ def identification_table(identification: Identification) -> str:
         _column("parameter", [row.name for row in rows], "<"),
         _column("value", [value for value, _ in spreads], "."),
         _column("±2σ", [spread for _, spread in spreads], "."),
-        _column("σ/|θ| %", [significant(row.relative_std, 2) for row in rows], "."),
+        _column("σ/|θ| %", [format_significant(row.relative_std, 2) for row in rows], "."),
         _column("unit", [row.unit for row in rows], "<"),
     ]
     if identification.covariance is not identification.robust_covariance:
-        robust = _column("robust σ", [significant(row.robust_std, 2) for row in rows], ".")
+        robust = _column("robust σ", [format_significant(row.robust_std, 2) for row in rows], ".")
         columns.insert(-1, robust)
     taken = sum(len(column[0]) + len(_GAP) for column in columns)
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
@@ -81,7 +78,7 @@ def controller_table(found: ControllerIdentification) -> str:
         for law in found.joints
     ]
     columns.append(_column("speed", speeds, "<"))
-    errors = [significant(100.0 * law.relative_error, 2) for law in found.joints]
+    errors = [format_significant(100.0 * law.relative_error, 2) for law in found.joints]
     columns.append(_column("error %", errors, "."))
     columns.append(_column("saturated", [str(law.saturated) for law in found.joints], ">"))
     head = f"Control law of {', '.join(found.recordings)}, output per rad or m, rad/s or m/s, …"
@@ -140,7 +137,7 @@ def comparison_table(
         _column("unit", [_first(rows).unit for rows in table.values()], "<", top=""),
     ]
     if truth:
-        truths = [known(_first(rows).truth) for rows in table.values()]
+        truths = [format_exact(_first(rows).truth) for rows in table.values()]
         columns.append(_column("truth", truths, ".", top=""))
     for k, label in enumerate(labels):
         rows = [entry[k] for entry in table.values()]
@@ -148,7 +145,7 @@ def comparison_table(
     differences = [0.0]
     if len(identifications) > 1:
         differences = [largest_difference(rows)[0] for rows in table.values()]
-        marks = [f"{significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
+        marks = [f"{format_significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
         columns.append(_column("apart [σ]", marks, ".", top="largest"))
     errors = ", ".join(
         f"{label} {percent(100.0 * i.relative_error)} ({error_rows(i)})"
@@ -172,7 +169,7 @@ def headline(identification: Identification) -> str:
         f"{identification.method} of {identification.robot.name}: {ending(identification)}, "
         f"relative error {percent(100.0 * identification.relative_error)} "
         f"({rows_kind(identification)}), "
-        f"condition {significant(identification.condition)}"
+        f"condition {format_significant(identification.condition)}"
     )
 
 
@@ -229,10 +226,10 @@ def _joint_table(identification: Identification) -> str:
     orders = [f"{j.ar_order}{' (bound)' * j.ar_at_bound}" for j in joints]
     columns = [
         _column("joint", [j.name for j in joints], "<"),
-        _column("error %", [significant(100.0 * j.relative_error, 2) for j in joints], "."),
-        _column("rms error", [significant(j.rms_error) for j in joints], "."),
+        _column("error %", [format_significant(100.0 * j.relative_error, 2) for j in joints], "."),
+        _column("rms error", [format_significant(j.rms_error) for j in joints], "."),
         _column("unit", [j.torque_unit for j in joints], "<"),
-        _column("noise σ", [significant(j.noise_std) for j in joints], "."),
+        _column("noise σ", [format_significant(j.noise_std) for j in joints], "."),
         _column("unit", [j.noise_unit for j in joints], "<"),
         _column("AR order", orders, "<"),
         _column("rows", [str(j.rows) for j in joints], ">"),
@@ -246,13 +243,13 @@ def _method_columns(
 ) -> list[list[str]]:
     """Value and relative σ of one method, with its error in percent where there is a truth."""
     values = ["" if r is None else with_spread(r.value, 2.0 * r.std)[0] for r in rows]
-    relative = ["" if r is None else significant(r.relative_std, 2) for r in rows]
+    relative = ["" if r is None else format_significant(r.relative_std, 2) for r in rows]
     columns = [
         _column("value", values, ".", top=label),
         _column("σ %", relative, ".", top=""),
     ]
     if errors:
-        error = ["" if r is None else significant(r.error_percent, 2) for r in rows]
+        error = ["" if r is None else format_significant(r.error_percent, 2) for r in rows]
         columns.append(_column("error %", error, ".", top=""))
     return columns
 

@@ -46,7 +46,7 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.text.printable import shortened
-from pivident.text.toml import LARGEST_FILE, parse_toml
+from pivident.text.toml import MAX_FILE, parse_toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +312,7 @@ def _file_text(path: Path) -> str:
         ExperimentError: it cannot be read, is too large, or is not UTF-8 text.
     """
     try:
-        if regular_file(path).stat().st_size > LARGEST_FILE:
+        if regular_file(path).stat().st_size > MAX_FILE:
             raise ExperimentError(
                 f"has {path.stat().st_size} bytes, too many for an experiment file; is it the log?"
             )

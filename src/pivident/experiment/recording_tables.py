@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.control_law.unknown_loop import complete_loop
+from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.errors import ExperimentError
 from pivident.estimation.problem import Loop
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
@@ -134,7 +134,7 @@ def loop_of(
     gain = _gains("drive_gain", entry.drive_gain, n)
     limit = np.full(n, np.inf) if entry.limit is None else _gains("limit", entry.limit, n)
     if law is None or entry.source == "reconstruct":
-        made, loop = complete_loop(
+        made, loop = reconstruct_loop(
             robot, recordings, law, entry.source == "reconstruct", gain, limit
         )
         return made, replace(loop, feed_forward=entry.feed_forward)

@@ -14,10 +14,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
-from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.models.exported import ExportedText
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import latex_name, latex_text, one_line
+from pivident.text.numbers import format_significant, with_spread
 
 #: Digits of a value whose spread is not known.
 DIGITS = 5
@@ -105,7 +105,7 @@ def _base_table(model: RunnableModel) -> list[str]:
         estimate, twice = spread.get(name, (math.nan, math.nan))
         texts = with_spread(estimate, twice)
         if free is None:
-            texts = (significant(value, DIGITS), significant(math.nan))
+            texts = (format_significant(value, DIGITS), format_significant(math.nan))
         row = [f"${_name(name)}$", *map(latex_number, texts)]
         if model.consistent:
             row.append(latex_number(_like(value, twice)))
@@ -130,7 +130,7 @@ def _standard_table(model: RunnableModel) -> list[str]:
         link = model.robot.links[p.joint].name
         shown = latex_text(one_line(link)) if link != before else ""
         value = 0.0 if abs(value) < NOTHING else value
-        row = [shown, f"${_name(p.name)}$", latex_number(significant(value, DIGITS))]
+        row = [shown, f"${_name(p.name)}$", latex_number(format_significant(value, DIGITS))]
         if intervals is not None:
             row.append(_interval(intervals[k]))
         rows.append([*row, latex_unit(p.unit)])
@@ -145,13 +145,17 @@ def _standard_table(model: RunnableModel) -> list[str]:
 
 
 def _interval(ends: np.ndarray) -> str:
-    low, high = (latex_number(significant(float(end), 4)) for end in ends)
+    low, high = (latex_number(format_significant(float(end), 4)) for end in ends)
     return f"{low} \\ldots\\ {high}"
 
 
 def _like(value: float, spread: float) -> str:
     """A value to the digits of a spread."""
-    return with_spread(value, spread)[0] if math.isfinite(spread) else significant(value, DIGITS)
+    return (
+        with_spread(value, spread)[0]
+        if math.isfinite(spread)
+        else format_significant(value, DIGITS)
+    )
 
 
 def _table(

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident import __version__
-from pivident.friction.friction_study import FrictionExamination, JointFriction
+from pivident.friction.friction_study import FrictionStudy, JointFriction
 
 if TYPE_CHECKING:
     import polars as pl
@@ -30,7 +30,7 @@ STATES = {
 }
 
 
-def curves_table(examination: FrictionExamination) -> pl.DataFrame:
+def curves_table(study: FrictionStudy) -> pl.DataFrame:
     """All functions and maps, one row per point.
 
     Columns: joint, kind (``function`` or ``map``), name, state_name, state, state_unit, value,
@@ -38,23 +38,21 @@ def curves_table(examination: FrictionExamination) -> pl.DataFrame:
     function).
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
     """
     import polars as pl
 
-    frames = [frame for joint in examination.joints for frame in _joint_frames(joint)]
+    frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
     return pl.concat(frames)
 
 
-def write_friction(
-    examination: FrictionExamination, folder: str | Path, title: str | None = None
-) -> Path:
+def write_friction(study: FrictionStudy, folder: str | Path, title: str | None = None) -> Path:
     """Write ``friction.html``, ``friction.json``, ``curves.csv`` and ``curves.parquet``.
 
     All of them or none.
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
         folder: folder to create or to write into.
         title: title of the page.
 
@@ -67,9 +65,9 @@ def write_friction(
     from pivident.files import atomic_folder
     from pivident.report.friction.friction_page import render_page
 
-    page = render_page(examination, title)
-    table = curves_table(examination)
-    content = as_json(examination)
+    page = render_page(study, title)
+    table = curves_table(study)
+    content = as_json(study)
     with atomic_folder(folder) as build:
         (build / "friction.json").write_text(
             json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
@@ -82,21 +80,21 @@ def write_friction(
     return Path(folder) / "friction.html"
 
 
-def as_json(examination: FrictionExamination) -> dict[str, Any]:
+def as_json(study: FrictionStudy) -> dict[str, Any]:
     """What was found, as plain values; numbers that are not finite become null.
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
     """
     return {
         "schema": SCHEMA,
         "pivident": __version__,
-        "robot": examination.robot,
-        "method": examination.method,
-        "recordings": list(examination.recordings),
-        "left_out": dict(examination.left_out),
-        "joints": [_joint_json(joint) for joint in examination.joints],
-        "ripple": None if examination.ripple is None else _ripple_json(examination.ripple),
+        "robot": study.robot,
+        "method": study.method,
+        "recordings": list(study.recordings),
+        "left_out": dict(study.left_out),
+        "joints": [_joint_json(joint) for joint in study.joints],
+        "ripple": None if study.ripple is None else _ripple_json(study.ripple),
     }
 
 

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import plus_minus, significant
 from pivident.friction.contrasts import (
     against_motion,
     at,
@@ -23,6 +22,7 @@ from pivident.friction.contrasts import (
 )
 from pivident.friction.friction_torque import FrictionTorque
 from pivident.friction.state_dependent import StateDependentFit, StateDependentParameter
+from pivident.text.numbers import format_significant, plus_minus
 
 if TYPE_CHECKING:
     from pivident.friction.friction_study import HeldOut
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 SEARCHED = 41
 
 #: Fewest periods over the range of the position that are called a repetition.
-FEWEST_PERIODS = 3.0
+MIN_PERIODS = 3.0
 
 #: Smallest share of the friction level that is of practical size [%].
 PRACTICAL = 2.0
@@ -214,7 +214,7 @@ def _load(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> 
     gain, gain_std = held_out.full.gain(held_out.by_term["load"])
     large = abs(share) > 2.0 * spread and abs(share) > PRACTICAL
     predicts = gain > 2.0 * gain_std
-    upto = f"up to a load of {significant(reach)} {torque.torque_unit}"
+    upto = f"up to a load of {format_significant(reach)} {torque.torque_unit}"
     words = "shrinks" if slope < 0.0 and large else "grows"
     size = pm(-share if words == "shrinks" else share, spread)
     sentence = (
@@ -254,8 +254,8 @@ def _position(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut)
         brief = f"a part that depends on position, {pm(reach, std)} {unit} from peak to peak"
         terms = "gravity, a spring or a cable that the model lacks"
         period, carried = main_period(p)
-        if period < (p.state[-1] - p.state[0]) / FEWEST_PERIODS and carried > 0.5:
-            often = f"every {significant(period)} {torque.position_unit}"
+        if period < (p.state[-1] - p.state[0]) / MIN_PERIODS and carried > 0.5:
+            often = f"every {format_significant(period)} {torque.position_unit}"
             if torque.position_unit == "rad":
                 often += f", {2.0 * np.pi / period:.1f} times per turn of the joint"
             sentence += f" It repeats {often} ({100.0 * carried:.0f} % of its variance)."
@@ -353,4 +353,4 @@ def _gain(gain: float, std: float) -> str:
 
 
 def _speed(torque: FrictionTorque, speed: float) -> str:
-    return f"{significant(speed, 2)} {torque.position_unit}/s"
+    return f"{format_significant(speed, 2)} {torque.position_unit}/s"

@@ -78,7 +78,7 @@ class JointFriction:
 
 
 @dataclass(frozen=True, eq=False)
-class FrictionExamination:
+class FrictionStudy:
     """The friction of a record.
 
     Attributes:
@@ -98,14 +98,14 @@ class FrictionExamination:
     ripple: Ripple | None = None
 
 
-def examine_friction(
+def study_friction(
     problem: Problem,
     identification: Identification,
     *,
     standstill: float | None = None,
     bins: int = 24,
     progress: Callable[[str], None] | None = None,
-) -> FrictionExamination:
+) -> FrictionStudy:
     """See the friction of every joint before a law is chosen for it.
 
     Args:
@@ -129,7 +129,7 @@ def examine_friction(
     if not joints:
         name, reason = next(iter(left_out.items()))
         raise IdentificationError(f"no joint's friction can be seen; {name}: {reason}")
-    return FrictionExamination(
+    return FrictionStudy(
         robot=problem.robot.name,
         method=identification.method,
         recordings=tuple(r.name for r in problem.recordings),

@@ -23,11 +23,11 @@ from pivident.audit.power import check_power
 from pivident.audit.scale import check_positions, check_scale
 from pivident.audit.timing import check_timing
 from pivident.errors import PividentError
-from pivident.estimation.parameter_rows import plus_minus
 from pivident.init.guess import Question, Sureness
 from pivident.recording.torque_scale import GUESSED, MASSES
 from pivident.recording.units import COMMAND, TORQUE
 from pivident.robot.description import Robot
+from pivident.text.numbers import plus_minus
 
 #: Factor between log and description up to which an unnamed torque passes for N m.
 NEAR_ONE = 2.0

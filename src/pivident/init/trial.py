@@ -26,7 +26,7 @@ from pivident.recording.recording import Recording
 from pivident.text.toml import parse_toml
 
 #: Longest record on which methods are tried [samples times joints]; longer ones are tried in part.
-LONGEST_TRIAL = 150_000
+MAX_TRIAL = 150_000
 
 
 @dataclass(frozen=True)
@@ -152,7 +152,7 @@ def _stuck(known: Findings, error: PividentError) -> Findings:
 
 def _shortened(recording: Recording) -> Recording:
     """The first part of a record that is too long for a trial."""
-    longest = max(LONGEST_TRIAL // recording.joints, 1000)
+    longest = max(MAX_TRIAL // recording.joints, 1000)
     return recording if recording.samples <= longest else recording.part(0, longest)
 
 

@@ -16,7 +16,7 @@ from pivident.text.printable import escaped
 HARMLESS_SIZE = 256 * 2**20
 
 #: Beyond that it may expand by this factor. Logs as text shrink four- to tenfold.
-LARGEST_EXPANSION = 200
+MAX_EXPANSION = 200
 
 #: Names of the files that hold the messages of a ROS 2 bag.
 _BAG_PART = re.compile(r"\.(db3|mcap)(\.zstd|\.zst)?$")
@@ -121,8 +121,8 @@ def refuse_bomb(path: Path, expanded: int) -> None:
         FileFormatError: the content is large and out of proportion to the file.
     """
     stored = path.stat().st_size
-    if expanded > HARMLESS_SIZE and expanded > LARGEST_EXPANSION * stored:
+    if expanded > HARMLESS_SIZE and expanded > MAX_EXPANSION * stored:
         raise FileFormatError(
             f"{path.name} expands from {stored} to at least {expanded} bytes, more than "
-            f"{LARGEST_EXPANSION} times its size; store it uncompressed if this is no mistake"
+            f"{MAX_EXPANSION} times its size; store it uncompressed if this is no mistake"
         )

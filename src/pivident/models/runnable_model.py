@@ -183,7 +183,7 @@ def origin_of(free: Identification, method: str, digest: str = "") -> Origin:
 
 def _lifted(free: Identification, digest: str) -> RunnableModel:
     """The free estimate on standard parameters of the same torques."""
-    from pivident.consistency.standard_from_base import lift
+    from pivident.consistency.standard_from_base import standard_from_base
 
     base = base_parameters(free.robot)
     values = np.zeros(len(base))
@@ -196,7 +196,7 @@ def _lifted(free: Identification, digest: str) -> RunnableModel:
     return RunnableModel(
         robot=free.robot,
         parameters=base.standard,
-        values=lift(base, values),
+        values=standard_from_base(base, values),
         consistent=False,
         origin=origin_of(free, free.method, digest),
         notes=notes,

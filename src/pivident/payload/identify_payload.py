@@ -57,7 +57,7 @@ from pivident.robot.frames import Pose
 UNDETERMINED = 100.0
 
 #: Fewest estimates of an iterative method; see `pivident.estimation.prefiltered_iv`.
-FEWEST_ESTIMATES = 3
+MIN_ESTIMATES = 3
 
 #: Share by which the mass that gives known parts their deviations may still change, and how often
 #: it is taken anew. Twice is usual; where only a known centre of mass tells it, more.
@@ -264,7 +264,7 @@ def _estimate(
         std = np.sqrt(np.abs(np.diag(solution.inverse)))
         change = float((np.abs(solution.x - before.x) / std).max())
         say(f"with load: estimate {k + 1}, changes by {change:.2g} standard deviations")
-        if k + 1 >= FEWEST_ESTIMATES and change < max(0.05, method.tolerance):
+        if k + 1 >= MIN_ESTIMATES and change < max(0.05, method.tolerance):
             return sums, unknowns, solution, k + 1, True
     return sums, unknowns, solution, method.max_iterations + 1, False
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from pivident.errors import NegativePayload
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import plus_minus
 from pivident.payload.load_estimate import LoadEstimate
+from pivident.text.numbers import plus_minus
 
 #: Deviations from which on a negative mass is no matter of noise: the records are swapped.
 SWAPPED = 3.0

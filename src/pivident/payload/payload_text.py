@@ -6,11 +6,11 @@ import math
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import plus_minus, with_spread
 from pivident.payload.identify_payload import PayloadIdentification
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import LoadRow, load_rows
 from pivident.payload.possible_load import PossibleLoad
+from pivident.text.numbers import plus_minus, with_spread
 
 #: Change of a friction parameter, in deviations, from which on it is named.
 FRICTION_NAMED = 3.0

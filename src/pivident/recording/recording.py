@@ -24,7 +24,7 @@ from pivident.text.printable import is_printable
 CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexible joints
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
-LONGEST_DRIVE_DELAY = 0.1
+MAX_DRIVE_DELAY = 0.1
 
 #: Which instant a torque sample speaks of, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
@@ -152,7 +152,7 @@ class Recording:
                 f"drive_delay is {self.drive_delay:g} s; a torque that is logged late is declared "
                 "by delay"
             )
-        if self.drive_delay > LONGEST_DRIVE_DELAY:
+        if self.drive_delay > MAX_DRIVE_DELAY:
             raise RecordingError(
                 f"drive_delay is {self.drive_delay:g} s, longer than any drive takes; it is given "
                 "in seconds, 0.3e-3 for 0.3 ms"

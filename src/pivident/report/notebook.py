@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
-from pivident.estimation.parameter_rows import known, percent, significant, with_spread
+from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import Comparison
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pivident.tables.columns import Table
 
 #: Rows of a table that are shown; a notebook keeps what it shows.
-MOST_ROWS = 60
+MAX_ROWS = 60
 
 #: Points of a small curve.
 POINTS = 160
@@ -82,10 +82,10 @@ def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()
         rows.append(
             {
                 "name": name,
-                "low": significant(float(q.min())),
-                "high": significant(float(q.max())),
-                "rms": significant(float(np.sqrt(np.mean(tau**2)))),
-                "peak": significant(float(np.abs(tau).max())),
+                "low": format_significant(float(q.min())),
+                "high": format_significant(float(q.max())),
+                "rms": format_significant(float(np.sqrt(np.mean(tau**2)))),
+                "peak": format_significant(float(np.abs(tau).max())),
                 "units": units[j] if units else ("rad or m", "N m or N"),
                 "curve": _curve(q),
             }
@@ -137,7 +137,7 @@ def table_html(table: Table) -> str:
     Args:
         table: any table.
     """
-    columns = table.shown(MOST_ROWS)
+    columns = table.shown(MAX_ROWS)
     cells = list(zip(*(column for _, _, column in columns), strict=True))
     return _rendered("table", table=table, columns=columns, cells=cells)
 
@@ -151,7 +151,11 @@ def _environment() -> Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"percent": percent, "significant": significant, "known": known}
+    environment.filters |= {
+        "percent": percent,
+        "significant": format_significant,
+        "known": format_exact,
+    }
     return environment
 
 
@@ -164,7 +168,10 @@ def _rendered(name: str, **content: Any) -> str:
 
 def _masses(robot: Robot) -> list[str]:
     """Nominal mass of each link, – where none is known."""
-    return [significant(float(link.inertia[9])) if link.inertia[9] else "–" for link in robot.links]
+    return [
+        format_significant(float(link.inertia[9])) if link.inertia[9] else "–"
+        for link in robot.links
+    ]
 
 
 def _curve(x: Any) -> str:

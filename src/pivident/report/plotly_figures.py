@@ -13,8 +13,8 @@ import plotly.graph_objects as go
 from pivident.control_law.identified_law import ControllerIdentification
 from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.estimation.parameter_rows import percent, significant
 from pivident.report.downsampling import kept_samples, stretches
+from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
 
 #: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
@@ -88,13 +88,13 @@ def torque_figure(
     plot.add_traces(_compared(t, measured, model, points, "reconstructed", colour(method)))
     _shade(plot, _mask(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
-    rms = f"rms error {significant(fit.rms_error)} {fit.torque_unit}"
+    rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
     return Figure(
         plot,
         height=250,
         title=fit.name,
-        label=f"Measured and reconstructed torque of {fit.name} over {significant(t[-1])} s: "
-        f"{error}, {rms}",
+        label=f"Measured and reconstructed torque of {fit.name} over "
+        f"{format_significant(t[-1])} s: {error}, {rms}",
         note=f"{error}, {rms}",
         recording=recording.name,
         start=_start(recording),
@@ -116,9 +116,9 @@ def law_figure(found: ControllerIdentification, joint: int, method: int, points:
     plot = empty_plot(f"{found.compared} [{found.unit}]")
     plot.update_xaxes(title_text="time [s]")
     plot.add_traces(_compared(t, measured, model, points, "law", colour(method)))
-    rms = f"rms {significant(law.rms)} {found.unit}"
+    rms = f"rms {format_significant(law.rms)} {found.unit}"
     note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
-    span = f"over {significant(t[-1])} s"
+    span = f"over {format_significant(t[-1])} s"
     label = f"Measured {found.compared} of {law.name} and its law {span}: {note}"
     # The law's rows begin at another instant than the fitted ones: it has a window of its own.
     own = f"law of {', '.join(found.recordings)}"
@@ -150,8 +150,8 @@ def reference_figure(
     plot.add_traces([lines[0], lines[1], lines[2].update(yaxis="y2")])
     _stack(plot, [f"q [{unit}]", f"difference [{unit}]"])
     plot.update_layout(yaxis2={"automargin": True})
-    rms = significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
-    label = f"Measured position of {name} and its reference over {significant(t[-1])} s"
+    rms = format_significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
+    label = f"Measured position of {name} and its reference over {format_significant(t[-1])} s"
     note = f"measured less reference: rms {rms} {unit}"
     return Figure(
         plot, 320, name, f"{label}; {note}", note, recording.name, _start(recording)
@@ -168,7 +168,7 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
     found = tests.autocorrelation
     lags = np.arange(1, found.rho.size + 1)
     plot = empty_plot("autocorrelation")
-    plot.update_xaxes(title_text=f"lag [samples of {significant(1e3 / found.rate)} ms]")
+    plot.update_xaxes(title_text=f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
     plot.add_bar(
         x=_packed(lags), y=_packed(found.rho), marker_color=colour(method), name="autocorrelation"
     )
@@ -220,8 +220,12 @@ def signal_figure(
         plot.add_trace(line.update(yaxis=axis))
     _stack(plot, [f"{name} [{row_unit}]" for name, row_unit, _ in rows])
     _shade(plot, _mask(recording, joint), t)
-    note = f"smoother: half power at {significant(fit.f50)} Hz" if math.isfinite(fit.f50) else ""
-    label = f"Position, speed and acceleration of {fit.name} over {significant(t[-1])} s"
+    note = (
+        f"smoother: half power at {format_significant(fit.f50)} Hz"
+        if math.isfinite(fit.f50)
+        else ""
+    )
+    label = f"Position, speed and acceleration of {fit.name} over {format_significant(t[-1])} s"
     return Figure(plot, 420, fit.name, label, note, recording.name, _start(recording))
 
 

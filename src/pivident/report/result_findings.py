@@ -10,8 +10,8 @@ from pivident.estimation.parameter_rows import (
     aligned_rows,
     largest_difference,
     parameter_rows,
-    percent,
 )
+from pivident.text.numbers import percent
 from pivident.validation.residuals.residual_tests import ResidualTests
 
 #: Robust deviations larger than the method's own by this factor contradict them.

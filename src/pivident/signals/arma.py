@@ -11,7 +11,7 @@ p, the MA part C degree q. ARMA follows the refined iteration of (B4):
 The likelihood is exact even for zeros on the unit circle, see `arma_likelihood`, as differenced
 white noise has them. Stretches between gaps add up; no product reaches across a gap.
 
-Poles and zeros stay inside the circle of radius `LARGEST_ROOT` (reflection (B5), then a limit):
+Poles and zeros stay inside the circle of radius `MAX_ROOT` (reflection (B5), then a limit):
 the likelihood is even in a reflection, so nothing is lost by it, and the whitener D/C must forget
 its start within a record. A zero at 1 that is put at 0.9999 costs 5e-5 of λ.
 """
@@ -30,7 +30,7 @@ from pivident.signals.arma_likelihood import Likelihood, Point
 from pivident.signals.noise_models import ArModel, Criterion, fit_ar
 
 #: Largest modulus of a pole or zero of a noise model.
-LARGEST_ROOT = 0.9999
+MAX_ROOT = 0.9999
 
 #: Largest order of the AR model that starts the iteration, where none is given.
 _START_ORDER = 100
@@ -166,7 +166,7 @@ def select_arma(
 
 
 def inside(
-    polynomial: np.ndarray, largest: float = LARGEST_ROOT, *, reflect: bool = True
+    polynomial: np.ndarray, largest: float = MAX_ROOT, *, reflect: bool = True
 ) -> np.ndarray:
     """A monic polynomial in z⁻¹ with its roots reflected into the unit circle (B5) and limited.
 

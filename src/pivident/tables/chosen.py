@@ -26,16 +26,16 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "pivident.robot.description.Robot": ("inputs", "robot", ("joints", "parameters")),
     "pivident.audit.audit.Audit": ("inputs", "audit", ("findings",)),
     "pivident.validation.residuals.residual_tests.ResidualTests": (
-        "doubts",
+        "diagnostics",
         "residual",
         ("tests",),
     ),
     "pivident.validation.held_out.cross_validation.CrossValidation": (
-        "doubts",
+        "diagnostics",
         "validation",
         ("folds", "joints"),
     ),
-    "pivident.diagnostics.verdict.Verdict": ("doubts", "verdict", ("statements",)),
+    "pivident.diagnostics.verdict.Verdict": ("diagnostics", "verdict", ("statements",)),
     "pivident.consistency.consistent_model.ConsistentModel": (
         "models",
         "consistent",
@@ -58,7 +58,7 @@ TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
         "judgement",
         ("parameters", "alarms", "wear"),
     ),
-    "pivident.friction.friction_study.FrictionExamination": (
+    "pivident.friction.friction_study.FrictionStudy": (
         "many_results",
         "friction",
         ("curves",),

@@ -13,7 +13,7 @@ from pivident.tables.columns import Table
 if TYPE_CHECKING:
     import polars as pl
 
-    from pivident.friction.friction_study import FrictionExamination
+    from pivident.friction.friction_study import FrictionStudy
     from pivident.many.fleet.identify_fleet import Fleet
     from pivident.many.fleet.judgement import Judgement
     from pivident.many.study.summary import Summary
@@ -231,12 +231,12 @@ def judgement_wear(judgement: Judgement) -> Table:
     return Table.of_rows("wear", rows, meanings, empty)
 
 
-def friction_curves(examination: FrictionExamination) -> Table:
+def friction_curves(study: FrictionStudy) -> Table:
     """All functions and maps of friction, one row for each point.
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
     """
     from pivident.friction.curves import curves_table
 
-    return of_frame("curves", curves_table(examination))
+    return of_frame("curves", curves_table(study))

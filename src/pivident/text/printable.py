@@ -8,7 +8,7 @@ import re
 _ACTIVE = "\\x00-\\x1f\\x7f-\\x9f\\u200e\\u200f\\u2028\\u2029\\u202a-\\u202e\\u2066-\\u2069"
 
 #: Longest message, in characters.
-LONGEST_TEXT = 2000
+MAX_TEXT = 2000
 
 _IN_NAMES = re.compile(f"[{_ACTIVE}]")
 _IN_TEXTS = re.compile(f"(?![\\n\\t])[{_ACTIVE}]")
@@ -25,7 +25,7 @@ def shortened(text: str) -> str:
     Args:
         text: what may repeat a part of a file.
     """
-    return text if len(text) <= LONGEST_TEXT else f"{text[: LONGEST_TEXT - 300]} … {text[-300:]}"
+    return text if len(text) <= MAX_TEXT else f"{text[: MAX_TEXT - 300]} … {text[-300:]}"
 
 
 def sheet_text(text: str) -> str:

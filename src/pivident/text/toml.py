@@ -14,13 +14,13 @@ from collections.abc import Mapping
 from typing import Any
 
 #: Largest file that is read as TOML [bytes]; larger ones are logs.
-LARGEST_FILE = 2**20
+MAX_FILE = 2**20
 
 #: Most parts of a dotted key. Nothing here has more than seven.
-MOST_PARTS = 12
+MAX_PARTS = 12
 
 _PART = r"(?:[\w-]++|\"(?:[^\"\\\n]|\\.)*+\"|'[^'\n]*+')"
-_LONG_KEY = re.compile(rf"(?<![\w.\"'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MOST_PARTS}}}")
+_LONG_KEY = re.compile(rf"(?<![\w.\"'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_PARTS}}}")
 
 
 def parse_toml(text: str) -> dict[str, Any]:
@@ -35,7 +35,7 @@ def parse_toml(text: str) -> dict[str, Any]:
     long_key = _LONG_KEY.search(text)
     if long_key is not None:
         line = text.count("\n", 0, long_key.start()) + 1
-        raise ValueError(f"a key has more than {MOST_PARTS} parts (at line {line})")
+        raise ValueError(f"a key has more than {MAX_PARTS} parts (at line {line})")
     try:
         tables = tomllib.loads(text)
     except RecursionError:

@@ -12,7 +12,7 @@ from pivident.estimation.identify import build_regression, identify
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.least_squares import least_squares_on
-from pivident.estimation.load_dependence import MOST_PASSES
+from pivident.estimation.load_dependence import MAX_PASSES
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
@@ -53,7 +53,7 @@ def exact(name: str, duration: float = 12.0) -> tuple[Problem, Kinematics, np.nd
     theta = truth_of(problem)
     bare = robot.with_friction(FrictionLaw())
     rigid = Regressor.build(bare, standard_parameters(bare))
-    named = dict(zip(problem.base.standard, problem.base.lift(theta), strict=True))
+    named = dict(zip(problem.base.standard, problem.base.standard_from_base(theta), strict=True))
     own = [value for p, value in named.items() if p.friction is None]
     tau = rigid.torque(q, dq, ddq, np.array(own))
     for j, joint in enumerate(robot.joints):
@@ -97,7 +97,7 @@ def test_the_load_settles_in_a_few_passes_where_there_is_noise():
     noise = 0.5 * np.random.default_rng(1).standard_normal(kinematics.tau.shape)
     noisy = replace(kinematics, tau=kinematics.tau + noise)
     found = least_squares_on(problem, FULL, [noisy], silent)
-    assert found.converged and found.iterations < MOST_PASSES / 3
+    assert found.converged and found.iterations < MAX_PASSES / 3
     assert (np.abs(found.theta - theta) < 5.0 * found.formula_std).all()
 
 

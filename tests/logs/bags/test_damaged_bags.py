@@ -171,7 +171,9 @@ def test_a_bag_whose_every_message_is_built_differently_ends(tmp_path, monkeypat
 
 
 def test_topics_share_the_work_that_a_bag_may_make(tmp_path, monkeypatch):
-    monkeypatch.setattr(joint_topics.Patience, "__init__", lambda self: setattr(self, "left", 2000))
+    monkeypatch.setattr(
+        joint_topics.WorkBudget, "__init__", lambda self: setattr(self, "left", 2000)
+    )
     path = mcap(tmp_path / "log.mcap", "string s\nfloat64 x\n", [named(k) for k in range(10)], 8)
     bag = open_bag(path)
     assert 0 < len(bag.topics) < 8
@@ -182,7 +184,7 @@ def test_topics_share_the_work_that_a_bag_may_make(tmp_path, monkeypatch):
 
 
 def test_a_bag_has_no_more_channels_than_topics(tmp_path, monkeypatch):
-    monkeypatch.setattr(bag_containers, "MOST_TOPICS", 5)
+    monkeypatch.setattr(bag_containers, "MAX_TOPICS", 5)
     path = mcap(tmp_path / "log.mcap", "string s\nfloat64 x\n", [named(1)], 6)
     with pytest.raises(FileFormatError, match="more than 5 channels"):
         open_bag(path)

@@ -12,7 +12,7 @@ import pytest
 from pivident.cli import main
 from pivident.errors import PividentError
 from pivident.friction.curves import curves_table, write_friction
-from pivident.friction.friction_study import FrictionExamination, joint_friction
+from pivident.friction.friction_study import FrictionStudy, joint_friction
 from pivident.report.drawing_library import DrawingLibrary
 from pivident.report.friction.friction_page import render_page
 from tests.browser import needs_browser, seen_on_a_phone
@@ -22,9 +22,9 @@ from tests.planar_log import write_experiment
 
 
 @pytest.fixture(scope="module")
-def examination():
+def study():
     joint = joint_friction(friction_torque(5, 6000, load_factor=0.25))
-    return FrictionExamination("arm", "IDIM-IV", ("run",), (joint,), {"wrist": "it rests"})
+    return FrictionStudy("arm", "IDIM-IV", ("run",), (joint,), {"wrist": "it rests"})
 
 
 @pytest.fixture
@@ -34,32 +34,32 @@ def _without_plotly(monkeypatch):
 
 
 @pytest.mark.usefixtures("_without_plotly")
-def test_page_has_every_finding_and_plot(examination):
-    text = render_page(examination)
+def test_page_has_every_finding_and_plot(study):
+    text = render_page(study)
     figures = re.findall(r'<script type="application/json">(.*?)</script>', text, re.DOTALL)
     assert len(figures) == 7 and all(json.loads(figure)["data"] for figure in figures)
     words = "".join(str(json.loads(figure)["layout"]) for figure in figures)
     assert all(unit in words for unit in ("[N m]", "[rad/s]", "[rad]", "[s]", "[rad/s²]", "[%]"))
     visible = html.unescape(text)
-    for finding in examination.joints[0].findings:
+    for finding in study.joints[0].findings:
         assert finding.sentence in visible
     assert "wrist is left out: it rests." in visible
 
 
 @pytest.mark.usefixtures("_without_plotly")
-def test_names_are_escaped(examination):
-    (joint,) = examination.joints
+def test_names_are_escaped(study):
+    (joint,) = study.joints
     name = "<script>alert(1)</script>"
     joint = replace(joint, torque=replace(joint.torque, name=name))
-    text = render_page(replace(examination, robot=name, joints=(joint,), left_out={name: name}))
+    text = render_page(replace(study, robot=name, joints=(joint,), left_out={name: name}))
     assert "<script>alert" not in text and "&lt;script&gt;alert" in text
 
 
 @pytest.mark.usefixtures("_without_plotly")
-def test_ripple_has_its_section(examination, tmp_path):
+def test_ripple_has_its_section(study, tmp_path):
     ripple = found_in(record(3, cosine(40.0, 0.1, 1.0), joints=1), lag=0.0)
     (line,) = (line for line in ripple.lines if abs(line.order - 40.0) < 1.0)
-    with_ripple = replace(examination, ripple=ripple)
+    with_ripple = replace(study, ripple=ripple)
     assert str(line) in html.unescape(render_page(with_ripple))
     page = write_friction(with_ripple, tmp_path / "out")
     content = json.loads((page.parent / "friction.json").read_text("utf-8"))
@@ -68,27 +68,27 @@ def test_ripple_has_its_section(examination, tmp_path):
 
 
 @needs_browser
-def test_page_on_a_phone(examination, tmp_path):
-    seen = seen_on_a_phone(render_page(examination), tmp_path)
+def test_page_on_a_phone(study, tmp_path):
+    seen = seen_on_a_phone(render_page(study), tmp_path)
     assert seen["drawn"] == seen["plots"] == 7
 
 
 @pytest.mark.usefixtures("_without_plotly")
-def test_files_agree_and_are_strict(examination, tmp_path):
-    page = write_friction(examination, tmp_path / "out")
+def test_files_agree_and_are_strict(study, tmp_path):
+    page = write_friction(study, tmp_path / "out")
     assert page.name == "friction.html"
     names = {p.name for p in page.parent.iterdir()}
     assert names == {"friction.html", "friction.json", "curves.csv", "curves.parquet"}
     content = json.loads((page.parent / "friction.json").read_text("utf-8"))
     (joint,) = content["joints"]
     assert content["schema"] == 1 and joint["torque_unit"] == "N m"
-    fit = examination.joints[0].fit
+    fit = study.joints[0].fit
     for function, p in zip(joint["functions"], fit.parameters, strict=True):
         assert function["name"] == p.name
         np.testing.assert_allclose(function["value"], p.value)
         np.testing.assert_allclose(function["std"], p.std)
     table = pl.read_parquet(page.parent / "curves.parquet")
-    assert table.equals(curves_table(examination))
+    assert table.equals(curves_table(study))
     assert pl.read_csv(page.parent / "curves.csv").height == table.height
     load = table.filter((pl.col("kind") == "function") & (pl.col("name") == "load"))
     assert load["state_unit"].unique().to_list() == ["N m"]
@@ -96,15 +96,15 @@ def test_files_agree_and_are_strict(examination, tmp_path):
     assert table.filter(pl.col("kind") == "map")["name"].n_unique() == 7
 
 
-def test_nothing_is_left_half_written(examination, tmp_path, monkeypatch):
+def test_nothing_is_left_half_written(study, tmp_path, monkeypatch):
     monkeypatch.setattr("pivident.report.friction.friction_page.render_page", lambda *a: 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        write_friction(examination, tmp_path / "out")
+        write_friction(study, tmp_path / "out")
     assert not (tmp_path / "out").exists()
     monkeypatch.undo()
     (tmp_path / "file").write_text("")
     with pytest.raises(PividentError):
-        write_friction(examination, tmp_path / "file" / "out")
+        write_friction(study, tmp_path / "file" / "out")
 
 
 @pytest.mark.usefixtures("_without_plotly")

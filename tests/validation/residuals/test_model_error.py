@@ -198,7 +198,7 @@ def test_a_share_that_may_be_anything_is_not_told():
 
 def test_joints_that_tell_nothing_alone_may_tell_something_together():
     split = split_of(*[(0.2, 0.3)] * 9)
-    assert not any(joint.is_told for joint in split.joints) and split.mostly_model_error
+    assert not any(joint.is_reported for joint in split.joints) and split.mostly_model_error
     assert split.sentences()[-1].startswith("Over all joints less than half is noise: a longer")
 
 

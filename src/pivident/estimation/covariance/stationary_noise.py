@@ -10,7 +10,7 @@ variance at each place of the record from that place alone.
 
 γ is estimated over pairs of samples that both vote. Gaps in the votes, at standstill, would
 otherwise spread the noise of high frequencies over the low ones, where the residual of a closed
-loop has next to none and where the motion is. Up to ``LONGEST_LAG`` it is tapered by a Parzen
+loop has next to none and where the motion is. Up to ``MAX_LAG`` it is tapered by a Parzen
 window, which has no negative spectrum. At the frequencies of the motion the estimate has taken
 a share h(ω) from the noise (the leverage of these frequencies), and the spectrum is divided by
 1 - h(ω).
@@ -33,23 +33,23 @@ from pivident.threads import run_in_threads
 
 #: Longest lag of the autocovariance [s]: ten periods of the highest frequency of the motion. With
 #: half of it the scenario *loop* gets deviations 8 % too large, with four times nothing changes.
-LONGEST_LAG = 10.0 / MOTION_BAND
+MAX_LAG = 10.0 / MOTION_BAND
 
 #: Fewest lags of it, for slow logs.
-FEWEST_LAGS = 50
+MIN_LAGS = 50
 
 #: Largest share of a record that a lag may be: on short records few independent pairs are left.
-LARGEST_SHARE = 1.0 / 14.0
+MAX_SHARE = 1.0 / 14.0
 
 #: Share of pairs of samples that must vote for a lag to be estimated.
-FEWEST_PAIRS = 0.05
+MIN_PAIRS = 0.05
 
 #: Largest leverage that a spectrum is corrected for.
-LARGEST_LEVERAGE = 0.7
+MAX_LEVERAGE = 0.7
 
 #: Longest stretch that is transformed at once. Longer records are taken apart; what is lost are
 #: products across the joints, a few thousandths.
-LONGEST_STRETCH = 2**17
+MAX_STRETCH = 2**17
 
 
 def stationary_covariance(
@@ -105,8 +105,8 @@ def score_variance(
     for record, residual in zip(records, residuals, strict=True):
         source = record.kinematics if record.motion is None else record.motion
         streams = [f.stream(s.columns.size, threads=1) for f, s in zip(filters, sums, strict=True)]
-        for first in range(0, record.votes.shape[1], LONGEST_STRETCH):
-            span = slice(first, first + LONGEST_STRETCH)
+        for first in range(0, record.votes.shape[1], MAX_STRETCH):
+            span = slice(first, first + MAX_STRETCH)
             packed = packed_stretch(regressor, source, span)
 
             def add(
@@ -129,9 +129,9 @@ def _spectra(
 ) -> list[JointSpectra]:
     """Empty sums of every joint."""
     rate = records[0].kinematics.recording.rate
-    longest = min(max(r.votes.shape[1] for r in records), LONGEST_STRETCH)
-    lags = min(LONGEST_LAG * rate, LARGEST_SHARE * longest)
-    lags = int(min(max(lags, FEWEST_LAGS), longest - 1))
+    longest = min(max(r.votes.shape[1] for r in records), MAX_STRETCH)
+    lags = min(MAX_LAG * rate, MAX_SHARE * longest)
+    lags = int(min(max(lags, MIN_LAGS), longest - 1))
     metrics = [metric[np.ix_(s.columns, s.columns)] for s in sums]
     return [JointSpectra(0.5 * (own + own.T), longest, lags) for own in metrics]
 
@@ -181,10 +181,10 @@ class JointSpectra:
 
     def variance_of_scores(self) -> np.ndarray:
         """V, shape (k, k)."""
-        known = np.maximum(self.pairs, FEWEST_PAIRS * self.pairs[0])
+        known = np.maximum(self.pairs, MIN_PAIRS * self.pairs[0])
         noise = np.maximum(_spectrum(self.products / known, self.length), 0.0)
         leverage = _spectrum(self.taken / known, self.length)
-        noise /= 1.0 - np.clip(leverage, 0.0, LARGEST_LEVERAGE)
+        noise /= 1.0 - np.clip(leverage, 0.0, MAX_LEVERAGE)
         centres = np.minimum(np.arange(self.bins) * self.width + self.width // 2, noise.size - 1)
         return np.einsum("b,bij->ij", noise[centres], self.cross) / self.length
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import significant
 from pivident.estimation.problem import Problem
 from pivident.friction.laws.law_scores import LawScore
 from pivident.robot.friction_toml import law_toml
 from pivident.robot.naming import find_joint
+from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 
 
@@ -73,7 +73,7 @@ class JointLawChoice:
                 ("", "<", ["→" if s is self.chosen else "" for s in rows]),
                 (f"law of {self.joint}", "<", [s.name for s in rows]),
                 ("unknowns", ">", [str(s.unknowns) for s in rows]),
-                (f"held-out rms [{self.unit}]", ".", [significant(s.rms) for s in rows]),
+                (f"held-out rms [{self.unit}]", ".", [format_significant(s.rms) for s in rows]),
                 ("gain % ± 2σ", ">", [str(self.gain(s)) for s in rows]),
                 ("ΔAIC", ".", [f"{s.aic - self.base.aic:.1f}" for s in rows]),
                 ("ΔBIC", ".", [f"{s.bic - self.base.bic:.1f}" for s in rows]),
@@ -193,7 +193,7 @@ def _remarks(score: LawScore, torque_unit: str) -> str:
     length = "rad" if torque_unit == "N m" else "m"
     units = {"speed": f" {length}/s", "position": f" {length}", "angle": " rad"}
     parts = [
-        f"{s.name.replace('_', ' ')} {significant(s.value)}{units.get(s.unit, '')}"
+        f"{s.name.replace('_', ' ')} {format_significant(s.value)}{units.get(s.unit, '')}"
         + (" (at its bound)" if s.value in (s.low, s.high) else "")
         for s in score.law.shapes
         if s.free

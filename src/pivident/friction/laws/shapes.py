@@ -20,7 +20,6 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, Method, PrefilteredIV, method_named
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.parameter_rows import significant
 from pivident.estimation.problem import Problem
 from pivident.friction.laws.filtered_rows import LastPass
 from pivident.friction.laws.shape_constants import (
@@ -37,9 +36,10 @@ from pivident.friction.laws.variable_projection import (
     Projection,
     SeparableSearch,
 )
+from pivident.text.numbers import format_significant
 
 #: Passes of estimate and search before it is given up.
-MOST_PASSES = 8
+MAX_PASSES = 8
 
 #: A step smaller than this share of its deviation ends the passes.
 SETTLED = 0.1
@@ -149,9 +149,9 @@ class ShapedIdentification:
         return plain_table(
             [
                 ("constant", "<", [s.label for s in self.shapes]),
-                ("value", ".", [significant(s.value, 4) for s in self.shapes]),
-                ("from", ".", [significant(s.low, 3) for s in self.shapes]),
-                ("to (95 %)", ".", [significant(s.high, 3) for s in self.shapes]),
+                ("value", ".", [format_significant(s.value, 4) for s in self.shapes]),
+                ("from", ".", [format_significant(s.low, 3) for s in self.shapes]),
+                ("to (95 %)", ".", [format_significant(s.high, 3) for s in self.shapes]),
                 ("unit", "<", [s.constant.unit for s in self.shapes]),
             ]
         )
@@ -200,7 +200,7 @@ def identify_shapes(
     constants: dict[int, list[ShapeConstant]] = {}
     found, state = None, None
     converged = False
-    for number in range(1, MOST_PASSES + 1):
+    for number in range(1, MAX_PASSES + 1):
         wide = grid and number == 1
         # a prefilter made for the residual of wrong constants hides what tells the right ones
         used = LeastSquares(signals=method.signals) if wide else method
@@ -217,7 +217,7 @@ def identify_shapes(
         if moved <= 1.0 and number > 1:
             converged = found.converged and all(s.converged for _, s in searched.values())
             break
-        if number == MOST_PASSES:
+        if number == MAX_PASSES:
             break
         for j, (own, s) in searched.items():
             constants[j] = list(own.rows.values(s.coordinates))

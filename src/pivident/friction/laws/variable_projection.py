@@ -35,7 +35,7 @@ STILL = 1e-4
 LONGEST = 1.0
 
 #: Iterations before the search is given up.
-MOST_STEPS = 40
+MAX_STEPS = 40
 
 #: Points of a coarse grid over several constants from which the search is begun.
 STARTS = 3
@@ -159,7 +159,7 @@ class SeparableSearch:
             free: constants that move; None: all.
         """
         lowest = self.criterion(u)
-        for k in range(MOST_STEPS):
+        for k in range(MAX_STEPS):
             theta, step, std = self._linearised(u, False, free)
             if self._still(step, std):
                 return Projection(u, theta, step, std, k, True)
@@ -174,13 +174,13 @@ class SeparableSearch:
             u, lowest = trial, found
             if gained < 1e-6:
                 return Projection(u, theta, step, std, k + 1, True)
-        return Projection(u, theta, step, std, MOST_STEPS, False)
+        return Projection(u, theta, step, std, MAX_STEPS, False)
 
     def solve_moments(self, u: np.ndarray) -> Projection:
         """Newton steps on the moment equations from u; each at most a factor of e."""
         shrink = 1.0
         previous: np.ndarray | None = None
-        for k in range(MOST_STEPS):
+        for k in range(MAX_STEPS):
             theta, step, std = self._linearised(u, True, None)
             if self._still(step, std):
                 return Projection(u, theta, step, std, k, True)
@@ -190,7 +190,7 @@ class SeparableSearch:
             if np.array_equal(trial, u):  # at a bound that it would cross
                 return Projection(u, theta, step, std, k, True)
             previous, u = step, trial
-        return Projection(u, theta, step, std, MOST_STEPS, False)
+        return Projection(u, theta, step, std, MAX_STEPS, False)
 
     def profile(self, u: np.ndarray, i: int) -> Profile:
         """Increase of C along constant i, from the minimum in both directions.

@@ -31,7 +31,7 @@ OVERSAMPLING = 4
 HIGHEST_FREQUENCY = 0.8
 
 #: Smallest share of the rows that must be slow enough for an order to be tried.
-SMALLEST_SHARE = 0.1
+MIN_SHARE = 0.1
 
 #: Half the neighbourhood of an order: a share of the order, within bounds [independent orders].
 _SHARE, _FEWEST, _MOST = 0.5, 8.0, 60.0
@@ -206,7 +206,7 @@ def order_spectrum(rows: WhiteRows, orders: np.ndarray, cycles: float) -> OrderS
     spread = np.sqrt(np.maximum(second / safe - (first / safe) ** 2, 0.0))
     share = used / rows.white.size
     enough = orders * spread * math.sqrt(12.0) / (2.0 * math.pi)
-    possible = (share >= SMALLEST_SHARE) & (used >= 50)
+    possible = (share >= MIN_SHARE) & (used >= 50)
     searched = possible & (enough >= cycles)
     floor, freedom = _floor(orders, gain, spread, possible)
     trials = float(np.sum(spread[searched]) / math.sqrt(math.pi) * (orders[1] - orders[0]))

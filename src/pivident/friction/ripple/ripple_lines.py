@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.estimation.parameter_rows import plus_minus, significant
 from pivident.friction.ripple.order_spectrum import OrderSpectrum
 from pivident.friction.ripple.ripple_orders import Angle, NamedOrder, Relation
 from pivident.recording.recording import Recording
 from pivident.signals.alignment import torque_shift
+from pivident.text.numbers import format_significant, plus_minus
 
 #: 95 % of a normal variable lie within so many deviations.
 TWO_SIDED = 1.96
@@ -154,7 +154,8 @@ class RippleLine:
             remarks.append(f"depends on load (slope {plus_minus(self.load_slope, reach)})")
         if self.depends_on_direction:
             remarks.append(
-                f"forward {significant(self.forward)}, backward {significant(self.backward)} "
+                f"forward {format_significant(self.forward)}, backward "
+                f"{format_significant(self.backward)} "
                 f"{self.unit}"
             )
         if self.lag:
@@ -273,7 +274,8 @@ class Ripple:
         for joint in self.joints:
             out += [str(line) for line in joint.lines] or [f"{joint.name}: no ripple found"]
             out += [
-                f"{joint.name}: line at {line.frequency:.4g} Hz, {significant(line.amplitude)} "
+                f"{joint.name}: line at {line.frequency:.4g} Hz, "
+                f"{format_significant(line.amplitude)} "
                 f"{joint.unit}, constant in time, no ripple"
                 for line in joint.time_lines
             ]

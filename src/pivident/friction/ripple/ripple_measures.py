@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.friction.ripple.order_spectrum import HIGHEST_FREQUENCY, SMALLEST_SHARE, OrderSpectrum
+from pivident.friction.ripple.order_spectrum import HIGHEST_FREQUENCY, MIN_SHARE, OrderSpectrum
 from pivident.friction.ripple.ripple_lines import NamedFinding, RippleLine
 from pivident.friction.ripple.ripple_orders import Angle, NamedOrder, named_bases, relate
 from pivident.friction.ripple.ripple_series import (
@@ -234,7 +234,7 @@ def named_findings(
                 if not spectrum.searched[k]:
                     unseen = (
                         "too fast for the sampling on nearly all rows"
-                        if spectrum.share[k] < SMALLEST_SHARE
+                        if spectrum.share[k] < MIN_SHARE
                         else f"fewer than {cycles:g} cycles visited"
                     )
             if unseen:

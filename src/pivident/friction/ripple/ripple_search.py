@@ -50,10 +50,10 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 
 #: Most lines of constant frequency that are taken out of a joint.
-MOST_TIME_LINES = 8
+MAX_TIME_LINES = 8
 
 #: A line in time has at least so many periods in a recording.
-FEWEST_PERIODS = 8.0
+MIN_PERIODS = 8.0
 
 #: Half the neighbourhood of a frequency, in independent frequencies.
 _NEIGHBOURS = 60
@@ -226,7 +226,7 @@ def _taken_out(
         over_position = _gained(series, joint, fit, [line])
         in_time = _gained(series, joint, fit, lines) - (len(lines) - 1) if frequency else 0.0
         if in_time > over_position + TOLD_APART * max(float(spectrum.floor[k]), 1.0):
-            if sum(owner < 0 for owner in owners) >= MOST_TIME_LINES * len(series):
+            if sum(owner < 0 for owner in owners) >= MAX_TIME_LINES * len(series):
                 break
             waves += lines
             owners += [-1] * len(lines)
@@ -291,7 +291,7 @@ def _best_in_time(
     reach = min(2 * _NEIGHBOURS * _PADDING + 1, gain.size // 4 * 2 + 1)
     floor = median_filter(gain, reach, mode="nearest")
     top = min(band[1], 0.5 * HIGHEST_FREQUENCY * series[0].rate)
-    inside = (frequency >= max(band[0], FEWEST_PERIODS / longest)) & (frequency <= top)
+    inside = (frequency >= max(band[0], MIN_PERIODS / longest)) & (frequency <= top)
     if not inside.any():
         return 0.0
     ratio = np.where(inside, gain / np.maximum(floor, 1e-12), 0.0)

@@ -17,7 +17,7 @@ from pivident.recording.recording import Recording
 from pivident.signals.noise_models import ArModel, fit_ar, unmasked_stretches
 
 #: Largest order of the noise model: long ones would take the lines themselves for noise.
-LARGEST_NOISE_ORDER = 20
+MAX_NOISE_ORDER = 20
 
 #: Peaks of the spectrum above so many running medians over so many bins are cut before the noise
 #: is modelled; noise gets there once in a thousand bins.
@@ -202,7 +202,7 @@ def fit_noise(errors: Sequence[np.ndarray], votes: Sequence[np.ndarray]) -> tupl
     lengths = stretches[:, 1] - stretches[:, 0]
     # half of the rows lie in stretches at least this long: shorter ones do not lower the order
     typical = int(np.sort(lengths)[np.searchsorted(np.cumsum(np.sort(lengths)), lengths.sum() / 2)])
-    p_max = max(1, min(LARGEST_NOISE_ORDER, typical // 4))
+    p_max = max(1, min(MAX_NOISE_ORDER, typical // 4))
     model = fit_ar(joined, p_max, "bic", segments=stretches, shortest=2 * p_max + 2)
     white = np.concatenate(
         [

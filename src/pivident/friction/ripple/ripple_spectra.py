@@ -10,7 +10,7 @@ import numpy as np
 
 from pivident.friction.ripple.order_spectrum import (
     HIGHEST_FREQUENCY,
-    SMALLEST_SHARE,
+    MIN_SHARE,
     OrderSpectrum,
     order_grid,
     order_spectrum,
@@ -52,7 +52,7 @@ def highest_order(
     steps = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.votes[:, joint]] for s in series])
     if not steps.size or not np.any(steps > 0):
         return 0.0
-    slow = max(float(np.quantile(steps, SMALLEST_SHARE)), 1e-3 * float(steps.max()))
+    slow = max(float(np.quantile(steps, MIN_SHARE)), 1e-3 * float(steps.max()))
     shown = HIGHEST_FREQUENCY * math.pi * series[0].rate / slow
     if highest is not None:
         return min(highest, shown)

@@ -20,13 +20,13 @@ from pivident.errors import FileFormatError
 from pivident.logs.bags.decompression import ZSTD_MAGIC, unpacked
 
 #: Largest record that is held in memory [bytes]; recorders write chunks of about a megabyte.
-LARGEST_RECORD = 2**29
+MAX_RECORD = 2**29
 
 #: Largest message that may hold joints [bytes]; images and point clouds are larger.
-LARGEST_MESSAGE = 2**16
+MAX_MESSAGE = 2**16
 
 #: Most topics of a bag.
-MOST_TOPICS = 10_000
+MAX_TOPICS = 10_000
 
 ROS1_MAGIC, MCAP_MAGIC = b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n"
 
@@ -110,8 +110,8 @@ def _ros1_record(
     values = header.get(b"topic"), about.get(b"type"), about.get(b"message_definition")
     texts = [(value or b"").decode("utf-8", "replace") for value in values]
     topics[number] = Topic(texts[0], texts[1], texts[2], cdr=False)
-    if len(topics) > MOST_TOPICS:
-        raise _damaged(path, f"it has more than {MOST_TOPICS} connections")
+    if len(topics) > MAX_TOPICS:
+        raise _damaged(path, f"it has more than {MAX_TOPICS} connections")
 
 
 def _ros1_fields(path: Path, data: bytes) -> dict[bytes, bytes]:
@@ -212,8 +212,8 @@ class _McapState:
                 )
                 own = text if language in ("ros1msg", "ros2msg") else ""
                 self.channels[number] = Topic(topic, name, own, encoding == "cdr", readable)
-                if len(self.channels) > MOST_TOPICS:
-                    raise _damaged(self.path, f"it has more than {MOST_TOPICS} channels")
+                if len(self.channels) > MAX_TOPICS:
+                    raise _damaged(self.path, f"it has more than {MAX_TOPICS} channels")
         except struct.error:
             raise _damaged(self.path, "a record is too short") from None
 
@@ -271,11 +271,11 @@ def _sqlite_topics(path: Path, database: sqlite3.Connection) -> dict[int, Topic]
     if "message_definitions" in tables:
         rows = database.execute(
             "SELECT topic_type, encoding, encoded_message_definition FROM message_definitions"
-        ).fetchmany(MOST_TOPICS)
+        ).fetchmany(MAX_TOPICS)
         texts = {str(name): str(text) for name, encoding, text in rows if encoding == "ros2msg"}
     rows = database.execute(
         "SELECT id, name, type, serialization_format FROM topics"
-    ).fetchmany(MOST_TOPICS)  # fmt: skip
+    ).fetchmany(MAX_TOPICS)  # fmt: skip
     return {
         number: Topic(str(name), str(kind), texts.get(str(kind), ""), True, encoding == "cdr")
         for number, name, kind, encoding in rows
@@ -310,7 +310,7 @@ def _size(path: Path, data: bytes, form: str) -> int:
 
 def _whole(path: Path, stream: BufferedReader, size: int) -> bytes:
     """So many bytes of the file."""
-    if size > LARGEST_RECORD:
+    if size > MAX_RECORD:
         rest = path.stat().st_size - stream.tell()
         if size > rest:
             raise _cut_off(path)

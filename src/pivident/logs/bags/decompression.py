@@ -12,10 +12,10 @@ from pivident.errors import FileFormatError
 from pivident.logs.source_files import HARMLESS_SIZE, refuse_bomb
 
 #: Most bytes of a chunk, unpacked.
-LARGEST_CHUNK = 2**28
+MAX_CHUNK = 2**28
 
 #: Most bytes of a single message that is packed by itself, unpacked.
-LARGEST_PACKED_MESSAGE = 2**24
+MAX_PACKED_MESSAGE = 2**24
 
 #: First bytes of a Zstandard frame.
 ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
@@ -36,8 +36,8 @@ def unpacked(path: Path, kind: str, data: bytes, size: int | None, before: int) 
     """
     if kind in ("", "none"):
         return data
-    most = LARGEST_PACKED_MESSAGE if size is None else size
-    if most > LARGEST_CHUNK:
+    most = MAX_PACKED_MESSAGE if size is None else size
+    if most > MAX_CHUNK:
         raise FileFormatError(
             f"{path.name} has a chunk of {size} bytes, more than a recorder packs"
         )
@@ -70,7 +70,7 @@ def _packed_message(path: Path, data: bytes) -> bytes:
     """A Zstandard frame that tells its own size, as recorders write them: no more is unpacked."""
     zstd = _zstd()
     size = zstd.get_frame_info(data).decompressed_size
-    if size is None or size > LARGEST_PACKED_MESSAGE:
+    if size is None or size > MAX_PACKED_MESSAGE:
         raise FileFormatError(f"{path.name} has a packed message of {size or 'unknown'} size")
     return zstd.ZstdDecompressor().decompress(data, size)
 

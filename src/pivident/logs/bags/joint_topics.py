@@ -14,14 +14,14 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import FileFormatError
-from pivident.logs.bags.bag_containers import LARGEST_MESSAGE, Topic
+from pivident.logs.bags.bag_containers import MAX_MESSAGE, Topic
 from pivident.logs.bags.message_definitions import (
     KNOWN,
     Definitions,
     parse_definition,
     short_name,
 )
-from pivident.logs.bags.message_layout import MOST_VISITS, Layout, layout_of
+from pivident.logs.bags.message_layout import MAX_VISITS, Layout, layout_of
 from pivident.logs.source_files import refuse_bomb
 from pivident.scratch import working_array
 
@@ -35,7 +35,7 @@ REMEMBERED = 16
 LONELY = 8
 
 #: Most columns of a topic.
-MOST_COLUMNS = 2_000
+MAX_COLUMNS = 2_000
 
 #: Fields that may be visited in search of structures, in one bag and in one of its topics. Bags
 #: from recorders need some hundreds; one whose every message is built differently ends here.
@@ -70,7 +70,7 @@ class TopicTable:
 
 
 @dataclass
-class Patience:
+class WorkBudget:
     """How much work the structures of a bag's messages may still make; shared by its topics.
 
     Attributes:
@@ -95,7 +95,7 @@ class TopicReader:
     """
 
     topic: Topic
-    patience: Patience = field(default_factory=Patience)
+    patience: WorkBudget = field(default_factory=WorkBudget)
     why_not: str = ""
     _versions: list[Definitions] = field(default_factory=list)
     _waiting: list[bytes] = field(default_factory=list)
@@ -131,7 +131,7 @@ class TopicReader:
             received: when it was received [ns].
             message: its bytes.
         """
-        if len(message) > LARGEST_MESSAGE:
+        if len(message) > MAX_MESSAGE:
             self.give_up("its messages are larger than those of joints")
             return
         self._waiting.append(message)
@@ -242,8 +242,8 @@ class TopicReader:
         if len(set(names)) < len(names):
             raise FileFormatError("a message names the same joint twice")
         self._names.update(names)
-        if len(self._names) > MOST_COLUMNS:
-            raise FileFormatError(f"it has more than {MOST_COLUMNS} columns")
+        if len(self._names) > MAX_COLUMNS:
+            raise FileFormatError(f"it has more than {MAX_COLUMNS} columns")
         self._parts.append((names, rows, layout.values(stack), layout.stamps(stack)))
 
     def _layout(self, message: bytes) -> Layout:
@@ -258,7 +258,7 @@ class TopicReader:
             try:
                 layout = layout_of(message, short_name(self.topic.type), version, self.topic.cdr)
             except FileFormatError:
-                self._spend(MOST_VISITS)  # how far the walk came is not known
+                self._spend(MAX_VISITS)  # how far the walk came is not known
                 if version is self._versions[-1]:
                     raise
                 continue

@@ -20,7 +20,7 @@ from functools import lru_cache
 from pivident.errors import FileFormatError
 
 #: Longest text of a definition, in characters, and most fields of all its types.
-LONGEST_DEFINITION, MOST_FIELDS = 2**20, 10_000
+MAX_DEFINITION, MAX_FIELDS = 2**20, 10_000
 
 #: Sizes of the numbers [bytes] and their codes in numpy; ``time`` is seconds and nanoseconds.
 NUMBERS = {
@@ -132,7 +132,7 @@ def parse_definition(type_name: str, text: str) -> Definitions:
     Raises:
         FileFormatError: a line is no field, a type is missing, or types contain themselves.
     """
-    if len(text) > LONGEST_DEFINITION:
+    if len(text) > MAX_DEFINITION:
         raise FileFormatError(f"the definition of {_shown(type_name)} has {len(text)} characters")
     current = short_name(type_name)
     found: dict[str, list[Field]] = {current: []}
@@ -145,7 +145,7 @@ def parse_definition(type_name: str, text: str) -> Definitions:
             found.setdefault(current, [])
             continue
         field = _FIELD.fullmatch(line)
-        if field is None or sum(map(len, found.values())) >= MOST_FIELDS:
+        if field is None or sum(map(len, found.values())) >= MAX_FIELDS:
             raise FileFormatError(
                 f"the definition of {_shown(type_name)} has a line that is no field: {_shown(line)}"
             )

@@ -19,7 +19,7 @@ from pivident.errors import FileFormatError
 from pivident.logs.bags.message_definitions import NUMBERS, Definitions
 
 #: Most fields that are visited in one message, array elements of composite types included.
-MOST_VISITS = 20_000
+MAX_VISITS = 20_000
 
 #: Bytes that a writer may leave behind the last field.
 PADDING = 8
@@ -178,8 +178,8 @@ class _Walk:
             self._skip(1)  # C++ has no empty structures
         for entry in fields:
             self.visits += 1
-            if self.visits > MOST_VISITS:
-                raise _Unreadable(f"it has more than {MOST_VISITS} fields")
+            if self.visits > MAX_VISITS:
+                raise _Unreadable(f"it has more than {MAX_VISITS} fields")
             below = None if path is None else (*path, entry.name)
             if entry.count is None:
                 self._single(entry.type, below)
@@ -218,8 +218,8 @@ class _Walk:
             return
         for _ in range(count):
             self.visits += 1
-            if self.visits > MOST_VISITS:
-                raise _Unreadable(f"it has more than {MOST_VISITS} fields")
+            if self.visits > MAX_VISITS:
+                raise _Unreadable(f"it has more than {MAX_VISITS} fields")
             self._single(type_name, None)
 
     def _numbers(

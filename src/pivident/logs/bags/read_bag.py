@@ -33,7 +33,7 @@ from pivident.logs.bags.bag_containers import (
     sqlite_messages,
 )
 from pivident.logs.bags.decompression import unpack_file
-from pivident.logs.bags.joint_topics import Patience, TopicReader, TopicTable
+from pivident.logs.bags.joint_topics import TopicReader, TopicTable, WorkBudget
 from pivident.logs.source_files import bag_files, existing_file
 from pivident.text.printable import escaped
 
@@ -179,7 +179,7 @@ def _state(file: Path) -> tuple[int, int, int]:
 def _opened(path: Path, states: tuple[tuple[Path, int, int, int], ...]) -> Bag:
     """Read every message once."""
     readers: dict[Topic, TopicReader] = {}
-    patience = Patience()
+    patience = WorkBudget()
     for file, *_ in states:
         for topic, received, message in _messages(file):
             reader = readers.get(topic)

@@ -20,13 +20,13 @@ SEPARATORS = ",;\t"
 COMMENT = "#"
 
 #: Longest header, in characters; a file without line ends is not read into memory to find out.
-LONGEST_LINE = 2**20
+MAX_LINE = 2**20
 
 #: Most columns. Each costs the parser some kilobytes, and no log of a robot has so many.
-MOST_COLUMNS = 10_000
+MAX_COLUMNS = 10_000
 
 #: Longest line or cell that a message repeats, in characters.
-LONGEST_QUOTE = 80
+MAX_QUOTE = 80
 
 #: Lines that are looked at.
 LOOKED_AT = 40
@@ -73,10 +73,10 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     for number, line in enumerate(lines):
         if "\0" in line:
             raise FileFormatError(f"{file} is a binary file, not a text table")
-        if len(line) >= LONGEST_LINE:
+        if len(line) >= MAX_LINE:
             if not looked_at:
                 raise FileFormatError(
-                    f"{file} has a first line of {LONGEST_LINE} characters or more; is it a table?"
+                    f"{file} has a first line of {MAX_LINE} characters or more; is it a table?"
                 )
             break
         if line.strip() and not line.startswith(COMMENT):
@@ -90,9 +90,9 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     first = rows[0][1]
     separator = _separator([line for _, line in rows])
     blanks = not first.count(separator) and _by_blanks([line for _, line in rows])
-    if first.count(separator) >= MOST_COLUMNS or (blanks and len(first.split()) > MOST_COLUMNS):
+    if first.count(separator) >= MAX_COLUMNS or (blanks and len(first.split()) > MAX_COLUMNS):
         raise FileFormatError(
-            f"{file} has more than {MOST_COLUMNS} columns; transpose the table, or export "
+            f"{file} has more than {MAX_COLUMNS} columns; transpose the table, or export "
             "only those of the robot"
         )
     cells = [line.split() if blanks else cells_of(line, separator) for _, line in rows]
@@ -135,7 +135,7 @@ def cells_of(line: str, separator: str) -> list[str]:
 
 def quoted(cell: str) -> str:
     """A cell as a message repeats it."""
-    return repr(cell if len(cell) <= LONGEST_QUOTE else f"{cell[: LONGEST_QUOTE - 1]}…")
+    return repr(cell if len(cell) <= MAX_QUOTE else f"{cell[: MAX_QUOTE - 1]}…")
 
 
 def is_number(cell: str, decimal_comma: bool = False) -> bool:

@@ -21,7 +21,7 @@ from pivident.errors import BadCell, FileFormatError
 from pivident.logs.source_files import HARMLESS_SIZE, existing_file, nameable, refuse_bomb
 from pivident.logs.tables.dialect import (
     COMMENT,
-    LONGEST_LINE,
+    MAX_LINE,
     Dialect,
     cells_of,
     dialect_of,
@@ -164,7 +164,7 @@ def _refuse_other_files(path: Path, line: str) -> None:
 def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
     """The lines of a text, or one readable error where its gzip stream breaks."""
     try:
-        while line := text.readline(LONGEST_LINE):
+        while line := text.readline(MAX_LINE):
             yield line
     except (OSError, EOFError, zlib.error) as error:
         raise FileFormatError(f"{path.name} is not a whole gzip file ({error})") from error
@@ -250,7 +250,7 @@ def _explain(path: Path, header: Dialect, wanted: Sequence[str], reason: str) ->
                 reason = f"it has {len(cells)} cells instead of {len(header.names)}"
                 if header.separator == "," and len(cells) > len(header.names):
                     reason += ", perhaps because of decimal commas"
-                text = header.separator.join(cells)[:LONGEST_LINE]
+                text = header.separator.join(cells)[:MAX_LINE]
                 raise BadCell(path.name, number, None, text, reason)
             for name, place in places.items():
                 cell = cells[place]

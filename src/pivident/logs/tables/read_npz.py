@@ -25,7 +25,7 @@ ONLY = "data"
 PART = 2**24
 
 #: Longest header of an array [bytes]. NumPy would read whatever length is promised.
-LONGEST_HEADER = 2**16
+MAX_HEADER = 2**16
 
 
 def npz_names(path: str | Path) -> tuple[str, ...]:
@@ -101,7 +101,7 @@ def _check_header_length(member: IO[bytes]) -> None:
     """Refuse a header that NumPy would read whatever its length."""
     version = npy.read_magic(member)
     length = int.from_bytes(member.read(2 if version == (1, 0) else 4), "little")
-    if length > LONGEST_HEADER:
+    if length > MAX_HEADER:
         raise ValueError(f"its header has {length} bytes")
 
 

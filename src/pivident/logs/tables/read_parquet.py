@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 ROWS = 2**20
 
 #: Largest text [bytes] and longest list in the description of a table.
-LARGEST_TEXT, LONGEST_LIST = 10_000_000, 1_000_000
+MAX_TEXT, MAX_LIST = 10_000_000, 1_000_000
 
 
 def parquet_names(path: str | Path) -> tuple[str, ...]:
@@ -91,8 +91,8 @@ def _opened(path: Path, problem: str) -> Iterator[ParquetFile]:
             ParquetFile(
                 stream,
                 pre_buffer=False,
-                thrift_string_size_limit=LARGEST_TEXT,
-                thrift_container_size_limit=LONGEST_LIST,
+                thrift_string_size_limit=MAX_TEXT,
+                thrift_container_size_limit=MAX_LIST,
             ) as table,
         ):
             yield table

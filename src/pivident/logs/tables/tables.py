@@ -19,7 +19,7 @@ from pivident.robot.naming import near_names
 from pivident.text.printable import is_printable
 
 #: Longest name of a column or an array, in characters.
-LONGEST_NAME = 500
+MAX_NAME = 500
 
 #: Endings of spreadsheets, which are not read.
 SPREADSHEETS = (".xlsx", ".xls", ".xlsm", ".ods")
@@ -54,8 +54,8 @@ def names_in(path: str | Path) -> tuple[str, ...]:
         _refuse_text(path)
     names = reader(path)
     for name in names:
-        if len(name) > LONGEST_NAME or not is_printable(name):
-            what = "control characters" if len(name) <= LONGEST_NAME else f"{len(name)} characters"
+        if len(name) > MAX_NAME or not is_printable(name):
+            what = "control characters" if len(name) <= MAX_NAME else f"{len(name)} characters"
             raise FileFormatError(
                 f"{path.name} has a column or array whose name has {what}, "
                 f"{name[:20]!r}…; rename it"

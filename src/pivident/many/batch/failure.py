@@ -5,7 +5,7 @@ from __future__ import annotations
 from pivident.many.batch.results_folder import Row
 
 #: Longest error message that is kept.
-LONGEST_MESSAGE = 500
+MAX_MESSAGE = 500
 
 
 def failure(error: BaseException, seconds: float) -> Row:
@@ -16,5 +16,5 @@ def failure(error: BaseException, seconds: float) -> Row:
         seconds: time that the task took [s].
     """
     notes = "".join(f" ({n})" for n in getattr(error, "__notes__", ()))
-    message = (" ".join(str(error).split()) + notes)[:LONGEST_MESSAGE]
+    message = (" ".join(str(error).split()) + notes)[:MAX_MESSAGE]
     return {"error": type(error).__name__, "message": message, "seconds": seconds}

@@ -32,7 +32,7 @@ LAYOUT = 1
 MANIFEST, LOCK = "manifest.json", "lock"
 
 #: Largest manifest that is read [bytes].
-LARGEST_MANIFEST = 2**22
+MAX_MANIFEST = 2**22
 
 #: Names of files that are being written.
 UNFINISHED = ".unfinished-"
@@ -112,7 +112,7 @@ class ResultsFolder:
         """
         path = self.folder / MANIFEST
         try:
-            if regular_file(path).stat().st_size > LARGEST_MANIFEST:
+            if regular_file(path).stat().st_size > MAX_MANIFEST:
                 raise ValueError("it is too large")
             content = json.loads(path.read_text("utf-8"))
             self._check_kinds(content)

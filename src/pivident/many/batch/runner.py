@@ -107,7 +107,7 @@ class Processes:
                     process.join()
 
 
-class Given:
+class GivenExecutor:
     """An executor of the caller's; it is not shut down.
 
     Args:

@@ -10,25 +10,25 @@ from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident import __version__
-from pivident.estimation.parameter_rows import with_spread
 from pivident.many.fleet.control_chart import Alarm
 from pivident.many.fleet.fleet_figures import chart_figure, overview_figure
 from pivident.many.fleet.judgement import Judgement, promise
 from pivident.many.fleet.wear import Rate
 from pivident.report.builder import page_environment
+from pivident.text.numbers import with_spread
 from pivident.text.toml import toml_lines
 
 #: Charts that are drawn: those with alarms first; more would only make the page heavy.
-MOST_CHARTS = 40
+MAX_CHARTS = 40
 
 #: Charts that are drawn where there are fewer alarms.
-FEWEST_CHARTS = 8
+MIN_CHARTS = 8
 
 #: Robots with alarms that the headline names.
-MOST_NAMED = 6
+MAX_NAMED = 6
 
 #: Failed logs and rates of wear that are listed.
-MOST_LISTED = 100
+MAX_LISTED = 100
 
 HEADINGS = {
     "alarms": "Alarms",
@@ -67,7 +67,7 @@ def render_page(judgement: Judgement) -> str:
         "overview": [] if overview is None else [overview],
         "charts": [chart_figure(c, 0) for c in _drawn(judgement)],
         "rates": _clearest_rates(judgement),
-        "failures": list(fleet.failures.head(MOST_LISTED).iter_rows(named=True)),
+        "failures": list(fleet.failures.head(MAX_LISTED).iter_rows(named=True)),
         "programs": fleet.store.programs(),
         "identity": toml_lines(fleet.template.identity),
     }
@@ -93,8 +93,8 @@ def _drawn(judgement: Judgement) -> list[Any]:
         return -max(abs(chart.sudden).max(), abs(chart.slow).max()) / chart.limit
 
     charts = sorted(judgement.charts, key=size)
-    count = max(FEWEST_CHARTS, len(judgement.alarms))
-    return charts[: min(count, MOST_CHARTS)]
+    count = max(MIN_CHARTS, len(judgement.alarms))
+    return charts[: min(count, MAX_CHARTS)]
 
 
 def _clearest_rates(judgement: Judgement) -> list[tuple[str, str, str, float, Rate]]:
@@ -105,7 +105,7 @@ def _clearest_rates(judgement: Judgement) -> list[tuple[str, str, str, float, Ra
         for robot, rate in wear.robots.items()
         if rate is not None and rate.clear
     ]
-    return sorted(found, key=lambda f: (f[4].high - f[4].low) / abs(f[4].value))[:MOST_LISTED]
+    return sorted(found, key=lambda f: (f[4].high - f[4].low) / abs(f[4].value))[:MAX_LISTED]
 
 
 def _rate(rate: Rate | None, scale: float = 1.0) -> str:
@@ -121,8 +121,8 @@ def _headline(judgement: Judgement) -> str:
     if not count:
         return "No alarm: no watched parameter has left what its baseline allows."
     robots = [f"{robot} ({number})" for robot, number in count.most_common()]
-    more = f" and {len(robots) - MOST_NAMED} more" if len(robots) > MOST_NAMED else ""
-    return f"{_counted(count.total(), 'alarm')}: {', '.join(robots[:MOST_NAMED])}{more}."
+    more = f" and {len(robots) - MAX_NAMED} more" if len(robots) > MAX_NAMED else ""
+    return f"{_counted(count.total(), 'alarm')}: {', '.join(robots[:MAX_NAMED])}{more}."
 
 
 def _counted(number: int, thing: str) -> str:

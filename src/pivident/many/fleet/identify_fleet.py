@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pivident.errors import ExperimentError, PividentError
-from pivident.many.batch.runner import CHANGED, Given, Pool, Processes, Runner
+from pivident.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
 from pivident.many.fleet.fleet_store import FleetStore
 from pivident.many.fleet.logs import Log, TimeAxis, find_logs
 from pivident.many.fleet.one_log import Task, identify_log, identify_log_alone, lost_log
@@ -92,7 +92,7 @@ def identify_fleet(
         raise ExperimentError(f"{template.path}: {error}") from error
     if pool is None:
         at_a_time = workers or thread_count()
-        pool = Processes(at_a_time) if executor is None else Given(executor, at_a_time)
+        pool = Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)
     work = identify_log if executor is not None else identify_log_alone
     title = folder.absolute().name or "fleet"
     with store.opened(template):

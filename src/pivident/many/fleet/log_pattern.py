@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from pivident.errors import ExperimentError
 
 #: Most parts of one folder's or file's name that a pattern may tell apart.
-MOST_PARTS = 4
+MAX_PARTS = 4
 
 #: The capture that says whose record it is.
 ROBOT = "robot"
@@ -65,9 +65,9 @@ class Pattern:
             else:
                 expression += f"(?P<{name}>[^/]+)"
                 self.names += (name,)
-        if max(len(_CAPTURE.findall(part)) for part in text.split("/")) > MOST_PARTS:
+        if max(len(_CAPTURE.findall(part)) for part in text.split("/")) > MAX_PARTS:
             raise ExperimentError(
-                f"{where} has more than {MOST_PARTS} parts in braces or * between two slashes, so "
+                f"{where} has more than {MAX_PARTS} parts in braces or * between two slashes, so "
                 "that names could be read in very many ways; use folders or fewer parts"
             )
         rest = text[end:]

@@ -10,10 +10,10 @@ from pivident.many.study.motion import reach_of
 from pivident.many.study.scenario import Scenario
 
 #: Samples that a record needs so that all methods can work with it.
-SHORTEST_RECORD = 200
+MIN_RECORD = 200
 
 #: Samples of a record that nobody simulates many times: two days at 5 kHz.
-LONGEST_RECORD = 1_000_000_000
+MAX_RECORD = 1_000_000_000
 
 
 def check_scenario(scenario: Scenario) -> None:
@@ -44,16 +44,16 @@ def _check_motion(scenario: Scenario) -> None:
             f"[trajectory] the robot has no rated speed of joint {missing!r}, which the motion "
             "is made for; add rated_speed to its description"
         )
-    if entry.duration * rate > LONGEST_RECORD:
+    if entry.duration * rate > MAX_RECORD:
         raise ExperimentError(
             f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of more than "
-            f"{LONGEST_RECORD:,} samples at {rate:g} Hz; shorten it"
+            f"{MAX_RECORD:,} samples at {rate:g} Hz; shorten it"
         )
     samples = round(entry.duration * rate)
-    if samples < SHORTEST_RECORD:
+    if samples < MIN_RECORD:
         raise ExperimentError(
             f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of {samples} "
-            f"samples at {rate:g} Hz; at least {SHORTEST_RECORD} are needed"
+            f"samples at {rate:g} Hz; at least {MIN_RECORD} are needed"
         )
 
 

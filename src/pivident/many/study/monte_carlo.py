@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Executor
 from pathlib import Path
 
-from pivident.many.batch.runner import CHANGED, Given, Pool, Processes, Runner, Say
+from pivident.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner, Say
 from pivident.many.study.motion import FILE as TRAJECTORY
 from pivident.many.study.motion import as_json, optimised_series
 from pivident.many.study.run import Task, execute, execute_alone, lost_rows
@@ -48,7 +48,7 @@ def run_study(
         scenario = scenario.with_runs(total)
     if pool is None:
         at_a_time = workers or thread_count()
-        pool = Processes(at_a_time) if executor is None else Given(executor, at_a_time)
+        pool = Processes(at_a_time) if executor is None else GivenExecutor(executor, at_a_time)
     store = Store(Path(folder))
     with store.opened(scenario, total):
         series = optimised_series(scenario, store.folder, say)

@@ -32,7 +32,7 @@ FILE = "trajectory.json"
 DEFAULT_REACH = 1.0
 
 #: Postures of a point-to-point motion: so many, and one for each of these seconds.
-POSTURES, SHORTEST_MOVE = 12, 0.6
+POSTURES, MIN_MOVE = 12, 0.6
 
 #: Motions that this process has found: conditions of one scenario often share theirs.
 _found: dict[str, FourierSeries] = {}
@@ -52,7 +52,7 @@ def reference_of(
     samples = round(entry.duration * rate)
     if entry.type == "point_to_point":
         reach = reach_of(entry, robot.size)
-        count = POSTURES + int(entry.duration / SHORTEST_MOVE)
+        count = POSTURES + int(entry.duration / MIN_MOVE)
         rng = np.random.default_rng(entry.seed)
         postures = rng.uniform(-reach, reach, (count, robot.size))
         speeds = entry.speed * robot.rated_speeds

@@ -43,7 +43,7 @@ from typing import TYPE_CHECKING, Any
 
 from pivident.errors import ExperimentError
 from pivident.files import regular_file
-from pivident.text.toml import LARGEST_FILE, parse_toml
+from pivident.text.toml import MAX_FILE, parse_toml
 
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
@@ -51,7 +51,7 @@ if TYPE_CHECKING:
     from pivident.robot.description import Robot
 
 #: Most conditions of a scenario.
-MOST_CONDITIONS = 1000
+MAX_CONDITIONS = 1000
 
 #: Keys that say how much is done, not what: they may change from one call to the next.
 AMOUNTS = ("runs", "description")
@@ -226,7 +226,7 @@ def load_scenario(name: str | Path) -> Scenario:
     if path.suffix == ".toml" or path.is_file():
         try:
             size = regular_file(path).stat().st_size
-            if size > LARGEST_FILE:
+            if size > MAX_FILE:
                 raise ExperimentError(f"{path}: has {size} bytes, too many for a scenario")
             text = path.read_text(encoding="utf-8")
         except (OSError, UnicodeDecodeError) as error:
@@ -283,9 +283,9 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
 def _check_alternatives(vary: Mapping[str, Mapping[str, Any]]) -> None:
     """Refuse more conditions than anyone simulates, and names that are no names of folders."""
     count = math.prod(len(group) for group in vary.values())
-    if count > MOST_CONDITIONS:
+    if count > MAX_CONDITIONS:
         raise ExperimentError(
-            f"[vary] makes {count} conditions, at most {MOST_CONDITIONS} are possible; vary less "
+            f"[vary] makes {count} conditions, at most {MAX_CONDITIONS} are possible; vary less "
             "at once"
         )
     if vary and not count:

@@ -13,20 +13,20 @@ from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident import __version__
-from pivident.estimation.parameter_rows import percent as two_digits
 from pivident.many.study.bench import Bench
 from pivident.many.study.study_text import number, percent
 from pivident.many.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
 from pivident.report.builder import page_environment
 from pivident.report.plotly_figures import ERROR, SHADE, Figure, colour
 from pivident.report.plotly_figures import empty_plot as empty_plot
+from pivident.text.numbers import percent as two_digits
 from pivident.text.toml import toml_lines
 
 if TYPE_CHECKING:
     import polars as pl
 
 #: Most runs whose normalised errors are drawn; more would only make the page heavy.
-MOST_DRAWN = 400
+MAX_DRAWN = 400
 
 
 def render_page(
@@ -171,7 +171,7 @@ def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[F
     """Errors over reported deviations of each method, one box per parameter."""
     drawn = []
     for k, name in enumerate(summary.methods):
-        own = rows.filter((rows["method"] == name) & rows["error"].is_null()).head(MOST_DRAWN)
+        own = rows.filter((rows["method"] == name) & rows["error"].is_null()).head(MAX_DRAWN)
         if own.is_empty():
             continue
         theta, std = (np.array(own[key].to_list()) for key in ("theta", "std"))

@@ -6,15 +6,15 @@ import numpy as np
 import plotly.graph_objects as go
 
 from pivident.audit.audit import Audit
-from pivident.estimation.parameter_rows import with_spread
 from pivident.report.downsampling import kept_samples
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure
+from pivident.text.numbers import with_spread
 
 #: Points of one trace.
 POINTS = 1200
 
 #: Parameters that the drawing of the excitation names.
-MOST_PARAMETERS = 80
+MAX_PARAMETERS = 80
 
 
 def interval_figure(audit: Audit) -> Figure | None:
@@ -191,7 +191,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     if excitation is None or model is None:
         return []
     share = 100 * np.minimum(excitation.open_torque, 10.0)
-    worst = np.argsort(-share)[:MOST_PARAMETERS]
+    worst = np.argsort(-share)[:MAX_PARAMETERS]
     plot = empty_plot("open share of the torque [%]")
     plot.add_bar(
         x=[excitation.names[k] for k in worst],

@@ -16,10 +16,10 @@ from pivident.comparison.compare import ComparedParameter, Comparison
 from pivident.comparison.comparison_text import deviations, difference_text, estimate_text
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
-from pivident.estimation.parameter_rows import with_spread
 from pivident.report.builder import page_environment
 from pivident.report.intervals import Interval, IntervalDrawing
 from pivident.report.plotly_figures import METHOD_COLOURS, Figure, colour, empty_plot
+from pivident.text.numbers import with_spread
 
 HEADINGS = {
     "glance": "At a glance",

@@ -9,17 +9,17 @@ from markupsafe import Markup
 
 from pivident import __version__
 from pivident.friction.friction_findings import Finding, headline
-from pivident.friction.friction_study import FrictionExamination
+from pivident.friction.friction_study import FrictionStudy
 from pivident.report.builder import page_environment
 from pivident.report.friction.friction_figures import gain_figure, joint_figures
 from pivident.report.friction.ripple_figures import ripple_figures
 
 
-def render_page(examination: FrictionExamination, title: str | None = None) -> str:
+def render_page(study: FrictionStudy, title: str | None = None) -> str:
     """The page as text.
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
         title: title of the page; None: the robot's name.
     """
     environment = page_environment()
@@ -29,21 +29,21 @@ def render_page(examination: FrictionExamination, title: str | None = None) -> s
     environment.globals["headline"] = headline
     environment.filters["clear"] = _clear
     summary = environment.get_template("friction_summary.html").render(
-        examination=examination, gain=gain_figure(examination.joints)
+        study=study, gain=gain_figure(study.joints)
     )
     sections = [("summary", "What was seen", Markup(summary))]
     template = environment.get_template("friction_joint.html")
-    for number, joint in enumerate(examination.joints, start=1):
+    for number, joint in enumerate(study.joints, start=1):
         body = template.render(joint=joint, figures=joint_figures(joint))
         sections.append((f"joint-{number}", joint.name, Markup(body)))
-    if examination.ripple is not None:
-        drawn = {j.name: ripple_figures(j) for j in examination.ripple.joints}
+    if study.ripple is not None:
+        drawn = {j.name: ripple_figures(j) for j in study.ripple.joints}
         body = environment.get_template("friction_ripple.html").render(
-            ripple=examination.ripple, figures=drawn
+            ripple=study.ripple, figures=drawn
         )
         sections.append(("ripple", "Ripple over position", Markup(body)))
     return environment.get_template("page.html").render(
-        title=title or f"{examination.robot}: friction",
+        title=title or f"{study.robot}: friction",
         head=sections[0],
         sections=sections[1:],
         version=__version__,

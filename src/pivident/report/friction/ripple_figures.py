@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import significant
 from pivident.friction.ripple.ripple_lines import JointRipple
 from pivident.report.downsampling import kept_samples
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
+from pivident.text.numbers import format_significant
 
 #: Points of one trace.
 POINTS = 2400
@@ -74,7 +74,8 @@ def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
     plot.update_xaxes(title_text=title)
     plot.update_yaxes(rangemode="tozero")
     listed = ", ".join(
-        f"{significant(line.amplitude)} {joint.unit} at {line.order / scale:.4g}" for line in lines
+        f"{format_significant(line.amplitude)} {joint.unit} at {line.order / scale:.4g}"
+        for line in lines
     )
     note = f"lines: {listed}" if lines else "no line"
     label = f"Amplitude of the residual of {joint.name} over the order of {over.name}; {note}"
@@ -115,8 +116,8 @@ def turn_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
     unit = "rad" if joint.unit == "N m" else "m"
     plot.update_xaxes(title_text=f"{over.name} [{unit}]")
     what = "one revolution of the motor" if gears else "one period of the slowest line"
-    note = f"{what}, sum of {len(lines)} line(s), peak to peak {significant(float(np.ptp(total)))}"
-    note += f" {joint.unit}"
+    height = format_significant(float(np.ptp(total)))
+    note = f"{what}, sum of {len(lines)} line(s), peak to peak {height} {joint.unit}"
     label = f"Ripple of {joint.name} over {over.name}: {note}"
     return Figure(plot, 250, f"{joint.name} over {over.name}", label, note)
 

@@ -17,7 +17,7 @@ class JointsSection(Section):
 
     def context(self) -> dict[str, Any]:
         """Joint fits with the unit of their positions."""
-        material = self.material
+        data = self.data
         return {
             "tables": [
                 (
@@ -30,8 +30,8 @@ class JointsSection(Section):
                     identification.relative_error,
                 )
                 for k, (label, identification) in enumerate(
-                    zip(material.labels, material.identifications, strict=True)
+                    zip(data.labels, data.identifications, strict=True)
                 )
             ],
-            "several": material.several,
+            "several": data.several,
         }

@@ -21,27 +21,23 @@ class PrefiltersSection(Section):
     @property
     def applies(self) -> bool:
         """Only with a method that prefilters."""
-        return any(scaled_prefilters(i) is not None for i in self.material.identifications)
+        return any(scaled_prefilters(i) is not None for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """One gallery per method."""
         prefiltering = [
-            k
-            for k, i in enumerate(self.material.identifications)
-            if scaled_prefilters(i) is not None
+            k for k, i in enumerate(self.data.identifications) if scaled_prefilters(i) is not None
         ]
         return {
             "galleries": [
-                Gallery(
-                    self.material.labels[k], k, k == prefiltering[-1], (("", self._figures(k)),)
-                )
+                Gallery(self.data.labels[k], k, k == prefiltering[-1], (("", self._figures(k)),))
                 for k in prefiltering
             ],
             "several": len(prefiltering) > 1,
         }
 
     def _figures(self, method: int) -> tuple[Figure, ...]:
-        identification = self.material.identifications[method]
+        identification = self.data.identifications[method]
         filters = scaled_prefilters(identification)
         assert filters is not None
         rate = sampling_rate(identification)

@@ -19,6 +19,6 @@ class SignalsSection(RecordingSection):
     ) -> tuple[Figure, ...]:
         """One figure per joint."""
         return tuple(
-            signal_figure(identification, recording, joint, method, self.material.points)
+            signal_figure(identification, recording, joint, method, self.data.points)
             for joint in range(identification.robot.size)
         )

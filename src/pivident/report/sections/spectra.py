@@ -19,17 +19,17 @@ class SpectraSection(Section):
     @property
     def applies(self) -> bool:
         """Only where an identification kept its signals."""
-        return any(i.recordings for i in self.material.identifications)
+        return any(i.recordings for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """One gallery per method with signals."""
         galleries = []
-        for k, identification in enumerate(self.material.identifications):
+        for k, identification in enumerate(self.data.identifications):
             figures = tuple(
                 spectra_figure(own, k)
                 for own in residual_spectra(identification)
                 if own is not None
             )
             groups = (("", figures),)
-            galleries.append(Gallery(self.material.labels[k], k, self.opened(k), groups))
-        return {"galleries": galleries, "several": self.material.several}
+            galleries.append(Gallery(self.data.labels[k], k, self.opened(k), groups))
+        return {"galleries": galleries, "several": self.data.several}

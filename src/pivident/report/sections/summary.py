@@ -18,19 +18,19 @@ class SummarySection(Section):
 
     def context(self) -> dict[str, Any]:
         """Methods at a glance and remarks."""
-        material = self.material
-        apart = disagreements(material.identifications, material.labels)
+        data = self.data
+        apart = disagreements(data.identifications, data.labels)
         return {
             "methods": [
                 (label, i, ending(i), error_rows(i))
-                for label, i in zip(material.labels, material.identifications, strict=True)
+                for label, i in zip(data.labels, data.identifications, strict=True)
             ],
             "remarks": [
                 (label, findings(i, tests))
                 for label, i, tests in zip(
-                    material.labels,
-                    material.identifications,
-                    material.examination.residuals.values(),
+                    data.labels,
+                    data.identifications,
+                    data.diagnostics.residuals.values(),
                     strict=True,
                 )
             ],

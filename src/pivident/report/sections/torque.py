@@ -19,6 +19,6 @@ class TorqueSection(RecordingSection):
     ) -> tuple[Figure, ...]:
         """One figure per joint."""
         return tuple(
-            torque_figure(identification, recording, joint, method, self.material.points)
+            torque_figure(identification, recording, joint, method, self.data.points)
             for joint in range(identification.robot.size)
         )

@@ -20,10 +20,10 @@ from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import Method
-from pivident.estimation.parameter_rows import significant
 from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import find_repetition
 from pivident.recording.recording import Recording
+from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.folds import Fold, Piece, contiguous_folds, moving_part
 from pivident.validation.held_out.prediction import Judge, PredictionError, motion_band, pooled
@@ -159,17 +159,17 @@ class CrossValidation:
         e, replay = self.prediction, self.replay
         columns = [
             ("joint", "<", list(e.joint_names)),
-            (f"rms < {e.band:g} Hz", ".", [significant(x) for x in e.rms_in_band]),
-            ("%", ".", [significant(x) for x in e.relative_in_band]),
-            ("rms, all", ".", [significant(x) for x in e.rms]),
-            ("%", ".", [significant(x) for x in e.relative]),
+            (f"rms < {e.band:g} Hz", ".", [format_significant(x) for x in e.rms_in_band]),
+            ("%", ".", [format_significant(x) for x in e.relative_in_band]),
+            ("rms, all", ".", [format_significant(x) for x in e.rms]),
+            ("%", ".", [format_significant(x) for x in e.relative]),
             ("unit", "<", list(e.units)),
         ]
         if replay is not None:
             columns += [
-                ("replay: torque rms", ".", [significant(x) for x in replay.torque]),
-                ("%", ".", [significant(x) for x in replay.relative]),
-                ("position rms", ".", [significant(x) for x in replay.position]),
+                ("replay: torque rms", ".", [format_significant(x) for x in replay.torque]),
+                ("%", ".", [format_significant(x) for x in replay.relative]),
+                ("position rms", ".", [format_significant(x) for x in replay.position]),
                 ("unit", "<", list(replay.position_units)),
             ]
         return plain_table(columns)

@@ -20,8 +20,8 @@ from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 
 #: Shorter remainders are not worth their transients: seconds, and samples.
-SHORTEST_S = 0.3
-SHORTEST_SAMPLES = 300
+MIN_S = 0.3
+MIN_SAMPLES = 300
 
 
 @dataclass(frozen=True)
@@ -127,4 +127,4 @@ def contiguous_folds(
 
 
 def _shortest(recording: Recording) -> int:
-    return max(round(SHORTEST_S * recording.rate), SHORTEST_SAMPLES)
+    return max(round(MIN_S * recording.rate), MIN_SAMPLES)

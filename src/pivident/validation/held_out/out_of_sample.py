@@ -21,9 +21,10 @@ from pivident.estimation.methods import (
     Method,
     PrefilteredIV,
 )
-from pivident.estimation.parameter_rows import CONTRADICTION, plus_minus, significant
+from pivident.estimation.parameter_rows import CONTRADICTION
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
+from pivident.text.numbers import format_significant, plus_minus
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation, cross_validate
 from pivident.validation.residuals.model_error import model_error_by_held_out_blocks
@@ -32,7 +33,7 @@ from pivident.validation.residuals.model_error import model_error_by_held_out_bl
 TOLERATED = 1.02
 
 #: Fewest stretches from which an interval of a ratio is made.
-FEWEST_STRETCHES = 3
+MIN_STRETCHES = 3
 
 
 @dataclass(frozen=True)
@@ -281,7 +282,7 @@ def error_ratio(a: CrossValidation, b: CrossValidation) -> Ratio:
         if x.prediction is not None and y.prediction is not None
     ]
     value = a.prediction.total_in_band / b.prediction.total_in_band
-    if len(logs) < FEWEST_STRETCHES:
+    if len(logs) < MIN_STRETCHES:
         return Ratio(value, np.nan, np.nan)
     reach = student.ppf(0.975, len(logs) - 1) * np.std(logs, ddof=1) / np.sqrt(len(logs))
     return Ratio(value, float(value * np.exp(-reach)), float(value * np.exp(reach)))
@@ -333,7 +334,7 @@ def _contradictions(a: Identification, b: Identification) -> str:
     if not most:
         return ""
     listed = ", ".join(
-        f"{a.names[k]} ({significant(a.theta[k])} against {significant(b.theta[k])} "
+        f"{a.names[k]} ({format_significant(a.theta[k])} against {format_significant(b.theta[k])} "
         f"{a.units[k]}, {distance[k]:.1f} σ)"
         for k in most
     )

@@ -34,7 +34,7 @@ import numpy as np
 
 from pivident.signals.lagged_sums import LaggedSums, lagged_sums
 from pivident.validation.residuals.residual import (
-    FEWEST_PAIRS,
+    MIN_PAIRS,
     SIGNIFICANCE,
     JointResidual,
     probability,
@@ -45,7 +45,7 @@ from pivident.validation.residuals.residual import (
 EXTRA_LAGS = 40
 
 #: Lags drawn, at least.
-FEWEST_LAGS = 100
+MIN_LAGS = 100
 
 #: Correlation below which a single lag does not matter.
 PRACTICAL_CORRELATION = 0.05
@@ -188,7 +188,7 @@ def autocorrelation(
         sums: the residual's lagged sums to as many lags, where they are at hand.
     """
     if sums is None:
-        lags = max(FEWEST_LAGS, residual.order + EXTRA_LAGS) if lags is None else lags
+        lags = max(MIN_LAGS, residual.order + EXTRA_LAGS) if lags is None else lags
         sums = lagged_sums(residual.pieces, lags)
     band = 2.0 / np.sqrt(np.maximum(sums.pairs[1:], 1.0))
     return Autocorrelation(_correlations(sums)[1:], band, residual.rate)
@@ -208,7 +208,7 @@ def ljung_box(
     sums = lagged_sums(residual.pieces, lags) if sums is None else sums
     n = float(sums.pairs[0])
     pairs, products, squares = (x[1 : lags + 1] for x in (sums.pairs, sums.products, sums.squares))
-    usable = pairs >= FEWEST_PAIRS
+    usable = pairs >= MIN_PAIRS
     rho = _correlations(sums)[1 : lags + 1]
     freedom = max(int(np.count_nonzero(usable)) - residual.order, 1)
     statistic = float((n + 2) / n * np.sum(pairs[usable] * rho[usable] ** 2))
@@ -301,6 +301,6 @@ def variance_factor(sums: LaggedSums, power: int) -> float:
 
 def _correlations(sums: LaggedSums) -> np.ndarray:
     """r_k at lags 0 …, NaN where there are too few pairs."""
-    enough = sums.pairs >= FEWEST_PAIRS
+    enough = sums.pairs >= MIN_PAIRS
     means = sums.products / np.maximum(sums.pairs, 1.0)
     return np.where(enough, means / means[0], np.nan)

@@ -34,7 +34,7 @@ SHIFTS = (-1, 1)
 LAGS = 20
 
 #: Rows that must be left to tell the residual's variance from.
-FEWEST_ROWS = 20
+MIN_ROWS = 20
 
 #: Smallest part of a shifted instrument, beside the others, that counts as a direction.
 SMALLEST = 1e-4
@@ -167,7 +167,7 @@ def cross_correlation_test(
         further = further - own @ (own.T @ further)
     extra = _basis(further, SMALLEST, scaled=False)
     left = residual.size - own.shape[1] - extra.shape[1]
-    if left < FEWEST_ROWS or extra.shape[1] == 0:
+    if left < MIN_ROWS or extra.shape[1] == 0:
         return None
     before = residual - own @ (own.T @ residual)
     gained = extra.T @ before

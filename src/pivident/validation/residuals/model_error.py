@@ -33,10 +33,10 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import torque_units
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
-from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import RepeatedMotion, repeated_motion, usable_samples
 from pivident.signals.bandpass import butterworth
+from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.prediction import motion_band
@@ -80,7 +80,7 @@ class JointModelError:
         return float(low), float(high)
 
     @property
-    def is_told(self) -> bool:
+    def is_reported(self) -> bool:
         """Whether noise is told from model error: not if it may be little as well as most."""
         low, high = self.share_interval
         return not (low < LITTLE and high > MOST)
@@ -125,8 +125,8 @@ class ModelError:
 
     def sentences(self) -> list[str]:
         """What was found, in words with numbers."""
-        told = [j for j in self.joints if j.is_told]
-        untold = [j for j in self.joints if not j.is_told]
+        told = [j for j in self.joints if j.is_reported]
+        untold = [j for j in self.joints if not j.is_reported]
         lines = ([self._told(told)] if told else []) + ([self._untold(untold)] if untold else [])
         shares = [100.0 * j.noise_share_all for j in self.joints]
         if not np.isnan(shares).any():
@@ -137,7 +137,8 @@ class ModelError:
             ratio = np.exp(np.mean(np.log(total / np.maximum(self.repeatability, 1e-300))))
             lines.append(
                 "Repeatability: if this record were taken again, the estimates would differ by the "
-                f"deviations from noise alone. They are {significant(float(ratio), 2)} times "
+                f"deviations from noise alone. They are {format_significant(float(ratio), 2)} "
+                "times "
                 "smaller than those that contain the model error, and do not say how near the "
                 "estimates are to the truth."
             )
@@ -179,9 +180,13 @@ class ModelError:
         return plain_table(
             [
                 ("joint", "<", [j.name for j in self.joints]),
-                (f"rms < {self.band:g} Hz", ".", [significant(j.residual) for j in self.joints]),
-                ("model error", ".", [significant(j.model) for j in self.joints]),
-                ("noise", ".", [significant(j.noise) for j in self.joints]),
+                (
+                    f"rms < {self.band:g} Hz",
+                    ".",
+                    [format_significant(j.residual) for j in self.joints],
+                ),
+                ("model error", ".", [format_significant(j.model) for j in self.joints]),
+                ("noise", ".", [format_significant(j.noise) for j in self.joints]),
                 ("unit", "<", [j.unit for j in self.joints]),
                 ("noise, % of variance", ".", [value for value, _ in shares]),
                 ("2σ", ">", [interval for _, interval in shares]),
@@ -201,7 +206,7 @@ class ModelError:
                     ("parameter", "<", list(found.names)),
                     ("value", ".", [value for value, _ in repeats]),
                     ("repeats ±2σ", ".", [spread for _, spread in repeats]),
-                    ("with model error ±2σ", ".", [significant(x, 2) for x in total]),
+                    ("with model error ±2σ", ".", [format_significant(x, 2) for x in total]),
                     ("unit", "<", list(found.units)),
                 ]
             )
@@ -386,7 +391,7 @@ def _percentages(joint: JointModelError) -> tuple[str, str]:
     share = 100.0 * joint.noise_share
     low, high = joint.share_interval
     if not high > low:  # no deviation, or all blocks agree: the whole error in each of them
-        return significant(share, 3 if share == 100.0 else 2), "–"
+        return format_significant(share, 3 if share == 100.0 else 2), "–"
     value, _ = with_spread(share, 200.0 * joint.share_std)
     decimals = len(value.partition(".")[2])
     return value, f"{100.0 * low:.{decimals}f} to {100.0 * high:.{decimals}f}"

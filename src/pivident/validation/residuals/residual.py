@@ -18,8 +18,8 @@ from pivident.estimation.identification import Identification
 SIGNIFICANCE = 0.01
 
 #: Fewest samples that are tested, and fewest pairs that a lag needs.
-FEWEST_SAMPLES = 50
-FEWEST_PAIRS = 20
+MIN_SAMPLES = 50
+MIN_PAIRS = 20
 
 
 @dataclass(frozen=True, eq=False)

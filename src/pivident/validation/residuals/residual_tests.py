@@ -17,7 +17,7 @@ from pivident.signals.lagged_sums import lagged_sums
 from pivident.threads import run_in_threads
 from pivident.validation.residuals.autocorrelation import (
     EXTRA_LAGS,
-    FEWEST_LAGS,
+    MIN_LAGS,
     Autocorrelation,
     DurbinWatsonTest,
     LjungBoxTest,
@@ -32,7 +32,7 @@ from pivident.validation.residuals.cross_correlation import (
 from pivident.validation.residuals.heteroscedasticity import VarianceTest, variance_test
 from pivident.validation.residuals.normality import NormalityTest, normality
 from pivident.validation.residuals.residual import (
-    FEWEST_SAMPLES,
+    MIN_SAMPLES,
     JointResidual,
     joint_residuals,
 )
@@ -145,7 +145,7 @@ class ResidualTests:
         if self.untested:
             yield (
                 f"Residuals of {', '.join(self.untested)} were not tested: they have fewer than "
-                f"{FEWEST_SAMPLES} samples, too few for their noise model, or are constant."
+                f"{MIN_SAMPLES} samples, too few for their noise model, or are constant."
             )
 
     def __str__(self) -> str:
@@ -181,7 +181,7 @@ def residual_tests(identification: Identification, *, motion: bool = True) -> Re
 def _testable(residual: JointResidual) -> bool:
     """Whether there are enough samples, and not all of them the same."""
     values = residual.values
-    enough = values.size >= max(FEWEST_SAMPLES, 2 * (residual.order + EXTRA_LAGS))
+    enough = values.size >= max(MIN_SAMPLES, 2 * (residual.order + EXTRA_LAGS))
     return enough and bool(np.ptp(values) > 1e-12 * np.abs(values).max())
 
 
@@ -192,7 +192,7 @@ def _joint_tests(
     motion: CrossCorrelationTest | None,
 ) -> JointResidualTests:
     """All tests of one joint."""
-    sums = lagged_sums(residual.pieces, max(FEWEST_LAGS, residual.order + EXTRA_LAGS))
+    sums = lagged_sums(residual.pieces, max(MIN_LAGS, residual.order + EXTRA_LAGS))
     values = residual.values
     return JointResidualTests(
         residual.name,

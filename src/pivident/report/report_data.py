@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from pivident.consistency.consistent_estimate import NoConsistentEstimate
-from pivident.diagnostics.diagnostics import Examination
+from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.verdict import Verdict, verdict
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
@@ -21,10 +21,10 @@ from pivident.report.intervals import ConsistentValue
 TOTAL_POINTS = 150_000
 
 #: A trace has at most so many points, which is more than a screen has columns …
-MOST_POINTS = 3000
+MAX_POINTS = 3000
 
 #: … and at least so many; rather than fewer, recordings are left out.
-FEWEST_POINTS = 300
+MIN_POINTS = 300
 
 #: Traces of one joint in one recording: two torques, their difference, q twice, dq and ddq.
 _TRACES = 7
@@ -34,20 +34,20 @@ _LOOP_TRACES = 3
 
 
 @dataclass(frozen=True, eq=False)
-class Material:
+class ReportData:
     """Everything that the sections of a report draw on.
 
     Attributes:
         identifications: the results, in the order in which they are shown.
         truth: known values by parameter name, may be empty.
         title: title of the page.
-        examination: what was found out about them.
+        diagnostics: what was found out about them.
     """
 
     identifications: tuple[Identification, ...]
     truth: Mapping[str, float]
     title: str
-    examination: Examination
+    diagnostics: Diagnostics
 
     @cached_property
     def labels(self) -> tuple[str, ...]:
@@ -62,12 +62,12 @@ class Material:
     @cached_property
     def verdict(self) -> Verdict:
         """Which estimate to take, and what speaks for and against it."""
-        return verdict(self.examination)
+        return verdict(self.diagnostics)
 
     @property
     def recommended(self) -> int:
         """Index of the estimate to take."""
-        return list(self.examination.identifications).index(self.verdict.name)
+        return list(self.diagnostics.identifications).index(self.verdict.name)
 
     @cached_property
     def downloads(self) -> tuple[Download, ...]:
@@ -99,9 +99,9 @@ class Material:
     @cached_property
     def consistent(self) -> dict[str, tuple[ConsistentValue, ...]]:
         """Consistent estimates by parameter."""
-        names = list(self.examination.identifications)
+        names = list(self.diagnostics.identifications)
         found: dict[str, tuple[ConsistentValue, ...]] = {}
-        for name, made in self.examination.consistent.items():
+        for name, made in self.diagnostics.consistent.items():
             if isinstance(made, NoConsistentEstimate):
                 continue
             columns = zip(
@@ -119,7 +119,7 @@ class Material:
         """How many recordings of each identification have their signals drawn."""
         joints = sum(i.robot.size for i in self.identifications)
         most = max(len(i.recordings) for i in self.identifications)
-        return min(most, max(1, TOTAL_POINTS // (FEWEST_POINTS * _TRACES * joints)))
+        return min(most, max(1, TOTAL_POINTS // (MIN_POINTS * _TRACES * joints)))
 
     @cached_property
     def points(self) -> int:
@@ -131,7 +131,7 @@ class Material:
             user = self.identifications[methods[-1]]
             drawn = len(self.drawn(user.recordings)) if loop.reconstructed else 0
             traces += _LOOP_TRACES * user.robot.size * (drawn + (loop.identified is not None))
-        return max(FEWEST_POINTS, min(MOST_POINTS, TOTAL_POINTS // max(traces, 1)))
+        return max(MIN_POINTS, min(MAX_POINTS, TOTAL_POINTS // max(traces, 1)))
 
     def drawn(self, recordings: tuple[FittedRecording, ...]) -> tuple[FittedRecording, ...]:
         """The recordings whose signals are drawn."""
