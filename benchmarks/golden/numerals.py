@@ -34,6 +34,9 @@ PASSING = re.compile(
     r"|\(\d+(?:\.\d+)? (?:ms|s|min)\)$"
 )
 
+#: A study says how long a run of each method takes.
+RUN_TIME = re.compile(r"(?<![\w.])\d+(?:\.\d+)? s$")
+
 #: Lines of progress: how many there are depends on the time.
 PROGRESS = re.compile(r"\d+ of \d+ (?:runs|logs)\b")
 
@@ -257,6 +260,8 @@ READERS: dict[str, Callable[[Path], Content]] = {
 def read(path: Path, roots: list[str]) -> Content:
     """The numbers of a file; roots are folders whose names are no content."""
     made = READERS.get(path.suffix, _text)(path)
+    if "study" in path.parts:
+        made.lines = [RUN_TIME.sub("", line.rstrip()) for line in made.lines]
     for root in roots:
         made.lines = [line.replace(root, "") for line in made.lines]
     return made
