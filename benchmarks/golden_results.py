@@ -24,6 +24,7 @@ import sys
 from collections import Counter
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
+from importlib.metadata import version
 from pathlib import Path
 
 from golden.cases import CASES, Step
@@ -41,6 +42,9 @@ SETTINGS = dict.fromkeys(
     "PYTHONHASHSEED": "0",
     "TZ": "UTC",
 }
+
+#: Another version of one of these may round differently.
+LIBRARIES = ("numpy", "scipy", "numba", "llvmlite", "sympy", "clarabel")
 
 #: Exit codes of commands that have done their work.
 DONE = (0, 3, 4)
@@ -93,6 +97,7 @@ def make(target: Path, data: Path, names: Iterable[str], jobs: int) -> int:
     """Run the cases; the exit code is 1 if a command failed."""
     target = target.resolve()
     variables = environment(data.resolve())
+    libraries = {name: version(name) for name in LIBRARIES}
     where = subprocess.run(
         [sys.executable, "-c", "import pivident; print(pivident.__file__)"],
         env=variables,
@@ -103,7 +108,8 @@ def make(target: Path, data: Path, names: Iterable[str], jobs: int) -> int:
     print(f"program: {where}")
     target.mkdir(parents=True, exist_ok=True)
     roots = [str(target), str(data.resolve()), str(Path(where).parents[2]), str(TREE)]
-    (target / "golden.json").write_text(json.dumps({"roots": roots}, indent=1))
+    about = {"roots": roots, "libraries": libraries}
+    (target / "golden.json").write_text(json.dumps(about, indent=1))
     with ThreadPoolExecutor(jobs) as pool:
         list(pool.map(lambda name: make_case(name, target / name, variables), names))
     codes = [
@@ -179,11 +185,10 @@ def renamed(a: dict[str, Path], b: dict[str, Path], roots: list[str]) -> dict[st
 
 def compare(first: Path, second: Path, names: list[str]) -> int:
     """Print what differs; 1 if anything does."""
-    roots = [
-        root
-        for folder in (first, second)
-        for root in json.loads((folder / "golden.json").read_text())["roots"]
-    ]
+    made = [json.loads((folder / "golden.json").read_text()) for folder in (first, second)]
+    roots = [root for one in made for root in one["roots"]]
+    if made[0].get("libraries") != made[1].get("libraries"):
+        print(f"libraries: {made[0].get('libraries')} and {made[1].get('libraries')}")
     a, b = files(first, names), files(second, names)
     pairs = {name: name for name in a.keys() & b.keys()} | renamed(a, b, roots)
     wrong, numbers, same = 0, 0, 0

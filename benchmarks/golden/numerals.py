@@ -37,11 +37,13 @@ PASSING = re.compile(
 #: A study says how long a run of each method takes.
 RUN_TIME = re.compile(r"(?<![\w.])\d+(?:\.\d+)? s$")
 
-#: Lines of progress: how many there are depends on the time.
-PROGRESS = re.compile(r"\d+ of \d+ (?:runs|logs)\b")
+#: Lines of progress, which come by the clock, and the time that compiling will take.
+PROGRESS = re.compile(r"\d+ of \d+ (?:runs|logs)\b|\"compiling\": ")
 
 #: Keys and columns of such values.
-PASSING_KEY = re.compile(r"(?:^|[./_\]])(?:seconds|elapsed|wall|versions?|created|hostname)\b")
+PASSING_KEY = re.compile(
+    r"(?:^|[./_\]])(?:seconds|elapsed|wall|compiling|computed|versions?|created|hostname)\b"
+)
 
 #: Attributes of a page with coordinates, and those with words.
 COORDINATES = {"d", "points", "x", "y", "x1", "x2", "y1", "y2", "cx", "cy", "data-value"}
