@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident import __version__
+from pivident.extras import require
 from pivident.friction.friction_study import FrictionStudy, JointFriction
 
 if TYPE_CHECKING:
@@ -40,8 +41,7 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
     Args:
         study: the friction of a record.
     """
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
     frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
     return pl.concat(frames)
 
@@ -169,8 +169,7 @@ def _joint_json(joint: JointFriction) -> dict[str, Any]:
 
 
 def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
     torque = joint.torque
     frames = []
     for p in joint.fit.parameters:

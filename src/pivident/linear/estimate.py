@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.extras import require
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -169,10 +170,9 @@ class LinearEstimate:
         """python-control's transfer function of input number ``which``, without its delay.
 
         Raises:
-            ModuleNotFoundError: python-control is not installed.
+            MissingExtra: python-control is not installed.
         """
-        import control
-
+        control = require("control", extra="linear", purpose="a system of python-control")
         b, a = self.numerators[which], self.denominators[which]
         return control.tf(b, a) if self.continuous else control.tf(b, a, self.dt)
 

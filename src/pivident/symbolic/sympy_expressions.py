@@ -17,6 +17,7 @@ from pivident.dynamics.grouping.expressions import (
     Symbol,
     ordered,
 )
+from pivident.extras import require
 
 
 def sympy_expressions(
@@ -31,7 +32,7 @@ def sympy_expressions(
     Returns:
         Expressions of SymPy; symbols are real, whole numbers exact.
     """
-    import sympy
+    sympy = require("sympy", extra="symbolic", purpose="an expression of SymPy")
 
     known = names or {}
     translated = []
