@@ -13,7 +13,7 @@ BIN := .venv/bin
 .DEFAULT_GOAL := demo
 .PHONY: demo test bench truth docs lint clean
 
-demo: .venv/.pivident
+demo: .venv/.pivident-report
 	$(BIN)/pivident demo --out pivident-demo
 
 test: lint
@@ -57,6 +57,10 @@ truth: .venv/.pivident-all
 
 .venv/.pivident: .venv/.pip pyproject.toml
 	$(BIN)/python -m pip install --quiet --editable .
+	@touch $@
+
+.venv/.pivident-report: .venv/.pivident pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable '.[report]'
 	@touch $@
 
 .venv/.pivident-all: .venv/.pivident pyproject.toml

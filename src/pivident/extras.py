@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import sys
 from importlib import import_module
+from importlib.util import find_spec
 from typing import Any
 
 from pivident.errors import PividentError
@@ -45,3 +47,14 @@ def require(module: str, *, extra: str, purpose: str) -> Any:
         if error.name is None or error.name.partition(".")[0] != library:
             raise  # the library is there, and something that it needs itself is not
         raise MissingExtra(library, extra, purpose) from error
+
+
+def is_installed(library: str) -> bool:
+    """Whether an optional library can be imported, without importing it.
+
+    Args:
+        library: its name, as it is imported.
+    """
+    if library in sys.modules:
+        return sys.modules[library] is not None
+    return find_spec(library) is not None

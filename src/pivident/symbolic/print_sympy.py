@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.dynamics.grouping.expressions import Expression
+from pivident.dynamics.grouping.notation import PYTHON, expression_texts
+from pivident.dynamics.grouping.sympy_expressions import sympy_expressions
 from pivident.extras import require
-from pivident.symbolic.notation import PYTHON, expression_texts
 from pivident.symbolic.print_python import scalar_names
 from pivident.symbolic.program import Program
-from pivident.symbolic.sympy_expressions import sympy_expressions
 from pivident.text.identifiers import identifiers
 
 if TYPE_CHECKING:

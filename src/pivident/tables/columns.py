@@ -14,6 +14,7 @@ import numpy as np
 
 from pivident.errors import PividentError
 from pivident.extras import require
+from pivident.text import display
 from pivident.text.printable import sheet_text
 
 if TYPE_CHECKING:
@@ -161,9 +162,7 @@ class Table:
         return columns
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import table_html
-
-        return table_html(self)
+        return display.html_of(self)
 
 
 def _column(values: list[Any]) -> Values:

@@ -208,7 +208,7 @@ class ResultsFolder:
         return sorted(p for p in self.shards.glob("*.parquet") if not p.name.startswith("."))
 
     def _check(self, manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-        from pivident import __version__
+        from pivident.version import __version__
 
         if manifest.get("layout") != LAYOUT or self.owner not in manifest:
             raise self.error(
@@ -231,7 +231,7 @@ class ResultsFolder:
     ) -> None:
         import numpy as np
 
-        from pivident import __version__
+        from pivident.version import __version__
 
         programs = list((manifest or {}).get("programs", []))
         programs += [fingerprint()] * (fingerprint() not in programs)

@@ -175,7 +175,7 @@ def summarise(bench: Bench, rows: pl.DataFrame) -> Summary:
         bench: knows the truth.
         rows: as the store has them.
     """
-    from pivident import __version__
+    from pivident.version import __version__
 
     try:
         bounds = efficiency_bounds(bench)
