@@ -231,7 +231,6 @@ def write_results(
         truth: known values by parameter name.
         report: whether to write ``report.html``.
     """
-    from pivident.report.builder import write_report
 
     found = results.identifications
     several = len(found) > 1
@@ -247,6 +246,8 @@ def write_results(
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
         if report:
+            from pivident.report.builder import write_report
+
             write_report(
                 list(found.values()),
                 build / "report.html",
