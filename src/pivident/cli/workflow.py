@@ -231,7 +231,6 @@ def write_results(
         truth: known values by parameter name.
         report: whether to write ``report.html``.
     """
-
     found = results.identifications
     several = len(found) > 1
     with atomic_folder(folder) as build:
