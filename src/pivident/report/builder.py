@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from os import PathLike
 from pathlib import Path
 
@@ -95,7 +96,7 @@ def render_report(
         names = method_labels(identifications)
         examination = examine_alone(dict(zip(names, identifications, strict=True)))
     material = Material(tuple(identifications), dict(truth or {}), title, examination)
-    environment = page_environment()
+    environment = _report_environment()
     sections = []
     for section in (cls(material) for cls in SECTIONS):
         if section.applies:
@@ -107,6 +108,12 @@ def render_report(
         sections=sections[1:],
         version=__version__,
     )
+
+
+@cache
+def _report_environment() -> Environment:
+    """The templates of the report, which take as long to compile as a page to write."""
+    return page_environment()
 
 
 def page_environment() -> Environment:
