@@ -26,7 +26,7 @@ from speed import plots, rows, scaling, startup
 from speed.report import RESULTS, machine, write_json
 from speed.timing import load
 
-from pivident.study.scenario import load_scenario
+from pivident.many.study.scenario import load_scenario
 
 PARTS = ("rows", "joints", "starts", "threads", "workers", "parameters", "samples")
 

@@ -20,6 +20,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.consistency import make_consistent
+from pivident.consistency.consistent_prediction import consistent_prediction
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.errors import IdentificationError
@@ -28,8 +29,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment import load_experiment
 from pivident.simulation.load_scenario import tx40_with_load
 from pivident.simulation.scenarios import tx40_fine
-from pivident.validation.consistent_prediction import consistent_prediction
-from pivident.validation.cross_validation import cross_validate
+from pivident.validation.held_out.cross_validation import cross_validate
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "staubli_tx40" / "experiment.toml"
 

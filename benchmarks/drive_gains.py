@@ -16,8 +16,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.estimation.drive_gains import identify_drive_gains
-from pivident.estimation.known_payload import Payload
+from pivident.drives.drive_gains import identify_drive_gains
+from pivident.drives.known_payload import Payload
 from pivident.simulation.payload_scenario import AmpereRecords, tx40_in_amperes
 
 NOISE = {"white": {}, "coloured": {"correlation": 0.95}}

@@ -70,8 +70,8 @@ level = 0.05
 
 
 def bench_of(rate: float, seconds: float):
-    from pivident.study.bench import Bench
-    from pivident.study.scenario import load_scenario
+    from pivident.many.study.bench import Bench
+    from pivident.many.study.scenario import load_scenario
 
     tables = {"record": {"rate": rate}, "trajectory": {"duration": seconds}}
     return Bench(load_scenario("fine").changed(**tables))
@@ -147,9 +147,9 @@ def write_logs(folder: Path, options: argparse.Namespace) -> set[str]:
 
 def busy(folder: str, first: int, count: int, barrier: str) -> tuple[float, float]:
     """Seconds and processor seconds of one process for so many logs, warm."""
-    from pivident.fleet.identify_fleet import template_of
-    from pivident.fleet.logs import find_logs
-    from pivident.fleet.one_log import Task, identify_log
+    from pivident.many.fleet.identify_fleet import template_of
+    from pivident.many.fleet.logs import find_logs
+    from pivident.many.fleet.one_log import Task, identify_log
 
     template = template_of(Path(folder))
     logs, _ = find_logs(Path(folder), template.pattern)
@@ -268,9 +268,9 @@ def main() -> None:
 def report(place: Path, logs: Path, options: argparse.Namespace) -> None:
     import polars as pl
 
-    from pivident.batch.runner import Processes
-    from pivident.fleet.identify_fleet import identify_fleet
-    from pivident.fleet.judgement import conclude
+    from pivident.many.batch.runner import Processes
+    from pivident.many.fleet.identify_fleet import identify_fleet
+    from pivident.many.fleet.judgement import conclude
 
     begin = time.perf_counter()
     worn = write_logs(logs, options)

@@ -30,7 +30,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.repetition import repeated_motion
-from pivident.estimation.shapes import identify_shapes
+from pivident.friction.laws.shapes import identify_shapes
 from pivident.recording.public_records import (
     load_emps,
     load_emps_pulses,
@@ -60,9 +60,9 @@ from pivident.robot.friction import (
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
-from pivident.validation.cross_validation import cross_validate
-from pivident.validation.prediction import Judge, pooled
-from pivident.validation.replay import as_logged
+from pivident.validation.held_out.cross_validation import cross_validate
+from pivident.validation.held_out.prediction import Judge, pooled
+from pivident.validation.held_out.replay import as_logged
 
 #: Parts of the reference's period, each of which is left out once.
 PHASES = 8

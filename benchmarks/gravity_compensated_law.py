@@ -17,13 +17,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.control_law.identified_law import identify_controller
+from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.controller_identification import identify_controller
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.unknown_loop import complete_loop
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
@@ -137,7 +137,7 @@ def precision(law: Controller, runs: int) -> dict[str, dict[str, float]]:
     rows: dict[str, list] = {"law known": [], "law identified": []}
     for seed in range(runs):
         own = record(law, seed)
-        recordings, loop = complete_loop(ROBOT, [own])
+        recordings, loop = reconstruct_loop(ROBOT, [own])
         for name, problem in (
             ("law known", Problem(ROBOT, (own,), Loop(law))),
             ("law identified", Problem(ROBOT, recordings, loop)),

@@ -27,8 +27,8 @@ from pivident.robot import load_robot
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
-from pivident.validation.model_error import model_error
-from pivident.validation.out_of_sample import OutOfSample, compare_out_of_sample
+from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
+from pivident.validation.residuals.model_error import model_error
 
 
 def tx40() -> tuple[Problem, OutOfSample]:

@@ -209,7 +209,7 @@ def kill_fleets(kills: int, rng: random.Random, place: Path) -> dict[str, object
     import polars as pl
 
     sys.path.insert(0, str(ROOT))
-    from tests.fleet.planar_fleet import write_fleet
+    from tests.many.fleet.planar_fleet import write_fleet
 
     logs = place / "logs"
     write_fleet(logs, robots=6, days=8)

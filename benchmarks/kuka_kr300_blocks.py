@@ -21,6 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.errors import IdentificationError
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
@@ -28,7 +29,6 @@ from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWalk
 from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.unknown_loop import complete_loop
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot import Robot, load_robot
@@ -69,7 +69,7 @@ def loops(robot: Robot, runs: Runs) -> dict[str, tuple[Runs, Loop]]:
     bare = tuple(replace(run, inputs={}) for run in runs)
     gain = np.diag(robot.transmission.reduction)
     moving = tuple(run.slice(START, STOP) for run in runs)
-    found = complete_loop(robot, moving, drive_gain=gain)[1]
+    found = reconstruct_loop(robot, moving, drive_gain=gain)[1]
     assert found.identified is not None
     print(found.identified)
     faster = tuple(replace(run, control_rate=CONTROL_RATE) for run in runs)

@@ -29,7 +29,7 @@ from pivident.estimation.identify import identify
 from pivident.experiment import load_experiment
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import to_mjcf
-from pivident.export.runnable_model import RunnableModel, runnable_model
+from pivident.models.runnable_model import RunnableModel, runnable_model
 from pivident.robot import load_robot
 from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import LoopSignals, simulate

@@ -31,11 +31,11 @@ from pivident.signals.noise_models import fit_ar, whiten
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
-from pivident.validation.autocorrelation import durbin_watson, ljung_box
-from pivident.validation.heteroscedasticity import variance_test
-from pivident.validation.normality import normality
-from pivident.validation.residual import JointResidual
-from pivident.validation.residual_tests import residual_tests
+from pivident.validation.residuals.autocorrelation import durbin_watson, ljung_box
+from pivident.validation.residuals.heteroscedasticity import variance_test
+from pivident.validation.residuals.normality import normality
+from pivident.validation.residuals.residual import JointResidual
+from pivident.validation.residuals.residual_tests import residual_tests
 
 SAMPLES = 1500
 COLOUR = np.poly([0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j), 0.6, -0.5]).real

@@ -35,7 +35,7 @@ from pivident.simulation import scenarios
 from pivident.simulation.noise import Noise
 
 #: Fewest rounds whose memory makes a slope.
-FEWEST_ROUNDS = 6
+MIN_ROUNDS = 6
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ def _print(numbers: np.ndarray) -> str:
 def slope(rounds: list[Round]) -> tuple[float, float]:
     """Growth of the memory in the second half and its deviation [MiB/h]; NaN: too few rounds."""
     half = rounds[len(rounds) // 2 :]
-    if len(half) < FEWEST_ROUNDS // 2:
+    if len(half) < MIN_ROUNDS // 2:
         return float("nan"), float("nan")
     t = np.array([r.seconds for r in half]) / 3600.0
     m = np.array([r.memory_mib for r in half])

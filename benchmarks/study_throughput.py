@@ -17,11 +17,11 @@ from pathlib import Path
 
 import psutil
 
-from pivident.batch.cluster import DaskCluster
-from pivident.batch.runner import Pool, Processes
-from pivident.study.monte_carlo import run_study
-from pivident.study.scenario import Scenario, load_scenario
-from pivident.study.store import Store
+from pivident.many.batch.cluster import DaskCluster
+from pivident.many.batch.runner import Pool, Processes
+from pivident.many.study.monte_carlo import run_study
+from pivident.many.study.scenario import Scenario, load_scenario
+from pivident.many.study.study_store import Store
 
 #: Columns that must not depend on who computed them.
 NUMBERS = ["run", "method", "theta", "std", "robust_std", "iterations", "d_tau", "d_q", "d_beta"]

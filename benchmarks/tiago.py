@@ -18,12 +18,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.draft import Draft, draft_experiment
 from pivident.estimation.identify import identify
 from pivident.experiment import load_experiment
+from pivident.init import Draft, draft_experiment
+from pivident.logs.tables.read_csv import read_csv
 from pivident.recording.datasets import ENVIRONMENT
-from pivident.recording.read_csv import read_csv
-from pivident.validation.prediction import Judge, PredictionError
+from pivident.validation.held_out.prediction import Judge, PredictionError
 
 #: Rows of the useful window, and the share of them that is fitted.
 ROWS, FITTED = (921, 6791), 0.7

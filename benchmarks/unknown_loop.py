@@ -15,8 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.estimation.identify import identify
-from pivident.estimation.unknown_loop import complete_loop
 from pivident.simulation import scenarios
 
 
@@ -31,7 +31,7 @@ def variants(problem):
         ("reference reconstructed", blind, known, True),
         ("neither known", blind, None, True),
     ):
-        made, loop = complete_loop(problem.robot, recordings, law, reconstruct)
+        made, loop = reconstruct_loop(problem.robot, recordings, law, reconstruct)
         yield name, dataclasses.replace(problem, recordings=made, loop=loop)
 
 

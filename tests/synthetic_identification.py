@@ -5,23 +5,23 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import lfilter
 
+from pivident.control_law.identified_law import ControllerIdentification
+from pivident.control_law.joint_law import JointLaw
+from pivident.control_law.point_to_point_fit import Move, PointToPoint
+from pivident.control_law.reference_reconstruction import ReconstructedReference
+from pivident.control_law.unknown_loop import Feedback
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.identification import (
     FittedRecording,
     Identification,
     Iteration,
     JointFit,
 )
-from pivident.estimation.joint_law import JointLaw
 from pivident.estimation.problem import Loop
-from pivident.estimation.unknown_loop import Feedback
 from pivident.robot import load_robot
 from pivident.simulation.linear_law import LinearLaw
-from pivident.simulation.point_to_point_fit import Move, PointToPoint
-from pivident.simulation.reference_reconstruction import ReconstructedReference
 
 
 def true_parameters(robot_name: str = "planar_2r") -> dict[str, float]:

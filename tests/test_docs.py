@@ -8,7 +8,9 @@ import pytest
 from pydantic_core import PydanticUndefined
 
 from pivident.estimation.methods import Arma, AutoRegressive, Bandpass, PrefilteredIV, RandomWalk
-from pivident.experiment import consistency_tables, method_tables, schema
+from pivident.experiment import consistency_keys as consistency_tables
+from pivident.experiment import method_keys as method_tables
+from pivident.experiment import schema
 from pivident.recording.recording import Recording
 from pivident.robot.mdh_schema import Entry, FrictionEntry
 

@@ -10,8 +10,8 @@ import pytest
 from pivident.cli import main
 from pivident.cli.app import app
 from pivident.experiment import load_experiment
-from pivident.export.runnable_model import runnable_model
 from pivident.export.urdf import to_urdf
+from pivident.models.runnable_model import runnable_model
 from pivident.robot import load_robot
 from tests.planar_log import planar_truth, write_log
 

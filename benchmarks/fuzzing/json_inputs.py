@@ -20,8 +20,8 @@ JSON_CHUNKS = (
 
 
 def manifest_seed() -> bytes:
-    from pivident.study.scenario import read_scenario
-    from pivident.study.store import Store
+    from pivident.many.study.scenario import read_scenario
+    from pivident.many.study.study_store import Store
 
     with tempfile.TemporaryDirectory() as folder:
         scenario = read_scenario(STUDY.decode().split("[vary")[0], "study")
@@ -35,11 +35,11 @@ def result_seeds() -> tuple[bytes, bytes]:
     """An identification of the planar arm, and the model made of it, as they are stored."""
     from pivident.dynamics.parameters import nominal_values, standard_parameters
     from pivident.dynamics.regressor import Regressor
-    from pivident.estimation.export import to_json
+    from pivident.estimation.identification_file import to_json
     from pivident.estimation.identify import identify
     from pivident.estimation.problem import Problem
-    from pivident.export import model_json
-    from pivident.export.runnable_model import runnable_model
+    from pivident.models import model_json
+    from pivident.models.runnable_model import runnable_model
     from pivident.recording import Recording
     from pivident.robot import load_robot
 

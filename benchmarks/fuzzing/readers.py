@@ -105,13 +105,13 @@ def _experiment(path: Path) -> object:
 
 
 def _study(path: Path) -> object:
-    from pivident.study.scenario import load_scenario
+    from pivident.many.study.scenario import load_scenario
 
     return load_scenario(path).hash
 
 
 def _table(path: Path) -> object:
-    from pivident.recording.tables import names_in, read_table
+    from pivident.logs.tables.tables import names_in, read_table
 
     names = names_in(path)
     return read_table(path, names[:1] if len(names) % 3 == 2 else None)
@@ -126,8 +126,8 @@ def _audited(path: Path) -> object:
 
 def _manifest(path: Path) -> object:
     """Opening the results folder of a study whose manifest this is."""
-    from pivident.study.scenario import read_scenario
-    from pivident.study.store import Store
+    from pivident.many.study.scenario import read_scenario
+    from pivident.many.study.study_store import Store
 
     store = Store(path.parent)
     store.programs()
@@ -142,7 +142,7 @@ def _grown_toml(*bases: bytes) -> Callable[[random.Random], bytes]:
 
 def _identification(path: Path) -> object:
     """A result, and everything that is made of it first."""
-    from pivident.estimation.reload import load_identification
+    from pivident.estimation.stored_identification import load_identification
 
     found = load_identification(path)
     motion = np.full((3, 1, found.robot.size), 0.1)
@@ -150,13 +150,13 @@ def _identification(path: Path) -> object:
 
 
 def _model(path: Path) -> object:
-    from pivident.export.model_json import read_model
+    from pivident.models.model_json import read_model
 
     return read_model(path).values
 
 
 def _bounds(path: Path) -> object:
-    from pivident.experiment.consistency import read_consistency
+    from pivident.experiment.consistency_table import read_consistency
     from pivident.robot import load_robot
 
     return read_consistency(path, load_robot("planar_2r"))

@@ -220,9 +220,9 @@ def _per_sample(regressor: Regressor) -> float:
 
 def _grid_width() -> float:
     """Decades of the bracket in which the NVR is searched by golden sections."""
-    from pivident.signals.random_walk_likelihood import LARGEST_NVR, SMALLEST_NVR
+    from pivident.signals.random_walk_likelihood import MAX_NVR, MIN_NVR
 
-    return 2 * np.log10(LARGEST_NVR / SMALLEST_NVR[3]) / (_GRID_POINTS - 1)
+    return 2 * np.log10(MAX_NVR / MIN_NVR[3]) / (_GRID_POINTS - 1)
 
 
 def _chain_of(joints: int) -> float:

@@ -21,7 +21,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.recording.public_records import load_emps_pulses
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.validation.replay import as_logged
+from pivident.validation.held_out.replay import as_logged
 
 HERE = Path(__file__).parent
 

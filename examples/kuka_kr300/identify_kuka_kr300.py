@@ -16,14 +16,14 @@ from pathlib import Path
 import numpy as np
 
 from pivident import Identification, Problem, identify, load_experiment
+from pivident.control_law.identified_law import ControllerIdentification
+from pivident.control_law.unknown_loop import feedback_from_noise
+from pivident.diagnostics.verdict import verdict
 from pivident.errors import IdentificationError
-from pivident.estimation.controller_identification import ControllerIdentification
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
-from pivident.estimation.unknown_loop import feedback_from_noise
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import butterworth
-from pivident.validation.verdict import verdict
 
 HERE = Path(__file__).parent
 

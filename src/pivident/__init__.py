@@ -11,15 +11,18 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from pivident.text import display
+from pivident.version import __version__
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import compare
     from pivident.consistency.consistent_model import make_consistent
+    from pivident.control_law.identified_law import identify_controller
+    from pivident.control_law.unknown_loop import reconstruct_loop
+    from pivident.diagnostics.diagnostics import diagnose
+    from pivident.diagnostics.verdict import verdict
     from pivident.dynamics.base_parameters import base_parameters
     from pivident.errors import PividentError
-    from pivident.estimation.controller_identification import identify_controller
-    from pivident.estimation.free_law import identify_free_law
     from pivident.estimation.identification import Identification
     from pivident.estimation.identify import build_regression, identify
     from pivident.estimation.methods import (
@@ -32,10 +35,11 @@ if TYPE_CHECKING:
         RandomWalk,
     )
     from pivident.estimation.problem import Loop, Problem
-    from pivident.estimation.reload import load_identification
-    from pivident.estimation.shapes import identify_shapes
-    from pivident.estimation.unknown_loop import complete_loop
+    from pivident.estimation.stored_identification import load_identification
     from pivident.experiment import load_experiment
+    from pivident.friction.laws.law_choice import choose_laws
+    from pivident.friction.laws.shapes import identify_shapes
+    from pivident.linear.free_law import identify_free_law
     from pivident.recording.load import load_recording
     from pivident.recording.recording import Recording
     from pivident.report.builder import write_report
@@ -45,11 +49,10 @@ if TYPE_CHECKING:
     from pivident.simulation.simulated_record import SimulatedRecord, simulate
     from pivident.simulation.virtual_pd import virtual_pd
     from pivident.tables.chosen import table
-    from pivident.validation.cross_validation import cross_validate
     from pivident.validation.essential_parameters import essential_parameters
-    from pivident.validation.examination import examine
-    from pivident.validation.law_choice import choose_laws
-    from pivident.validation.verdict import verdict
+    from pivident.validation.held_out.cross_validation import cross_validate
+
+display.provided_by("pivident.notebook.displays")
 
 #: Where each name of the front door lives.
 _HOME = {
@@ -76,23 +79,23 @@ _HOME = {
     "base_parameters": "pivident.dynamics.base_parameters",
     "build_regression": "pivident.estimation.identify",
     "compare": "pivident.comparison.compare",
-    "complete_loop": "pivident.estimation.unknown_loop",
-    "choose_laws": "pivident.validation.law_choice",
-    "cross_validate": "pivident.validation.cross_validation",
+    "reconstruct_loop": "pivident.control_law.unknown_loop",
+    "choose_laws": "pivident.friction.laws.law_choice",
+    "cross_validate": "pivident.validation.held_out.cross_validation",
     "essential_parameters": "pivident.validation.essential_parameters",
-    "examine": "pivident.validation.examination",
+    "diagnose": "pivident.diagnostics.diagnostics",
     "identify": "pivident.estimation.identify",
-    "identify_controller": "pivident.estimation.controller_identification",
-    "identify_free_law": "pivident.estimation.free_law",
-    "identify_shapes": "pivident.estimation.shapes",
+    "identify_controller": "pivident.control_law.identified_law",
+    "identify_free_law": "pivident.linear.free_law",
+    "identify_shapes": "pivident.friction.laws.shapes",
     "load_experiment": "pivident.experiment",
-    "load_identification": "pivident.estimation.reload",
+    "load_identification": "pivident.estimation.stored_identification",
     "load_recording": "pivident.recording.load",
     "load_robot": "pivident.robot",
     "make_consistent": "pivident.consistency.consistent_model",
     "simulate": "pivident.simulation.simulated_record",
     "table": "pivident.tables.chosen",
-    "verdict": "pivident.validation.verdict",
+    "verdict": "pivident.diagnostics.verdict",
     "virtual_pd": "pivident.simulation.virtual_pd",
     "write_report": "pivident.report.builder",
 }
@@ -123,10 +126,9 @@ __all__ = [
     "build_regression",
     "choose_laws",
     "compare",
-    "complete_loop",
     "cross_validate",
+    "diagnose",
     "essential_parameters",
-    "examine",
     "identify",
     "identify_controller",
     "identify_free_law",
@@ -136,6 +138,7 @@ __all__ = [
     "load_recording",
     "load_robot",
     "make_consistent",
+    "reconstruct_loop",
     "simulate",
     "table",
     "verdict",

@@ -4,7 +4,7 @@ import re
 from pathlib import Path
 
 from pivident.audit.finding import SEVERITIES
-from pivident.audit.page import CHECKS
+from pivident.report.audit.audit_page import CHECKS
 from pivident.report.drawing_library import DrawingLibrary
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "audit.md").read_text("utf-8")

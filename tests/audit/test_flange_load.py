@@ -9,9 +9,9 @@ from pivident.audit.log import Log
 from pivident.audit.scale import check_scale
 from pivident.audit.timing import check_timing
 from pivident.check.remark import of_finding
-from pivident.draft.torque_scale import compare, torque_unit
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.init.torque_scale_guess import compare, torque_unit
 from pivident.robot.urdf import read_urdf
 
 RATE = 250.0

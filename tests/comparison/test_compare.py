@@ -14,14 +14,14 @@ import pytest
 import pivident as pv
 from pivident.cli import main
 from pivident.comparison.compare import compare
-from pivident.comparison.errors import ComparisonError
-from pivident.comparison.files import to_csv, to_latex, to_values
-from pivident.comparison.page import render_page
-from pivident.comparison.text import comparison_text
+from pivident.comparison.comparison_errors import ComparisonError
+from pivident.comparison.comparison_files import to_csv, to_latex, to_values
+from pivident.comparison.comparison_page import render_page
+from pivident.comparison.comparison_text import comparison_text
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationFileError
-from pivident.plain_values import json_of_entries
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
+from pivident.text.plain_values import json_of_entries
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.comparison.results import result, without
 from tests.synthetic_identification import synthetic_identification

@@ -8,13 +8,13 @@ import pytest
 
 from pivident.consistency import Bounds, cone_program, make_consistent
 from pivident.consistency import profile_intervals as intervals_module
+from pivident.consistency.consistent_estimate import consistent_estimate
+from pivident.consistency.consistent_files import consistent_json
 from pivident.consistency.ellipsoid import moment_about_axis
 from pivident.consistency.link_intervals import link_rows
 from pivident.consistency.options import ConsistencyOptions
 from pivident.consistency.profile_intervals import profile_intervals
 from pivident.dynamics.parameters import nominal_values
-from pivident.validation.consistent_estimate import consistent_estimate
-from pivident.validation.consistent_files import consistent_json
 from tests.synthetic_identification import synthetic_identification
 
 BOUNDS = Bounds(mass={"upper_arm": (3.0, 5.0), "forearm": (2.0, 3.0)})

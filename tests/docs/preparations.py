@@ -79,9 +79,9 @@ def planar_bag() -> dict:
 def ampere_logs() -> dict:
     """Logs in amperes without and with a payload, `my_robot.toml` with both."""
     import pivident as pv
-    from pivident.experiment.drive_gains import with_unit_gains
-    from tests.test_gains_command import HEAD, LOADED
-    from tests.test_gains_command import write_log as write_amperes
+    from pivident.experiment.gains_table import with_unit_gains
+    from tests.cli.test_gains import HEAD, LOADED
+    from tests.cli.test_gains import write_log as write_amperes
 
     write_amperes(Path("empty.csv"), loaded=False)
     write_amperes(Path("loaded.csv"), loaded=True)
@@ -96,7 +96,7 @@ def ampere_logs() -> dict:
 def payload_logs() -> None:
     """The same for a payload: `my_robot.toml`, `loaded.toml`, and the arm alone in `results`."""
     from pivident.cli import main
-    from tests.test_payload_command import BOTH, HEAD, RECORD
+    from tests.cli.test_payload import BOTH, HEAD, RECORD
 
     ampere_logs()
     Path("my_robot.toml").write_text(BOTH, encoding="utf-8")
@@ -107,14 +107,14 @@ def payload_logs() -> None:
 
 def flexible_log() -> None:
     """The log of an axis with both encoders, and `my_robot.toml`."""
-    from tests.flexibility.test_command import write
+    from tests.cli.test_flexibility import write
 
     os.replace(write(Path()), "my_robot.toml")
 
 
 def planar_fleet() -> None:
     """`logs` of two planar arms over some days with `logs/fleet.toml`, which is `arm.toml` too."""
-    from tests.fleet.planar_fleet import TEMPLATE, write_fleet
+    from tests.many.fleet.planar_fleet import TEMPLATE, write_fleet
 
     write_fleet(Path("logs"), robots=2, days=5)
     Path("arm.toml").write_text(TEMPLATE, encoding="utf-8")
@@ -122,8 +122,8 @@ def planar_fleet() -> None:
 
 def planar_robot_files() -> None:
     """A robot as `my_robot.urdf` and as `my_robot.toml`."""
-    from pivident.export.runnable_model import runnable_model
     from pivident.export.urdf import to_urdf
+    from pivident.models.runnable_model import runnable_model
     from pivident.robot import load_robot
 
     Path("my_robot.urdf").write_bytes(to_urdf(runnable_model(load_robot("planar_2r"))).content)
@@ -133,7 +133,7 @@ def planar_robot_files() -> None:
 
 def small_scenario() -> None:
     """`my_scenario.toml`: a study of short records of the planar arm."""
-    from tests.study.small import TEXT
+    from tests.many.study.small import TEXT
 
     Path("my_scenario.toml").write_text(TEXT, encoding="utf-8")
 

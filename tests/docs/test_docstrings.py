@@ -25,9 +25,9 @@ PACKAGES = (
 
 #: Other names that the reference promises.
 OTHERS = (
-    "pivident.draft.Draft",
-    "pivident.draft.Guess",
-    "pivident.draft.draft_experiment",
+    "pivident.init.Draft",
+    "pivident.init.Guess",
+    "pivident.init.draft_experiment",
     "pivident.simulation.joint_loop.JointLoop",
     "pivident.simulation.joint_loop.joint_feedbacks",
     "pivident.validation.identified_loop.IdentifiedLoop",

@@ -12,7 +12,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import INERTIAL
 
 pytest.importorskip("pinocchio")
-from .trees import RandomTree
+from tests.dynamics.trees import RandomTree
 
 SEEDS = st.integers(0, 2**32 - 1)
 
@@ -72,9 +72,9 @@ def test_base_parameters_give_the_torques_and_accelerations_of_all(seed):
     tau = everything.torque(q, dq, ddq, theta)
     columns = Regressor.build(tree.robot, base.parameters)
     assert_close(columns.torque(q, dq, ddq, groups), tau, 1e-9)
-    assert_close(everything.torque(q, dq, ddq, base.lift(groups)), tau, 1e-9)
+    assert_close(everything.torque(q, dq, ddq, base.standard_from_base(groups)), tau, 1e-9)
 
-    true = base.lift(base.values(nominal_values(tree.robot, base.standard)))
+    true = base.standard_from_base(base.values(nominal_values(tree.robot, base.standard)))
     theirs = tree.aba(q, dq, tau)
     assert_close(acceleration(tree.robot, base.standard, true, q, dq, tau), theirs, 1e-9)
 

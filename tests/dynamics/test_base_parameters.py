@@ -104,8 +104,8 @@ def test_on_a_tree_names_carry_the_joint():
 def test_values_of_lifted_base_parameters_are_the_same_base_parameters(tx40):
     base = base_parameters(tx40)
     values = base.values(nominal_values(tx40, base.standard))
-    np.testing.assert_array_equal(base.values(base.lift(values)), values)
-    assert np.count_nonzero(base.lift(values)) <= len(base)
+    np.testing.assert_array_equal(base.values(base.standard_from_base(values)), values)
+    assert np.count_nonzero(base.standard_from_base(values)) <= len(base)
 
 
 def test_a_coupling_of_another_ratio_keeps_its_columns_apart(tx40):

@@ -48,7 +48,7 @@ def test_base_parameters_are_enough_for_all_of_it(
     base, reference, reference_theta, reference_states
 ):
     q, dq, ddq, tau = reference_states
-    lifted = base.lift(base.values(reference_theta))
+    lifted = base.standard_from_base(base.values(reference_theta))
     masses = mass_matrix(base.robot, base.standard, lifted, q)
     np.testing.assert_allclose(masses, np.array(reference["mass_matrix"]), rtol=0, atol=1e-12)
     forward = acceleration(base.robot, base.standard, lifted, q, dq, tau)

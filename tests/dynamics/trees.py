@@ -7,8 +7,7 @@ from pivident.robot import parse_urdf
 from pivident.robot.frames import rotation_from_z_to
 from pivident.robot.inertia import moved
 from pivident.robot.urdf_xml import parse_model
-
-from ..robot.test_urdf_against_pinocchio import pinocchio_configuration, random_urdf
+from tests.robot.test_urdf_against_pinocchio import pinocchio_configuration, random_urdf
 
 
 class RandomTree:

@@ -8,8 +8,8 @@ import pytest
 from pivident.errors import SimulationDiverged
 from pivident.estimation.identify import identify
 from pivident.estimation.missing_inertia import missing_inertia
-from pivident.study.bench import Bench
-from pivident.study.scenario import read_scenario
+from pivident.many.study.bench import Bench
+from pivident.many.study.scenario import read_scenario
 
 ARM = """
 robot = "planar_2r"

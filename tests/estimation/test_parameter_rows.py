@@ -6,15 +6,11 @@ import pytest
 from pivident.estimation.parameter_rows import (
     ParameterRow,
     aligned_rows,
-    known,
     largest_difference,
     method_labels,
     parameter_rows,
-    percent,
-    plus_minus,
-    significant,
-    with_spread,
 )
+from pivident.text.numbers import format_exact, format_significant, percent, plus_minus, with_spread
 from tests.synthetic_identification import synthetic_identification, true_parameters
 
 
@@ -69,13 +65,13 @@ def test_value_and_spread_are_written_together(value, spread, text):
     ],
 )
 def test_significant_digits(x, text):
-    assert significant(x) == text
+    assert format_significant(x) == text
 
 
 def test_exact_values_and_percentages():
-    assert known(0.000785) == "0.000785"
-    assert known(4.0) == "4"
-    assert known(math.nan) == percent(math.nan) == "–"
+    assert format_exact(0.000785) == "0.000785"
+    assert format_exact(4.0) == "4"
+    assert format_exact(math.nan) == percent(math.nan) == "–"
     assert percent(1.234) == "1.2 %"
 
 

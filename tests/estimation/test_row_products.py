@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pivident.estimation.covariance.sandwich import windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.row_products import gram, products
-from pivident.estimation.sandwich import windows_of
 
 
 @pytest.mark.parametrize("rows", [1, 3, 4, 7, 21])

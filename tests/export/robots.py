@@ -5,12 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from pivident.export.runnable_model import RunnableModel, runnable_model
+from pivident.models.runnable_model import RunnableModel, runnable_model
 from pivident.robot import parse_urdf
 from pivident.robot.description import Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
-
-from ..robot.test_urdf_against_pinocchio import random_urdf
+from tests.robot.test_urdf_against_pinocchio import random_urdf
 
 #: A six-axis arm in the manner of Universal Robots: axes along y and z, a fixed flange and tool,
 #: a gripper with a slide, meshes that are not there, transmissions, comments, odd spacing.

@@ -10,7 +10,7 @@ import pytest
 
 from pivident.cli import main
 from pivident.export.formats import Format
-from pivident.export.model_json import read_model
+from pivident.models.model_json import read_model
 from tests.synthetic_identification import synthetic_identification
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "export.md").read_text("utf-8")

@@ -8,8 +8,8 @@ import pytest
 
 from pivident.consistency.consistent_model import make_consistent
 from pivident.export.latex import latex_group, latex_number, latex_unit, to_latex
-from pivident.export.runnable_model import Origin, runnable_model
-from pivident.symbolic.identifiers import one_line
+from pivident.models.runnable_model import Origin, runnable_model
+from pivident.text.identifiers import one_line
 from tests.robot.random_robots import random_robot
 from tests.synthetic_identification import synthetic_identification
 

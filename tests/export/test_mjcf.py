@@ -12,7 +12,7 @@ from pivident.errors import ExportError
 from pivident.export.joint_side import joint_side
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import WORDS, quaternion, to_mjcf
-from pivident.export.runnable_model import runnable_model
+from pivident.models.runnable_model import runnable_model
 from pivident.robot import load_robot, parse_urdf
 from pivident.robot.description import Coupling
 from pivident.robot.frames import rotation_from_rpy
@@ -27,8 +27,7 @@ from pivident.robot.friction import (
     spring,
     viscous,
 )
-
-from .robots import random_tree, with_values
+from tests.export.robots import random_tree, with_values
 
 TX40 = load_robot("staubli_tx40")
 

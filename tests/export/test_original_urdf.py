@@ -6,8 +6,7 @@ import pytest
 from pivident.errors import ExportError, RobotDescriptionError
 from pivident.export.original_urdf import original_urdf
 from pivident.robot import load_robot, parse_urdf, read_urdf
-
-from .robots import UR
+from tests.export.robots import UR
 
 
 @pytest.fixture

@@ -12,10 +12,10 @@ from hypothesis import strategies as st
 from pivident.errors import ExportError
 from pivident.export import c_source
 from pivident.export.c_source import c_compiler, to_c, verify_c
-from pivident.export.exported import random_states
 from pivident.export.model_programs import friction_in_groups, inner_columns
 from pivident.export.numpy_function import to_numpy, verify_numpy
-from pivident.export.runnable_model import runnable_model
+from pivident.models.exported import random_states
+from pivident.models.runnable_model import runnable_model
 from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import coulomb, load_dependent, lugre, ripple, viscous
 from tests.dynamics.friction_laws import LAWS

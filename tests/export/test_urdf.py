@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from pivident.cli.export import check_targets, write_export
 from pivident.errors import ExportError, PividentError, RobotDescriptionError
 from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
-from pivident.export.runnable_model import runnable_model
 from pivident.export.urdf import to_urdf
 from pivident.export.xml_text import quoted, rpy
+from pivident.models.runnable_model import runnable_model
 from pivident.robot import load_robot, parse_urdf, read_urdf
 from pivident.robot.frames import rotation_about, rotation_from_rpy
 from pivident.robot.friction import (
@@ -32,8 +32,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
-
-from .robots import ARM, UR, random_tree, ur, with_values
+from tests.export.robots import ARM, UR, random_tree, ur, with_values
 
 if sys.platform == "win32":
     pytest.skip("there is no Pinocchio for Windows", allow_module_level=True)

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pivident.errors import FileFormatError, PividentError
-from pivident.recording.read_npz import read_npz
-from pivident.recording.tables import read_table
+from pivident.logs.tables.read_npz import read_npz
+from pivident.logs.tables.tables import read_table
 from tests.faults.hostile import archive, npy, written
 
 

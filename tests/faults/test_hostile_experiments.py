@@ -5,9 +5,9 @@ import pytest
 
 from pivident.errors import PividentError
 from pivident.experiment import load_experiment
+from pivident.many.study.scenario import read_scenario
 from pivident.recording.load import load_recording
 from pivident.recording.timestamps import uniform_grid
-from pivident.study.scenario import read_scenario
 from tests.faults.hostile import STUDY, written
 
 LOG = "time,q1,q2,tau1,tau2\n" + "".join(
@@ -59,8 +59,8 @@ def test_files_that_are_no_names(tmp_path, spec):
      '{"layout": 1, "programs": 3}', '{"scenario": []}'],
 )  # fmt: skip
 def test_manifests_that_are_none(tmp_path, text):
-    from pivident.study.errors import StudyFolderError
-    from pivident.study.store import MANIFEST, Store
+    from pivident.many.study.study_errors import StudyFolderError
+    from pivident.many.study.study_store import MANIFEST, Store
 
     (tmp_path / MANIFEST).write_text(text)
     with pytest.raises(StudyFolderError, match=r"manifest\.json"):
@@ -70,8 +70,8 @@ def test_manifests_that_are_none(tmp_path, text):
 
 
 def test_a_broken_trajectory_is_named(tmp_path):
-    from pivident.study.errors import StudyFolderError
-    from pivident.study.motion import FILE, optimised_series
+    from pivident.many.study.motion import FILE, optimised_series
+    from pivident.many.study.study_errors import StudyFolderError
 
     scenario = read_scenario(f'{STUDY}[trajectory]\ntype = "fourier"\n', "s")
     for text in ("{", "[" * 100_000, "[]", "{}", '{"belongs_to": 1'):

@@ -11,10 +11,10 @@ import pytest
 
 from pivident.errors import PividentError, RobotDescriptionError
 from pivident.experiment import load_experiment
-from pivident.recording.tables import names_in, read_table
+from pivident.logs.tables.tables import names_in, read_table
+from pivident.many.study.scenario import load_scenario
 from pivident.robot import read_modified_dh, read_urdf
 from pivident.robot.gallery import load_robot
-from pivident.study.scenario import load_scenario
 from tests.faults.hostile import archive, npy, written
 
 READERS = {
@@ -75,7 +75,7 @@ def test_bombs_stay_within_half_a_gigabyte(tmp_path):
     code = f"""
 import os, resource, sys
 from pivident.errors import PividentError
-from pivident.recording.tables import read_table
+from pivident.logs.tables.tables import read_table
 from pivident.robot import load_robot
 import numpy
 pages = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()

@@ -6,7 +6,7 @@ import pytest
 
 from pivident.audit.reading import bare_log
 from pivident.errors import FileFormatError
-from pivident.recording.tables import names_in, read_table
+from pivident.logs.tables.tables import names_in, read_table
 from tests.faults.hostile import written
 
 
@@ -47,8 +47,8 @@ def test_formulas_are_names_and_no_numbers(tmp_path):
 
 @pytest.mark.parametrize("reader", [read_table, bare_log])
 def test_a_packed_table_that_grows_out_of_proportion(tmp_path, monkeypatch, reader):
-    monkeypatch.setattr("pivident.recording.read_csv.HARMLESS_SIZE", 2**20)
-    monkeypatch.setattr("pivident.recording.files.HARMLESS_SIZE", 2**20)
+    monkeypatch.setattr("pivident.logs.tables.read_csv.HARMLESS_SIZE", 2**20)
+    monkeypatch.setattr("pivident.logs.source_files.HARMLESS_SIZE", 2**20)
     path = written(tmp_path, "a.csv.gz", gzip.compress(b"a,b\n" + b"1,\n" * 10_000_000))
     with pytest.raises(FileFormatError, match="expands from"):
         reader(path)

@@ -4,9 +4,9 @@ import pytest
 
 from pivident.errors import ExperimentError, PividentError, RobotDescriptionError
 from pivident.experiment import load_experiment
+from pivident.many.study.scenario import load_scenario, read_scenario
 from pivident.robot import parse_modified_dh, read_modified_dh
-from pivident.study.scenario import load_scenario, read_scenario
-from pivident.toml_text import MOST_PARTS, parse_toml
+from pivident.text.toml import MAX_PARTS, parse_toml
 from tests.faults.hostile import STUDY, written
 
 
@@ -21,7 +21,7 @@ from tests.faults.hostile import STUDY, written
     ],
 )
 def test_keys_of_many_parts_take_no_time_with_their_square(text):
-    with pytest.raises(ValueError, match=f"more than {MOST_PARTS} parts"):
+    with pytest.raises(ValueError, match=f"more than {MAX_PARTS} parts"):
         parse_toml(text)
 
 

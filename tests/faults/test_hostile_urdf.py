@@ -7,7 +7,7 @@ import pytest
 
 from pivident.errors import RobotDescriptionError
 from pivident.robot import parse_urdf, read_urdf
-from pivident.robot.urdf_xml import MAXIMUM_SIZE, MOST_ELEMENTS, MOST_LINKS
+from pivident.robot.urdf_xml import MAX_ELEMENTS, MAX_LINKS, MAXIMUM_SIZE
 from tests.faults.hostile import written
 
 
@@ -67,12 +67,12 @@ def test_inclusions_are_passed_over(tmp_path):
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        (b"<robot>" + b"<a/>" * (MOST_ELEMENTS + 1) + b"</robot>", "more than .* elements"),
+        (b"<robot>" + b"<a/>" * (MAX_ELEMENTS + 1) + b"</robot>", "more than .* elements"),
         (b"<robot>" + b"<a>" * 50_000, "is not XML"),
         (b"<robot>" + b" " * MAXIMUM_SIZE + b"</robot>", "larger than"),
         (
             b"<robot>%s</robot>" % b"".join(b'<link name="%d"/>' % k for k in range(1001)),
-            f"{MOST_LINKS} can be read",
+            f"{MAX_LINKS} can be read",
         ),
     ],
 )  # fmt: skip

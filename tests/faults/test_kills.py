@@ -15,8 +15,8 @@ import pytest
 
 from pivident.errors import PividentError
 from pivident.files import BUILD, COMPLETE, atomic_folder
-from pivident.study.store import UNFINISHED, Store
-from tests.study.small import small
+from pivident.many.study.study_store import UNFINISHED, Store
+from tests.many.study.small import small
 
 WRITER = """
 import itertools, sys
@@ -32,10 +32,10 @@ for number in itertools.count():
 APPENDER = """
 import itertools, sys
 from pathlib import Path
-from pivident.study.scenario import Scenario
-from pivident.study.store import Store
-from pivident.toml_text import parse_toml
-from tests.study.small import TEXT
+from pivident.many.study.scenario import Scenario
+from pivident.many.study.study_store import Store
+from pivident.text.toml import parse_toml
+from tests.many.study.small import TEXT
 plain = parse_toml(TEXT)
 plain["robot"] = {"model": plain["robot"]}
 scenario = Scenario("small", plain, "small", {})  # unchecked: nothing is compiled

@@ -13,12 +13,12 @@ from pivident.audit.reading import bare_log
 from pivident.cli import main
 from pivident.cli.console import error_line, note
 from pivident.errors import FileFormatError, PividentError, RecordingError, RobotDescriptionError
-from pivident.estimation.export import to_csv, to_json
-from pivident.printable import escaped, is_printable
+from pivident.estimation.identification_file import to_csv, to_json
+from pivident.logs.tables.tables import read_table
 from pivident.recording.load import load_recording
 from pivident.recording.recording import Recording
-from pivident.recording.tables import read_table
 from pivident.robot import parse_modified_dh, parse_urdf
+from pivident.text.printable import escaped, is_printable
 from tests.synthetic_identification import synthetic_identification
 
 STEERING = ["\x1b[2J", "\x9b2J", "a\nb", "\x07", "\x7f", "\u202eabc", "\u2028", "\u2066", "\x00"]

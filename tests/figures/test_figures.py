@@ -13,7 +13,7 @@ from pivident import figures
 from pivident.errors import PividentError
 from pivident.experiment import load_experiment
 from pivident.figures.paper import LINES, STYLE, WIDTHS
-from pivident.validation.residual_spectrum import residual_spectra, welch_spectrum
+from pivident.validation.residuals.residual_spectrum import residual_spectra, welch_spectrum
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
 

@@ -18,8 +18,7 @@ from pivident.flexibility.transmission_error import find_orders
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot
-
-from . import flexible_joint
+from tests.flexibility import flexible_joint
 
 RATE, REDUCTION = 500.0, 100.0
 

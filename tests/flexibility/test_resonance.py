@@ -7,8 +7,7 @@ import pytest
 
 from pivident.errors import IdentificationError
 from pivident.flexibility.resonance import find_resonance
-
-from .flexible_joint import JOINT, record
+from tests.flexibility.flexible_joint import JOINT, record
 
 
 def one_encoder(seed, **options):

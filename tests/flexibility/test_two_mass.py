@@ -8,8 +8,7 @@ import pytest
 from pivident.errors import IdentificationError
 from pivident.flexibility.simulated_joint import TwoMassJoint
 from pivident.flexibility.two_mass import identify_two_mass
-
-from .flexible_joint import COARSE, JOINT, record
+from tests.flexibility.flexible_joint import COARSE, JOINT, record
 
 
 def truth(estimate, joint=JOINT):

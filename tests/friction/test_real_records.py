@@ -7,7 +7,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.friction.contrasts import common_speeds, offset
-from pivident.friction.examination import joint_friction
+from pivident.friction.friction_study import joint_friction
 from pivident.friction.friction_torque import friction_torques
 from pivident.recording.public_records import load_emps, load_staubli_tx40
 from pivident.robot import load_robot

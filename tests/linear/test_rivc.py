@@ -10,8 +10,7 @@ from pivident.linear import benchmarks
 from pivident.linear.rivc import rivc
 from pivident.linear.simulation import continuous_response
 from pivident.linear.srivc import srivc
-
-from .monte_carlo import check_against_bound, estimate
+from tests.linear.monte_carlo import check_against_bound, estimate
 
 
 @pytest.mark.parametrize("noise_order", [None, (4, 0), (2, 1)])

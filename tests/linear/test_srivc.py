@@ -18,8 +18,7 @@ from pivident.errors import (
 from pivident.linear import benchmarks
 from pivident.linear.simulation import continuous_response, delayed
 from pivident.linear.srivc import srivc
-
-from .monte_carlo import check_against_bound, estimate
+from tests.linear.monte_carlo import check_against_bound, estimate
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,8 @@ from pivident.errors import ExperimentError
 from pivident.payload import possible_load as module
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
+from pivident.payload.payload_text import _sentences
 from pivident.payload.possible_load import possible_load
-from pivident.payload.text import _sentences
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, tensor
 

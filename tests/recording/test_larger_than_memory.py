@@ -5,9 +5,9 @@ import polars as pl
 import pytest
 
 from pivident.errors import BadCell, FileFormatError
-from pivident.recording import read_npz, read_parquet
+from pivident.logs.tables import read_npz, read_parquet
+from pivident.logs.tables.tables import read_table
 from pivident.recording.load import load_recording
-from pivident.recording.tables import read_table
 
 SAMPLES = 5000
 

@@ -14,8 +14,8 @@ from pivident.errors import (
     ShapeMismatch,
     UnknownColumn,
 )
+from pivident.logs.source_files import SourceFile
 from pivident.recording import load_recording
-from pivident.recording.files import SourceFile
 from pivident.robot.drives import with_drives
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission

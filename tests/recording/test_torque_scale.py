@@ -5,14 +5,14 @@ from tests.planar_log import EXPERIMENT, write_experiment
 
 from pivident.audit.audit import audit_log
 from pivident.audit.reading import entry_log
+from pivident.diagnostics.verdict import verdict
 from pivident.errors import RecordingError
-from pivident.estimation.export import to_dict
+from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
 from pivident.experiment import load_experiment
 from pivident.recording.torque_scale import TorqueScale, scale_sentences, torque_scales
 from pivident.recording.units import factor_to_si
 from pivident.report.builder import render_report
-from pivident.validation.verdict import verdict
 
 GUESS = '{unit = "A", gain = 2.0, scale = "guessed"}'
 MASSES = '{unit = "A", gain = 2.0, scale = "masses"}'

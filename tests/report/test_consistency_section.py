@@ -6,9 +6,17 @@ from functools import cache
 import numpy as np
 import pytest
 
+from pivident.consistency.consistent_estimate import (
+    ConsistentEstimate,
+    NoConsistentEstimate,
+    consistent_estimates,
+    ends_text,
+)
 from pivident.consistency.consistent_tables import millimetres
 from pivident.consistency.link_intervals import LinkRow, Quantity
 from pivident.consistency.options import ConsistencyOptions
+from pivident.diagnostics.diagnostics import diagnose_one
+from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identify import identify
 from pivident.report.builder import render_report
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
@@ -16,14 +24,6 @@ from pivident.report.sections.consistency import _figures
 from pivident.robot import load_robot
 from pivident.simulation.load_scenario import tx40_with_load
 from pivident.simulation.scenarios import TX40_ESSENTIAL
-from pivident.validation.consistent_estimate import (
-    ConsistentEstimate,
-    NoConsistentEstimate,
-    consistent_estimates,
-    ends_text,
-)
-from pivident.validation.examination import examine_alone
-from pivident.validation.verdict import verdict
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.synthetic_identification import synthetic_identification
 
@@ -37,19 +37,19 @@ def results():
 
 
 @pytest.fixture(scope="module")
-def examination(results):
-    alone = examine_alone(results)
-    made = consistent_estimates(alone, ["piv"], ConsistencyOptions(), ())
+def diagnostics(results):
+    alone = diagnose_one(results)
+    made = consistent_estimates(alone.identifications, None, ["piv"], ConsistencyOptions(), ())
     failed = NoConsistentEstimate("PC-IDIM-WLS", "no consistent parameters <near>")
     return replace(alone, consistent={"ls": failed, **made})
 
 
-def test_section_shows_links_intervals_and_failures(results, examination):
-    page = render_report(list(results.values()), examination=examination)
+def test_section_shows_links_intervals_and_failures(results, diagnostics):
+    page = render_report(list(results.values()), diagnostics=diagnostics)
     section = page[page.index('<section id="consistency"') : page.index('<section id="torque"')]
     assert "PC-IDIM-PIV" in section and "PC-IDIM-WLS" in section
     assert "no consistent parameters &lt;near&gt;" in section
-    found = examination.consistent["piv"]
+    found = diagnostics.consistent["piv"]
     for row in found.links:
         assert row.name in section and millimetres(row.center_of_mass[0].value) in section
     assert found.model.headline() in section
@@ -63,8 +63,8 @@ def test_no_section_where_the_stage_did_not_run(results):
 
 
 @needs_browser
-def test_section_on_a_phone(results, examination, tmp_path):
-    seen = seen_on_a_phone(render_report(list(results.values()), examination=examination), tmp_path)
+def test_section_on_a_phone(results, diagnostics, tmp_path):
+    seen = seen_on_a_phone(render_report(list(results.values()), diagnostics=diagnostics), tmp_path)
     assert seen["drawn"] == seen["plots"]
 
 
@@ -125,24 +125,24 @@ def essential_estimate():
     return identify(replace(problem, parameters=tuple(TX40_ESSENTIAL)), "iv-full-rate")
 
 
-def verdict_of(examination, found, **changes):
+def verdict_of(diagnostics, found, **changes):
     """The verdict's sentence on physics after some change of the model."""
     changed = replace(found, model=replace(found.model, **changes), prediction=None)
     (statement,) = [
         s
-        for s in verdict(replace(examination, consistent={"piv": changed})).statements
+        for s in verdict(replace(diagnostics, consistent={"piv": changed})).statements
         if s.topic == "physics" and "machine" in s.text
     ]
     return statement
 
 
-def test_verdict_on_near_and_far_cheap_dear_and_unknown(examination):
-    found = examination.consistent["piv"]
+def test_verdict_on_near_and_far_cheap_dear_and_unknown(diagnostics):
+    found = diagnostics.consistent["piv"]
     told = {}
     for near, p in ((True, 0.5), (False, 1e-6)):
         for cost, error in (("cheap", 0.1005), ("dear", 0.12), ("unknown", np.nan)):
             told[near, cost] = verdict_of(
-                examination,
+                diagnostics,
                 found,
                 was_consistent=False,
                 p_value=p,

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.estimation.export import to_csv
-from pivident.report.downloads import MOST_NUMBERS, downloads, signal_step, signals_csv, to_latex
+from pivident.estimation.identification_file import to_csv
+from pivident.report.downloads import MAX_NUMBERS, downloads, signal_step, signals_csv, to_latex
 from tests.synthetic_identification import synthetic_identification
 
 NAMES = ("../../etc/passwd", "a\\b:c*?", "", "x" * 300, 'q"<b>', "con", "Größe")
@@ -64,7 +64,7 @@ def test_tables_of_signals_stay_small():
     own = synthetic_identification(samples=20_000)
     step = signal_step(own, own.recordings)
     rows = list(csv.reader(io.StringIO(signals_csv(own, own.recordings[0], step))))
-    assert 0.5 * MOST_NUMBERS < len(rows) * len(rows[0]) < 1.1 * MOST_NUMBERS
+    assert 0.5 * MAX_NUMBERS < len(rows) * len(rows[0]) < 1.1 * MAX_NUMBERS
 
 
 def test_latex_has_every_parameter_escaped():

@@ -6,21 +6,21 @@ from pathlib import Path
 import pytest
 
 import pivident as pv
-from pivident.comparison.page import render_page as comparison_page
-from pivident.fleet.identify_fleet import identify_fleet
-from pivident.fleet.judgement import conclude as conclude_fleet
+from pivident.comparison.comparison_page import render_page as comparison_page
+from pivident.flexibility.flexibility_page import render_page as flexibility_page
 from pivident.flexibility.joint_study import study_flexibility
-from pivident.flexibility.page import render_page as flexibility_page
-from pivident.friction.examination import FrictionExamination, joint_friction
-from pivident.friction.page import render_page as friction_page
-from pivident.study.conclusion import conclude as conclude_study
-from pivident.study.monte_carlo import run_study
+from pivident.friction.friction_study import FrictionStudy, joint_friction
+from pivident.many.fleet.identify_fleet import identify_fleet
+from pivident.many.fleet.judgement import conclude as conclude_fleet
+from pivident.many.study.conclusion import conclude as conclude_study
+from pivident.many.study.monte_carlo import run_study
+from pivident.report.friction.friction_page import render_page as friction_page
 from tests.browser import PHONE, asked, needs_browser
 from tests.comparison.results import result
-from tests.fleet.planar_fleet import write_fleet
 from tests.flexibility.flexible_joint import record
 from tests.friction.made_up import friction_torque
-from tests.study.small import small
+from tests.many.fleet.planar_fleet import write_fleet
+from tests.many.study.small import small
 
 pytestmark = needs_browser
 
@@ -33,7 +33,7 @@ def comparison(folder):
 
 def friction(folder):
     joint = joint_friction(friction_torque(5, 6000, load_factor=0.25))
-    return friction_page(FrictionExamination("arm", "IDIM-IV", ("run",), (joint,), {}))
+    return friction_page(FrictionStudy("arm", "IDIM-IV", ("run",), (joint,), {}))
 
 
 def flexibility(folder):

@@ -20,7 +20,7 @@ from pivident.report.spectrum_figures import spectra_figure
 from pivident.simulation.controllers import PD
 from pivident.validation.identified_loop import identified_loop, too_slow_smoothers
 from pivident.validation.parameter_correlation import parameter_correlation
-from pivident.validation.residual_spectrum import residual_spectra, scaled_prefilters
+from pivident.validation.residuals.residual_spectrum import residual_spectra, scaled_prefilters
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.planar_results import planar_results
 from tests.report.test_report import HOSTILE, Page

@@ -3,8 +3,8 @@ import math
 import pytest
 
 from pivident.estimation.parameter_rows import ParameterRow
-from pivident.report.figures import METHOD_COLOURS
 from pivident.report.intervals import MARKERS, ConsistentValue, interval_drawing, marker
+from pivident.report.plotly_figures import METHOD_COLOURS
 
 
 def row(value, std, robust_std=math.nan, truth=math.nan):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.report.motion import MOST_POSITIONS, joint_ranges, motion_values
+from pivident.report.motion import MAX_POSITIONS, joint_ranges, motion_values
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -48,7 +48,7 @@ def test_long_recordings_stay_small(identification):
     slow = replace(recording, t=1000.0 * recording.t)
     values = motion_values(identification.robot, [slow] * 3)
     total = sum(len(q) for own in values["recordings"] for q in own["q"])
-    assert 0.9 * MOST_POSITIONS < total <= MOST_POSITIONS
+    assert 0.9 * MAX_POSITIONS < total <= MAX_POSITIONS
 
 
 def test_robot_is_complete(identification):

@@ -7,12 +7,12 @@ from html.parser import HTMLParser
 import numpy as np
 import pytest
 
+from pivident.diagnostics.diagnostics import diagnose_one
 from pivident.errors import PividentError
 from pivident.estimation.identification import JointFit
 from pivident.report.builder import render_report, write_report
 from pivident.report.drawing_library import drawing_library
-from pivident.report.material import FEWEST_POINTS, TOTAL_POINTS, Material
-from pivident.validation.examination import examine_alone
+from pivident.report.report_data import MIN_POINTS, TOTAL_POINTS, ReportData
 from tests.synthetic_identification import (
     synthetic_identification,
     synthetic_loop,
@@ -143,7 +143,7 @@ def test_points_are_shared_among_the_traces():
     one = material(identification)
     assert one.points == 3000
     many = material(replace(identification, recordings=identification.recordings * 500))
-    assert many.points >= FEWEST_POINTS
+    assert many.points >= MIN_POINTS
     assert many.points * many.shown_recordings * 2 * 7 <= TOTAL_POINTS
     runs = replace(synthetic_identification(), recordings=identification.recordings * 5)
     found = replace(runs, loop=synthetic_loop("law"))
@@ -151,7 +151,7 @@ def test_points_are_shared_among_the_traces():
 
 
 def material(identification):
-    return Material((identification,), {}, "", examine_alone({"piv": identification}))
+    return ReportData((identification,), {}, "", diagnose_one({"piv": identification}))
 
 
 @pytest.mark.parametrize(
@@ -305,7 +305,8 @@ def test_plotly_and_jinja_are_imported_by_reports_only():
     import sys
 
     code = (
-        "import sys, pivident, pivident.estimation.export, pivident.estimation.tables, "
+        "import sys, pivident, pivident.estimation.identification_file, "
+        "pivident.estimation.summary_tables, "
         "pivident.report; print([m for m in ('plotly', 'jinja2') if m in sys.modules])"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

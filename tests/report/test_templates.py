@@ -8,7 +8,7 @@ import pytest
 import pivident
 
 ROOT = Path(pivident.__file__).parent
-TEMPLATES = {str(path.relative_to(ROOT)): path for path in ROOT.glob("*/templates/*.html")}
+TEMPLATES = {str(path.relative_to(ROOT)): path for path in ROOT.glob("**/templates/*.html")}
 
 
 @pytest.mark.parametrize("name", sorted(TEMPLATES))

@@ -5,8 +5,7 @@ from hypothesis import strategies as st
 
 from pivident.robot import parse_modified_dh, read_modified_dh
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
-
-from .kinematics import link_poses, shift, turn
+from tests.robot.kinematics import link_poses, shift, turn
 
 PENDULUM = """
 name = "pendulum"

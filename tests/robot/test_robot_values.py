@@ -11,8 +11,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot import FrictionLaw, gallery_names, load_robot
 from pivident.robot.robot_values import SHAPES, robot_of_values, robot_values
 from tests.dynamics.friction_laws import LAWS
-
-from .random_robots import random_robot
+from tests.robot.random_robots import random_robot
 
 
 def same(a, b) -> bool:

@@ -5,8 +5,7 @@ import pytest
 
 from pivident.robot import FrictionLaw, parse_urdf, read_urdf
 from pivident.robot.friction import asymmetric_coulomb, coulomb, viscous
-
-from .kinematics import link_poses
+from tests.robot.kinematics import link_poses
 
 ARM = """<?xml version="1.0" encoding="utf-8"?>
 <robot name="arm">

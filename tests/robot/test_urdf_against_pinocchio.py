@@ -11,8 +11,7 @@ from pivident.robot import parse_urdf, read_urdf
 from pivident.robot.frames import rotation_from_z_to
 from pivident.robot.inertia import moved
 from pivident.robot.urdf_xml import parse_model
-
-from .kinematics import gravity_torque, link_poses
+from tests.robot.kinematics import gravity_torque, link_poses
 
 pin = pytest.importorskip("pinocchio")
 

@@ -10,8 +10,8 @@ from pivident.signals.noise_models import (
     unmasked_stretches,
     whiten,
 )
-from pivident.validation.autocorrelation import ljung_box
-from pivident.validation.residual import JointResidual
+from pivident.validation.residuals.autocorrelation import ljung_box
+from pivident.validation.residuals.residual import JointResidual
 
 AR2 = [1.0, -1.5, 0.8]
 

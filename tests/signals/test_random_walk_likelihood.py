@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from scipy.stats import multivariate_normal
 
 from pivident.signals.random_walk_likelihood import (
-    LARGEST_NVR,
-    SMALLEST_NVR,
+    MAX_NVR,
+    MIN_NVR,
     diffuse_fit,
     estimate_nvr,
 )
@@ -182,7 +182,7 @@ def test_cap_of_the_bandwidth_is_a_bound():
 def test_constant_record_has_no_noise_to_find(value):
     found = estimate_nvr(np.full(500, value), RATE, 3)
     assert found.on_bound
-    assert found.nvr == LARGEST_NVR
+    assert found.nvr == MAX_NVR
     fit = diffuse_fit(np.full(500, value), found.nvr, 3)
     np.testing.assert_allclose(fit.level, value, rtol=1e-12)
 
@@ -190,7 +190,7 @@ def test_constant_record_has_no_noise_to_find(value):
 def test_white_noise_alone_is_smoothed_to_the_lower_bound():
     noise = np.random.default_rng(0).standard_normal(5000)
     found = estimate_nvr(noise, RATE, 2)
-    assert found.nvr < 100 * SMALLEST_NVR[2]
+    assert found.nvr < 100 * MIN_NVR[2]
 
 
 def test_difference_matrix_and_numpy_agree():

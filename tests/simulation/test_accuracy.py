@@ -11,8 +11,7 @@ from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import asymmetric_coulomb, coulomb, offset, stribeck, viscous
 from pivident.simulation.controllers import PD, PID, Cascade
-
-from .loops import (
+from tests.simulation.loops import (
     TX40_KD,
     TX40_KP,
     nominal_model,

@@ -8,9 +8,8 @@ from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot import load_robot
 from pivident.simulation.controllers import PD
-
-from ..robot.kinematics import potential_energy
-from .loops import TX40_KD, TX40_KP, reversals, run, signals_of
+from tests.robot.kinematics import potential_energy
+from tests.simulation.loops import TX40_KD, TX40_KP, reversals, run, signals_of
 
 RATE = 1000.0
 FREE = {n: PD(np.zeros(n), np.zeros(n)) for n in (1, 2)}

@@ -13,8 +13,15 @@ from pivident.errors import (
 )
 from pivident.robot import load_robot
 from pivident.simulation.controllers import PD
-
-from .loops import CHANNELS, TX40_KD, TX40_KP, nominal_model, reversals, run, signals_of
+from tests.simulation.loops import (
+    CHANNELS,
+    TX40_KD,
+    TX40_KP,
+    nominal_model,
+    reversals,
+    run,
+    signals_of,
+)
 
 RATE = 5000.0
 TX40_LAW = PD(TX40_KP, TX40_KD)

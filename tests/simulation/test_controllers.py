@@ -16,8 +16,7 @@ from pivident.simulation.controllers import (
     backward_difference,
     inverse_controller,
 )
-
-from .loops import command_of, nominal_model, reversals, run, signals_of
+from tests.simulation.loops import command_of, nominal_model, reversals, run, signals_of
 
 RATE = 1000.0
 LAWS = {

@@ -8,9 +8,16 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import InstrumentalVariables, RandomWalk
 from pivident.recording.recording import Recording
 from pivident.simulation.controllers import PD, PythonController
-
-from ..validation import one_axis
-from .loops import TX40_KD, TX40_KP, nominal_model, relative_rms, reversals, run, signals_of
+from tests.simulation.loops import (
+    TX40_KD,
+    TX40_KP,
+    nominal_model,
+    relative_rms,
+    reversals,
+    run,
+    signals_of,
+)
+from tests.validation import one_axis
 
 RATE = 1000.0
 KP, KD = np.array([900.0, 300.0]), np.array([60.0, 20.0])

@@ -7,8 +7,7 @@ from scipy.signal import lfilter
 from pivident.recording.public_records import EMPS, load_emps, load_emps_pulses
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import Cascade
-
-from .loops import command_of, nominal_model
+from tests.simulation.loops import command_of, nominal_model
 
 pytestmark = pytest.mark.record
 

@@ -22,9 +22,8 @@ from pivident.robot.friction import (
     viscous,
 )
 from pivident.simulation.controllers import PD, PID, PythonController
-
-from .loops import TX40_KD, TX40_KP, relative_rms, reversals, run, signals_of
-from .test_accuracy import CONTRACT, TX40_MOTIONS
+from tests.simulation.loops import TX40_KD, TX40_KP, relative_rms, reversals, run, signals_of
+from tests.simulation.test_accuracy import CONTRACT, TX40_MOTIONS
 
 SMOOTH = (viscous(), coulomb(), offset())
 LAWS = {

@@ -8,8 +8,7 @@ import pytest
 
 from pivident.errors import ExperimentError, SimulationDiverged
 from pivident.simulation.controllers import PD, PythonController
-
-from .loops import CHANNELS, nominal_model, relative_rms, reversals, run, signals_of
+from tests.simulation.loops import CHANNELS, nominal_model, relative_rms, reversals, run, signals_of
 
 RATE = 1000.0
 KP, KD = np.array([900.0, 300.0]), np.array([60.0, 20.0])

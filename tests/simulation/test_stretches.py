@@ -13,8 +13,7 @@ from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import lugre, viscous
 from pivident.simulation.closed_loop import simulate_blocks
 from pivident.simulation.controllers import PD
-
-from .loops import TX40_KD, TX40_KP, nominal_model, reversals, run, signals_of
+from tests.simulation.loops import TX40_KD, TX40_KP, nominal_model, reversals, run, signals_of
 
 RATE = 5000.0
 LAW = PD(TX40_KP, TX40_KD)

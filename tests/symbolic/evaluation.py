@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pivident.symbolic.expressions import evaluate
+from pivident.dynamics.grouping.expressions import evaluate
 from pivident.symbolic.program import Program
 
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.grouping.expressions import call, cosine, sine, symbol
 from pivident.dynamics.regressor import Regressor
 from pivident.robot import load_robot
 from pivident.symbolic.composite_bodies import mass_matrix
-from pivident.symbolic.expressions import call, cosine, sine, symbol
 from pivident.symbolic.newton_euler import inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix
 from pivident.symbolic.print_c import TILE, c_header, c_source

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import sympy
 
-from pivident.symbolic.expressions import OperationCount, call, cosine, sine, symbol
+from pivident.dynamics.grouping.expressions import OperationCount, call, cosine, sine, symbol
 from pivident.symbolic.program import LONGEST, Input, Output, Program, output_array
 from tests.symbolic.evaluation import evaluated
 

@@ -17,8 +17,7 @@ from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation import essential_parameters as module
 from pivident.validation.elimination import EliminationRound, design_effect, torque_sums
 from pivident.validation.essential_parameters import essential_parameters
-
-from . import one_axis as axis
+from tests.validation import one_axis as axis
 
 FULL_RATE = LeastSquares(signals=RandomWalk())
 

@@ -152,7 +152,7 @@ def test_scores_of_an_estimate_sum_to_zero(found):
 
 def test_memory_is_bounded_by_summing_neighbours(found, monkeypatch):
     whole = scores_of(found)
-    monkeypatch.setattr(robust_covariance, "MOST_ROWS", 5000)
+    monkeypatch.setattr(robust_covariance, "MAX_ROWS", 5000)
     thin = scores_of(found)
     assert thin.thinning == 3 and thin.rows == 4000
     assert np.allclose(thin.records[0], whole.records[0].reshape(4000, 3, 28).sum(axis=1))

@@ -15,8 +15,10 @@ import numpy as np
 
 from pivident.audit.log import Log
 from pivident.errors import FileFormatError, GapInClock
-from pivident.printable import escaped
-from pivident.recording.bag_channels import bag_channel, joint_fields
+from pivident.logs.bags.bag_channels import bag_channel, joint_fields
+from pivident.logs.bags.joint_topics import TopicTable
+from pivident.logs.bags.read_bag import Bag, open_bag
+from pivident.logs.source_files import SourceFile
 from pivident.recording.channel_reading import read_channels
 from pivident.recording.clock_alignment import (
     ClockedChannel,
@@ -24,11 +26,9 @@ from pivident.recording.clock_alignment import (
     onto_one_clock,
 )
 from pivident.recording.columns import Channel
-from pivident.recording.files import SourceFile
-from pivident.recording.joint_topics import TopicTable
-from pivident.recording.read_bag import Bag, open_bag
 from pivident.recording.units import factor_to_si
 from pivident.robot.description import Robot
+from pivident.text.printable import escaped
 
 #: Channels on their clock: values by name, clocks by name [s], and what was done.
 OnOneClock = tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[str]]

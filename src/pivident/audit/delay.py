@@ -20,7 +20,7 @@ from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
 from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import InverseModel
 from pivident.audit.log import Log
-from pivident.estimation.parameter_rows import with_spread
+from pivident.text.numbers import with_spread
 
 #: Shifts that are tried [s], but at least so many samples on each side.
 LONGEST, FEWEST = 0.04, 6

@@ -16,10 +16,10 @@ from pivident.audit.column_names import is_clock
 from pivident.audit.file_columns import clocks_in, numeric_columns, numeric_table
 from pivident.audit.log import CHANNELS, Log
 from pivident.errors import RecordingError
+from pivident.logs.bags.read_bag import is_bag
+from pivident.logs.source_files import SourceFile
 from pivident.recording.channel_reading import stamp_channels
 from pivident.recording.columns import Channel, array_of, assemble, locate
-from pivident.recording.files import SourceFile
-from pivident.recording.read_bag import is_bag
 from pivident.recording.torque_scale import torque_scales
 from pivident.recording.units import factor_to_si
 from pivident.robot.description import Robot

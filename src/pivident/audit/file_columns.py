@@ -12,8 +12,8 @@ import numpy as np
 
 from pivident.audit.column_names import is_clock
 from pivident.errors import BadCell, FileFormatError
-from pivident.recording.read_csv import read_csv_forgiving
-from pivident.recording.tables import names_in, read_table
+from pivident.logs.tables.read_csv import read_csv_forgiving
+from pivident.logs.tables.tables import names_in, read_table
 from pivident.recording.timestamps import LIKELY_RATES, LOWEST_RATE
 from pivident.recording.units import TIME
 

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any, Literal, Protocol, TypeVar
 
-from pivident.estimation.parameter_rows import plus_minus
-from pivident.plain_values import plain
+from pivident.text.numbers import plus_minus
+from pivident.text.plain_values import plain
 
 Severity = Literal["fine", "look", "wrong"]
 
@@ -122,7 +122,7 @@ def alike(statements: Iterable[AnyStatement]) -> list[list[AnyStatement]]:
     return list(groups.values())
 
 
-def told_once(group: Sequence[Statement]) -> str:
+def merged(group: Sequence[Statement]) -> str:
     """One sentence for all statements of a group: the first, and for whom else it holds.
 
     Args:
@@ -160,4 +160,4 @@ def grouped(findings: Iterable[Finding]) -> list[tuple[Severity, str, str]]:
         findings: of one log.
     """
     serious = (f for f in gravest_first(findings) if f.severity != "fine")
-    return [(group[0].severity, told_once(group), group[0].step) for group in alike(serious)]
+    return [(group[0].severity, merged(group), group[0].step) for group in alike(serious)]

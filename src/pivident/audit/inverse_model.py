@@ -33,7 +33,7 @@ BANDWIDTH = 20.0
 OVERSAMPLING = 8
 
 #: Samples that are looked at, in the middle of the motion; more would only take longer.
-MOST_SAMPLES = 60_000
+MAX_SAMPLES = 60_000
 
 #: Share of the rated speed below which a joint's rows do not count: static friction has no law.
 LOW_SPEED = 0.01
@@ -270,11 +270,11 @@ def uniform(
         q = np.column_stack([np.interp(grid, t, x) for x in q[index].T])
         tau = np.column_stack([np.interp(grid, t, x) for x in tau[index].T])
     first = 0
-    if len(q) > MOST_SAMPLES:
+    if len(q) > MAX_SAMPLES:
         speed = np.abs(np.diff(q, axis=0, prepend=q[:1])).max(axis=1)
         busy = np.cumsum(speed)
-        first = int(np.argmax(busy[MOST_SAMPLES - 1 :] - np.r_[0.0, busy[:-MOST_SAMPLES]]))
-        part = slice(first, first + MOST_SAMPLES)
+        first = int(np.argmax(busy[MAX_SAMPLES - 1 :] - np.r_[0.0, busy[:-MAX_SAMPLES]]))
+        part = slice(first, first + MAX_SAMPLES)
         q, tau, invented = q[part], tau[part], invented[part]
     return q, tau, invented, first
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.recording.files import SourceFile
+from pivident.logs.source_files import SourceFile
 from pivident.recording.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 

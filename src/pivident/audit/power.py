@@ -18,8 +18,8 @@ from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife, orthonorm
 from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import InverseModel
 from pivident.audit.log import Log
-from pivident.estimation.parameter_rows import with_spread
 from pivident.robot.friction import FrictionColumn
+from pivident.text.numbers import with_spread
 
 #: A power counts as negative from this many of its deviations on.
 CLEAR = 3.0
@@ -34,7 +34,7 @@ EXPLAINED = 0.5
 REST = 2e-3
 
 #: Shortest time at rest [s].
-SHORTEST_REST = 0.1
+MIN_REST = 0.1
 
 #: Share of gravity's torque by which a description may be off.
 DESCRIPTION = 0.5
@@ -189,7 +189,7 @@ def _gravity_at_rest(
     resting = np.all(np.abs(model.dq) < REST * np.where(fastest > 0, fastest, 1.0), axis=1)
     period = float(np.median(np.diff(model.at))) / model.rate
     findings: list[Finding] = []
-    if resting.sum() * period < SHORTEST_REST or not np.abs(model.gravity).max():
+    if resting.sum() * period < MIN_REST or not np.abs(model.gravity).max():
         return findings
     for j, joint in enumerate(model.robot.joints):
         heaviest = np.flatnonzero(resting)[np.argmax(np.abs(model.gravity[resting, j]))]

@@ -11,13 +11,13 @@ from pivident.audit.finding import Finding
 from pivident.audit.log import Log
 
 #: Values examined of a channel.
-MOST_VALUES = 20_000
+MAX_VALUES = 20_000
 
 #: Share of the gaps between values that must be whole steps.
 ON_GRID = 0.97
 
 #: Fewer levels than this over the motion of a joint: the derivatives are made of steps.
-FEWEST_LEVELS = {"q": 5000, "q_ref": 0, "tau": 200}
+MIN_LEVELS = {"q": 5000, "q_ref": 0, "tau": 200}
 
 #: Digits beyond which a text file does not limit a log.
 ENOUGH_DIGITS = 7
@@ -99,7 +99,7 @@ def _step(values: np.ndarray) -> float:
     of it then refines the step, Σ gap·n / Σ n² with n = round(gap / step).
     """
     middle = len(values) // 2
-    levels = np.unique(values[max(0, middle - MOST_VALUES // 2) : middle + MOST_VALUES // 2])
+    levels = np.unique(values[max(0, middle - MAX_VALUES // 2) : middle + MAX_VALUES // 2])
     if levels.size < 4:
         return math.nan
     gaps = np.diff(levels)
@@ -129,7 +129,7 @@ def significant_digits(values: np.ndarray) -> int | None:
     Args:
         values: finite samples.
     """
-    some = values[values != 0.0][:MOST_VALUES]
+    some = values[values != 0.0][:MAX_VALUES]
     if some.size < 20 or np.all(some == np.round(some)):
         return None  # counts are whole numbers, whatever their digits
     scale = 10.0 ** np.floor(np.log10(np.abs(some)))
@@ -149,7 +149,7 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
     if grid.digits is not None:
         coarse = 10.0 ** (math.floor(math.log10(largest)) - grid.digits + 1)
         levels = float(np.ptp(values)) / coarse
-        limits = levels < FEWEST_LEVELS.get(kind, 0) or (kind == "q" and coarse > 3 * grid.step)
+        limits = levels < MIN_LEVELS.get(kind, 0) or (kind == "q" and coarse > 3 * grid.step)
         text = (
             f"{name} is written with {grid.digits} significant digits: the largest values are "
             f"rounded to {coarse:.3g}, {levels:.3g} levels over the range."
@@ -169,7 +169,7 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
         )
     if not math.isfinite(grid.step):
         return findings
-    few = grid.levels < FEWEST_LEVELS.get(kind, 0)
+    few = grid.levels < MIN_LEVELS.get(kind, 0)
     text = f"{name} moves in steps of {grid.step:.4g}, {grid.levels:.4g} of them over its range."
     j = log.joint_names.index(joint) if joint in log.joint_names else None
     if kind == "q" and j is not None:
@@ -192,7 +192,7 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
             step,
             value=grid.step,
             unit="unit of the file",
-            bound=float(np.ptp(values)) / FEWEST_LEVELS[kind] if FEWEST_LEVELS.get(kind) else None,
+            bound=float(np.ptp(values)) / MIN_LEVELS[kind] if MIN_LEVELS.get(kind) else None,
         )
     )
     return findings

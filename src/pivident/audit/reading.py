@@ -14,9 +14,9 @@ from pivident.audit.described_reading import described_log
 from pivident.audit.file_columns import clocks_in, read_columns
 from pivident.audit.log import Log
 from pivident.errors import RecordingError
+from pivident.logs.bags.read_bag import is_bag
+from pivident.logs.source_files import SourceFile
 from pivident.recording import public_records
-from pivident.recording.files import SourceFile
-from pivident.recording.read_bag import is_bag
 from pivident.robot.description import Robot
 
 if TYPE_CHECKING:

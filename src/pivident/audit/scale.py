@@ -21,10 +21,10 @@ from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.errors import PividentError
-from pivident.estimation.parameter_rows import plus_minus
 from pivident.recording.checks import check_within_reach
 from pivident.recording.torque_scale import scale_sentences
 from pivident.robot.description import Robot
+from pivident.text.numbers import plus_minus
 
 #: A gain that differs from 1 by this factor deserves a look, by that one it is wrong.
 LOOK, WRONG = 1.3, 3.0

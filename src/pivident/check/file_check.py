@@ -12,7 +12,7 @@ from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS
 from pivident.experiment.experiment import Experiment, toml_content, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
-from pivident.experiment.methods import method_of
+from pivident.experiment.method_table import method_of
 from pivident.experiment.schema import ExperimentFile
 
 

@@ -14,7 +14,7 @@ from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Remark
-from pivident.estimation.law_gravity import GravityColumns, gravity_columns
+from pivident.control_law.law_gravity import GravityColumns, gravity_columns
 from pivident.experiment.schema import ControllerEntry
 
 #: Share of the torque's variance that a law without gravity stays below, and that one with gravity

@@ -34,7 +34,7 @@ from pivident.errors import (
     PividentError,
     SaturatedSignal,
 )
-from pivident.experiment.recordings import recording_of
+from pivident.experiment.recording_tables import recording_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.recording.recording import Recording
 from pivident.recording.timestamps import LOWEST_RATE
@@ -56,7 +56,7 @@ CONSEQUENTIAL = ("reach", "speed", "angle unit", "side", "order", "late", "early
 HIDES_GEOMETRY = (*CONSEQUENTIAL, "sign", "missing", "rate")
 
 #: A declared delay beyond this is in milliseconds [s].
-LONGEST_DELAY = 0.5
+MAX_DELAY = 0.5
 
 #: Lines up to which a line of another length means that the whole table is something else.
 EARLY = 3
@@ -124,7 +124,7 @@ def check_log(
     if audit.model is not None and not set(grave) & set(HIDES_GEOMETRY):
         remarks += check_geometry(log, audit.timing, audit.model, place)
     slow = entry.rate is not None and entry.rate < LOWEST_RATE
-    if entry.delay is not None and abs(entry.delay) > LONGEST_DELAY:
+    if entry.delay is not None and abs(entry.delay) > MAX_DELAY:
         remarks.append(_long_delay(entry.delay, place))
     if slow:
         remarks.append(_no_rate(float(entry.rate or 0.0), place))

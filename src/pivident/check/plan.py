@@ -9,8 +9,8 @@ from typing import Any
 from pivident.check.expected_time import expected_time, first_run
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
-from pivident.plain_values import plain
 from pivident.recording.recording import Recording
+from pivident.text.plain_values import plain
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem, parameter_index
 from pivident.experiment.experiment import Experiment
-from pivident.experiment.recordings import loop_of
+from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
 from pivident.recording.recording import Recording
 from pivident.recording.timestamps import LOWEST_RATE

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from pivident.audit.finding import SEVERITIES, Finding, Severity, alike, told_once
+from pivident.audit.finding import SEVERITIES, Finding, Severity, alike, merged
 from pivident.errors import FileFormatError, UnknownColumn
-from pivident.plain_values import plain
+from pivident.text.plain_values import plain
 
 #: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
 Place = tuple[int | str, ...]
@@ -242,7 +242,7 @@ def _channel(message: str) -> Place:
 def grouped(remarks: Iterable[Remark]) -> list[Remark]:
     """Remarks, with what holds of several joints or channels said once."""
     return [
-        replace(group[0], sentence=told_once(group), refused=any(r.refused for r in group))
+        replace(group[0], sentence=merged(group), refused=any(r.refused for r in group))
         for group in alike(remarks)
     ]
 

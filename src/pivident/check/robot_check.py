@@ -14,13 +14,13 @@ from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.inertia import Body
 
 #: Limits beyond these are degrees or millimetres that nobody converted.
-LARGEST_ANGLE, LARGEST_TRAVEL = 30.0, 50.0
+MAX_ANGLE, MAX_TRAVEL = 30.0, 50.0
 
 #: Rated speeds beyond these likewise [rad/s, m/s].
 FASTEST_TURN, FASTEST_SLIDE = 40.0, 20.0
 
 #: Distances between joints, and from a joint to a centre of mass, beyond this are millimetres [m].
-LARGEST_DISTANCE = 20.0
+MAX_DISTANCE = 20.0
 
 #: Share by which a principal moment may exceed the sum of the other two.
 ROUNDING = 1e-3
@@ -107,7 +107,7 @@ def _limits(joint: Joint, file: str) -> Iterator[Remark]:
     if joint.position_limits is not None:
         low, high = joint.position_limits
         farthest = max(abs(low), abs(high))
-        if math.isfinite(farthest) and farthest > (LARGEST_ANGLE if turning else LARGEST_TRAVEL):
+        if math.isfinite(farthest) and farthest > (MAX_ANGLE if turning else MAX_TRAVEL):
             yield _robot_remark(
                 "wrong",
                 "position limits",
@@ -130,7 +130,7 @@ def _limits(joint: Joint, file: str) -> Iterator[Remark]:
 
 def _distance(joint: Joint, file: str) -> Iterator[Remark]:
     far = float(np.linalg.norm(joint.translation))
-    if far > LARGEST_DISTANCE:
+    if far > MAX_DISTANCE:
         yield _robot_remark(
             "wrong",
             "lengths",
@@ -156,7 +156,7 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
         )
         return
     away = float(np.linalg.norm(body.center_of_mass))
-    if away > LARGEST_DISTANCE:
+    if away > MAX_DISTANCE:
         yield _robot_remark(
             "wrong",
             "centre of mass",

@@ -64,7 +64,7 @@ def print_check(found: ExperimentCheck) -> None:
     from rich.text import Text
 
     from pivident.cli.audit import STYLES
-    from pivident.printable import escaped
+    from pivident.text.printable import escaped
 
     console = Console(highlight=False)
     counts = {s: sum(r.severity == s for r in found.remarks) for s in ("wrong", "look")}

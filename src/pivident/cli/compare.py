@@ -32,7 +32,7 @@ def compare(
 
     from pivident.cli.workflow import check_output
     from pivident.comparison.compare import compare as compare_results
-    from pivident.comparison.text import WIDTH, comparison_tables, comparison_text
+    from pivident.comparison.comparison_text import WIDTH, comparison_tables, comparison_text
 
     if out is not None:
         check_output(out)

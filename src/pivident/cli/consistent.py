@@ -51,10 +51,10 @@ def consistent(
         Folder for the two files. Default: that of the identification.
     """
     from pivident.cli.workflow import check_output
-    from pivident.estimation.reload import load_identification
+    from pivident.consistency.consistent_estimate import consistent_estimate
+    from pivident.consistency.consistent_files import write_consistent
+    from pivident.estimation.stored_identification import load_identification
     from pivident.files import atomic_folder
-    from pivident.validation.consistent_estimate import consistent_estimate
-    from pivident.validation.consistent_files import write_consistent
 
     if identification.is_dir():
         identification = identification / "identification.json"
@@ -79,7 +79,7 @@ def _options(
 ) -> ConsistencyOptions:
     """Those of the file, and what the command line says instead."""
     from pivident.consistency.options import ConsistencyOptions
-    from pivident.experiment.consistency import read_consistency, reference_of
+    from pivident.experiment.consistency_table import read_consistency, reference_of
 
     options = ConsistencyOptions() if bounds is None else read_consistency(bounds, robot)
     if prior is not None:

@@ -7,7 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING
 
 from pivident.errors import PividentError
-from pivident.printable import escaped
+from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
     from rich.status import Status

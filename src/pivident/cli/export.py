@@ -11,8 +11,8 @@ from cyclopts import Parameter
 from pivident.cli.console import Progress
 
 if TYPE_CHECKING:
-    from pivident.export.exported import ExportedText, Verification
-    from pivident.export.runnable_model import RunnableModel
+    from pivident.models.exported import ExportedText, Verification
+    from pivident.models.runnable_model import RunnableModel
 
 
 def export(
@@ -47,7 +47,7 @@ def export(
     from pivident.errors import ExportError
     from pivident.export.formats import FORMATS, export_model, verify_export
     from pivident.export.original_urdf import original_urdf
-    from pivident.export.stored_model import stored_model
+    from pivident.models.stored_model import stored_model
 
     if robot is not None and to != "urdf":
         raise ExportError(f"--robot is for --to urdf; {to} holds the whole robot, leave it out")
@@ -100,7 +100,7 @@ def check_targets(
         ExportError: a file to be written is one of them, a folder, or to be written twice.
     """
     from pivident.errors import ExportError
-    from pivident.recording.files import sha256
+    from pivident.logs.source_files import sha256
 
     for name in exported.further:
         if name.casefold() == out.name.casefold():

@@ -11,10 +11,10 @@ from pivident.cli.console import Progress, note
 from pivident.cli.workers import chosen_pool
 
 if TYPE_CHECKING:
-    from pivident.fleet.judgement import Judgement
+    from pivident.many.fleet.judgement import Judgement
 
 #: Alarms and failed logs that are printed; all are in the files.
-MOST_PRINTED = 20
+MAX_PRINTED = 20
 
 
 def fleet(
@@ -54,8 +54,8 @@ def fleet(
     """
     from pivident.cli.workflow import check_output
     from pivident.errors import ExperimentError
-    from pivident.fleet.identify_fleet import default_out, identify_fleet, template_of
-    from pivident.fleet.judgement import conclude
+    from pivident.many.fleet.identify_fleet import default_out, identify_fleet, template_of
+    from pivident.many.fleet.judgement import conclude
 
     if level is not None and not 0.0 < level < 1.0:
         raise ExperimentError(
@@ -84,10 +84,10 @@ def fleet(
 
 def _print(judgement: Judgement, place: Path) -> None:
     """Alarms, what they promise, what could not be judged, and where the files are."""
-    from pivident.fleet.judgement import ALARMS, PAGE, PARAMETERS
-    from pivident.fleet.text import judgement_text
-    from pivident.printable import escaped
+    from pivident.many.fleet.fleet_text import judgement_text
+    from pivident.many.fleet.judgement import ALARMS, PAGE, PARAMETERS
+    from pivident.text.printable import escaped
 
-    print(escaped(judgement_text(judgement, MOST_PRINTED)))
+    print(escaped(judgement_text(judgement, MAX_PRINTED)))
     for name, path in (("Table", PARAMETERS), ("Alarms", ALARMS), ("Page", PAGE)):
         print(f"{name + ':':8}{place / path}")

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from pivident.cli.console import Progress
 from pivident.errors import ExperimentError
+from pivident.extras import require
 
 if TYPE_CHECKING:
-    from pivident.friction.examination import FrictionExamination
+    from pivident.friction.friction_study import FrictionStudy
 
 
 def friction(
@@ -49,7 +50,7 @@ def run_friction(
     standstill: float | None,
     out: Path | None,
     ripple: bool = False,
-) -> FrictionExamination:
+) -> FrictionStudy:
     """Identify, take the rigid part off, see the friction, print what stands out, write the files.
 
     Args:
@@ -61,20 +62,21 @@ def run_friction(
 
     Raises:
         PividentError: the file, its data or the output folder cannot be used, the estimate
-            fails, or no joint moves enough.
+            fails, no joint moves enough, or polars is not installed.
     """
     from pivident.cli.workflow import check_output
     from pivident.estimation.identify import identify
     from pivident.experiment import load_experiment
-    from pivident.friction.curves import write_friction
-    from pivident.friction.examination import examine_friction
-    from pivident.friction.ripple_search import find_ripple
+    from pivident.friction.friction_study import study_friction
+    from pivident.friction.ripple.ripple_search import find_ripple
+    from pivident.report.friction.friction_files import write_friction
 
     if standstill is not None and not 0.0 < standstill < 1.0:
         raise ExperimentError(
             f"--standstill {standstill:g} is not a share of the rated speed; give one between 0 "
             "and 1, such as 0.01"
         )
+    require("polars", extra="tables", purpose="the table of friction curves")
     with Progress() as progress:
         experiment = load_experiment(path)
         folder = out or Path(f"{path.stem}-friction")
@@ -83,32 +85,32 @@ def run_friction(
         name = method or ("ls" if problem.loop is None else "iv-full-rate")
         chosen = experiment.methods([name])[name]
         found = identify(problem, chosen, progress.say)
-        examination = examine_friction(problem, found, standstill=standstill, progress=progress.say)
+        study = study_friction(problem, found, standstill=standstill, progress=progress.say)
         if ripple:
             progress.say("searching for ripple")
             lines = find_ripple(found, problem.recordings)
-            examination = replace(examination, ripple=lines)
+            study = replace(study, ripple=lines)
         progress.say("writing the page")
-        page = write_friction(examination, folder, f"{experiment.title}: friction")
-    print_friction(examination)
+        page = write_friction(study, folder, f"{experiment.title}: friction")
+    print_friction(study)
     print(f"\nPage: {page}")
-    return examination
+    return study
 
 
-def print_friction(examination: FrictionExamination) -> None:
+def print_friction(study: FrictionStudy) -> None:
     """What stands out for each joint, then the sentences behind it.
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
     """
-    from pivident.friction.findings import headline
+    from pivident.friction.friction_findings import headline
 
-    for joint in examination.joints:
+    for joint in study.joints:
         print(f"{joint.name}: {headline(joint.findings)}")
         for finding in joint.findings:
             terms = f" [{finding.terms}]" if finding.clear and finding.terms else ""
             print(f"  {'!' if finding.clear and finding.brief else '·'} {finding.sentence}{terms}")
-    for name, reason in examination.left_out.items():
+    for name, reason in study.left_out.items():
         print(f"{name}: left out: {reason}")
-    if examination.ripple is not None:
-        print(f"\nRipple over position\n{examination.ripple}")
+    if study.ripple is not None:
+        print(f"\nRipple over position\n{study.ripple}")

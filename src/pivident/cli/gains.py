@@ -10,10 +10,10 @@ from pivident.cli.console import Progress
 from pivident.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from pivident.estimation.gain_ratios import GainGroup
-    from pivident.estimation.log_units import MotorInLogUnits
+    from pivident.drives.gain_ratios import GainGroup
+    from pivident.drives.log_units import MotorInLogUnits
     from pivident.experiment import Experiment
-    from pivident.experiment.drive_gains import GainsOfExperiment
+    from pivident.experiment.gains_table import GainsOfExperiment
 
 
 def gains(
@@ -39,7 +39,7 @@ def gains(
     """
     from pivident.cli.workflow import check_output
     from pivident.experiment import load_experiment
-    from pivident.experiment.drive_gains import gains_of, lines_for_file
+    from pivident.experiment.gains_table import gains_of, lines_for_file
 
     if out is not None and out.exists():
         raise ExperimentError(f"{out} is there already; name another file for the gains")
@@ -87,8 +87,8 @@ def gains_text(found: GainsOfExperiment) -> str:
 
 def _gain_table(found: GainsOfExperiment) -> str:
     """One line for each joint."""
-    from pivident.estimation.parameter_rows import plus_minus, with_spread
-    from pivident.validation.plain_table import plain_table
+    from pivident.text.numbers import plus_minus, with_spread
+    from pivident.text.plain_table import plain_table
 
     result, known = found.gains, found.gains.anchored
     group_of = {m: g for g in result.groups for m in g.motors}
@@ -142,8 +142,8 @@ def least_squares_text(found: GainsOfExperiment) -> str:
     Args:
         found: the gains of an experiment file.
     """
-    from pivident.estimation.parameter_rows import plus_minus
-    from pivident.validation.plain_table import plain_table
+    from pivident.text.numbers import plus_minus
+    from pivident.text.plain_table import plain_table
 
     if not found.gains.literature:
         return "No weighted or total least squares: they need a known payload or parameter."
@@ -227,8 +227,8 @@ def _remedy(found: GainsOfExperiment, whose: str) -> str:
 
 def _temperature_table(found: GainsOfExperiment) -> str:
     """Temperature coefficients, and whether they were worth it."""
-    from pivident.estimation.parameter_rows import with_spread
-    from pivident.validation.plain_table import plain_table
+    from pivident.text.numbers import with_spread
+    from pivident.text.plain_table import plain_table
 
     rows = found.temperatures
     scale, unit = (100.0, "%/K") if rows[0].unit == "1/K" else (100.0 * 3600.0, "%/h")
@@ -248,8 +248,8 @@ def _temperature_table(found: GainsOfExperiment) -> str:
 
 def _rows_in_log_units(experiment: Experiment) -> tuple[MotorInLogUnits, ...]:
     """Every motor's row in the unit of its log."""
-    from pivident.estimation.log_units import identify_in_log_units
-    from pivident.experiment.drive_gains import declared_gains, with_unit_gains
+    from pivident.drives.log_units import identify_in_log_units
+    from pivident.experiment.gains_table import declared_gains, with_unit_gains
 
     declared = declared_gains(experiment.content.recording[0], experiment.robot)
     bare = with_unit_gains(experiment)
@@ -264,8 +264,8 @@ def log_units_text(row: MotorInLogUnits) -> str:
     Args:
         row: the motor's own estimate.
     """
-    from pivident.estimation.parameter_rows import with_spread
-    from pivident.validation.plain_table import plain_table
+    from pivident.text.numbers import with_spread
+    from pivident.text.plain_table import plain_table
 
     texts = [with_spread(v, 2 * s) for v, s in zip(row.values, row.std, strict=True)]
     table = plain_table(

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from pivident.cli.console import Progress, note
 
 if TYPE_CHECKING:
-    from pivident.draft import Draft
-    from pivident.draft.guess import Answers, Question
+    from pivident.init import Draft
+    from pivident.init.guess import Answers, Question
 
 #: How sure a guess is, as the summary shows it, and its colour on a terminal.
 SURE = {"certain": ("seen", "green"), "likely": ("likely", "cyan"), "guess": ("GUESS", "yellow")}
 
 #: Longest value in the summary, in characters.
-LONGEST_VALUE = 60
+MAX_VALUE = 60
 
 
 def run_init(
@@ -45,8 +45,8 @@ def run_init(
     Raises:
         PividentError: the log or the robot cannot be used, or the file must not be written.
     """
-    from pivident.draft import draft_experiment
     from pivident.files import atomic_folder
+    from pivident.init import draft_experiment
 
     check_target(out, logs, robot, force)
     answers: Answers = {}
@@ -98,8 +98,8 @@ def print_draft(draft: Draft, out: Path) -> None:
     from rich.table import Table
     from rich.text import Text
 
-    from pivident.draft.experiment_text import value_text
-    from pivident.printable import escaped
+    from pivident.init.experiment_text import value_text
+    from pivident.text.printable import escaped
 
     console = Console(highlight=False)
     rows = []
@@ -107,8 +107,8 @@ def print_draft(draft: Draft, out: Path) -> None:
         if guess.value is None:
             continue
         value = " ".join(value_text(guess.value, 10**9).split())
-        if len(value) > LONGEST_VALUE:
-            value = f"{value[: LONGEST_VALUE - 1]}…"
+        if len(value) > MAX_VALUE:
+            value = f"{value[: MAX_VALUE - 1]}…"
         rows.append((guess.sure, f"{guess.table}.{guess.key}", escaped(value), escaped(guess.seen)))
     if console.is_terminal:
         table = Table.grid(padding=(0, 2))

@@ -14,7 +14,7 @@ from pivident.errors import ExperimentError
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
     from pivident.estimation.problem import Problem
-    from pivident.validation.chosen_laws import LawChoice
+    from pivident.friction.laws.chosen_laws import LawChoice
 
 
 def laws(
@@ -47,7 +47,7 @@ def laws(
         How many terms a law may be changed by, at most.
     """
     from pivident.experiment import load_experiment
-    from pivident.validation.law_choice import choose_laws
+    from pivident.friction.laws.law_choice import choose_laws
 
     if depth < 1:
         raise ExperimentError(f"--depth {depth} leaves no law to try; give 1 or more")
@@ -81,8 +81,8 @@ def laws(
 def _checked(problem: Problem, choice: LawChoice, method: Method | None, unseen: Sequence) -> str:
     """Errors on motion that was not fitted, of the whole robot before and after."""
     from pivident.estimation.methods import LeastSquares, RandomWalk
-    from pivident.validation.cross_validation import cross_validate
-    from pivident.validation.plain_table import plain_table
+    from pivident.text.plain_table import plain_table
+    from pivident.validation.held_out.cross_validation import cross_validate
 
     method = method or LeastSquares(signals=RandomWalk())
     rows = []

@@ -35,9 +35,9 @@ def payload(
     """
     from pivident.cli.workflow import check_output
     from pivident.experiment import load_experiment
-    from pivident.experiment.payload import default_folder, load_of
-    from pivident.payload.export import save_payload
-    from pivident.payload.text import payload_text
+    from pivident.payload.payload_files import save_payload
+    from pivident.payload.payload_table import default_folder, load_of
+    from pivident.payload.payload_text import payload_text
 
     file = first if second is None else second
     if second is None and first.suffix == ".json":
@@ -62,7 +62,7 @@ def payload(
 
 def _arm(file: Path, robot: str | None):
     """The arm without load, from its file."""
-    from pivident.estimation.reload import load_identification
+    from pivident.estimation.stored_identification import load_identification
     from pivident.robot import load_robot
 
     return load_identification(file, None if robot is None else load_robot(robot))

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.printable import escaped
 from pivident.robot import Joint, Robot, gallery_names, load_robot
+from pivident.text.printable import escaped
 
 
 def gallery_text() -> str:

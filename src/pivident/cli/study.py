@@ -12,9 +12,9 @@ from pivident.cli.console import Progress, note
 from pivident.cli.workers import check_count, chosen_pool
 
 if TYPE_CHECKING:
-    from pivident.batch.runner import Pool
-    from pivident.study.scenario import Scenario
-    from pivident.study.summary import Summary
+    from pivident.many.batch.runner import Pool
+    from pivident.many.study.scenario import Scenario
+    from pivident.many.study.summary import Summary
 
 
 def study(
@@ -50,7 +50,7 @@ def study(
         Conditions of the scenario, such as tx40-n1-d1 or 'tx40-*'. Default: all.
     """
     from pivident.cli.workflow import check_output
-    from pivident.study.scenario import load_scenario
+    from pivident.many.study.scenario import load_scenario
 
     check_count("--runs", runs)
     chosen = load_scenario(scenario)
@@ -71,9 +71,9 @@ def _compute(
     chosen: Scenario, conditions: Sequence[Scenario], folder: Path, pool: Pool
 ) -> dict[str, Summary]:
     """Runs, summaries and pages of all conditions."""
-    from pivident.study.conclusion import PAGE, SUMMARY, conclude, write_index
-    from pivident.study.monte_carlo import run_study
-    from pivident.study.text import summary_text
+    from pivident.many.study.conclusion import PAGE, SUMMARY, conclude, write_index
+    from pivident.many.study.monte_carlo import run_study
+    from pivident.many.study.study_text import summary_text
 
     varied = bool(chosen.alternatives)
     summaries: dict[str, Summary] = {}

@@ -138,6 +138,6 @@ def _costs(robot: Robot, programs: Sequence[Program]) -> str:
 
 def _groups(robot: Robot) -> str:
     """Base parameters with their groups, and what has no effect."""
-    from pivident.symbolic.base_parameters import closed_form_base_parameters
+    from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 
     return str(closed_form_base_parameters(robot))

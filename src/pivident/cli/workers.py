@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from pivident.errors import ExperimentError
 
 if TYPE_CHECKING:
-    from pivident.batch.runner import Pool
+    from pivident.many.batch.runner import Pool
 
 
 def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
@@ -21,8 +21,8 @@ def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
     Raises:
         ExperimentError: the options contradict each other.
     """
-    from pivident.batch.cluster import DaskCluster
-    from pivident.batch.runner import Processes
+    from pivident.many.batch.cluster import DaskCluster
+    from pivident.many.batch.runner import Processes
 
     check_count("--workers", workers)
     if scheduler is not None and workers is not None:

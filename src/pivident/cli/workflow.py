@@ -10,26 +10,27 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pivident.cli.console import Progress, error_line, note
-from pivident.consistency.method_names import PREFIX, free_methods
-from pivident.errors import IdentificationError
-from pivident.estimation.export import save_identification
-from pivident.estimation.identification import Identification
-from pivident.estimation.identify import identify
-from pivident.estimation.methods import METHODS, Method
-from pivident.estimation.parameter_rows import parameter_rows
-from pivident.estimation.problem import Problem
-from pivident.estimation.shapes import identify_shapes
-from pivident.estimation.tables import comparison_table, rows_kind
-from pivident.files import atomic_folder, check_output
-from pivident.validation.consistent_estimate import (
+from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
     NoConsistentEstimate,
     consistent_estimates,
 )
-from pivident.validation.consistent_files import write_consistent
+from pivident.consistency.consistent_files import write_consistent
+from pivident.consistency.method_names import PREFIX, free_methods
+from pivident.diagnostics.diagnostics import Diagnostics, diagnose
+from pivident.diagnostics.verdict import save_verdict, verdict
+from pivident.errors import IdentificationError
+from pivident.estimation.identification import Identification
+from pivident.estimation.identification_file import save_identification
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.problem import Problem
+from pivident.estimation.summary_tables import comparison_table, rows_kind
+from pivident.extras import is_installed
+from pivident.files import atomic_folder, check_output
+from pivident.friction.laws.shapes import identify_shapes
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
-from pivident.validation.examination import Examination, examine
-from pivident.validation.verdict import save_verdict, verdict
 
 #: What the demonstration compares, and on how many held-out blocks.
 DEMO_METHODS = ("ls", "iv", "iv-full-rate", "piv")
@@ -61,12 +62,12 @@ class Results:
 
     Attributes:
         identifications: by the method's short name.
-        examination: what was found out about them.
+        diagnostics: what was found out about them.
         essential: the search for the essential parameters, where there was one.
     """
 
     identifications: Mapping[str, Identification]
-    examination: Examination
+    diagnostics: Diagnostics
     essential: EssentialParameters | None = None
 
 
@@ -107,7 +108,7 @@ def run_experiment(
             essential = essential_parameters(problem, last, progress=progress.say)
             problem = replace(problem, parameters=essential.names)
         outcome = identify_all(problem, methods, progress)
-        examination = examine(
+        diagnostics = diagnose(
             problem,
             outcome.identifications,
             methods,
@@ -119,15 +120,22 @@ def run_experiment(
         wanted = [name for name in consistent if name in outcome.identifications]
         if wanted:
             recordings = unseen or problem.recordings
-            made = consistent_estimates(examination, wanted, options, recordings, progress.say)
+            made = consistent_estimates(
+                diagnostics.identifications,
+                diagnostics.out_of_sample,
+                wanted,
+                options,
+                recordings,
+                progress.say,
+            )
             for name, estimate in made.items():
                 progress.keep(estimate.headline())
                 if isinstance(estimate, NoConsistentEstimate):
                     outcome = replace(outcome, failed=(*outcome.failed, f"{PREFIX}{name}"))
-            examination = replace(examination, consistent=made)
+            diagnostics = replace(diagnostics, consistent=made)
         progress.say("writing the results")
-        report = experiment.content.output.report
-        results = Results(outcome.identifications, examination, essential)
+        report = experiment.content.output.report and _can_draw(progress)
+        results = Results(outcome.identifications, diagnostics, essential)
         write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
     if shaped is not None:
@@ -153,15 +161,26 @@ def run_demo(out: Path, seed: int = 0) -> bool:
         problem, truth = tx40_fine(seed)
         methods = {n: METHODS[n] for n in DEMO_METHODS}
         outcome = identify_all(problem, methods, progress)
-        examination = examine(
+        diagnostics = diagnose(
             problem, outcome.identifications, methods, folds=DEMO_FOLDS, progress=progress.say
         )
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
-        results = Results(outcome.identifications, examination)
-        write_results(results, out, title, truth)
-    _print_results(results, out, truth)
+        results = Results(outcome.identifications, diagnostics)
+        report = _can_draw(progress)
+        write_results(results, out, title, truth, report=report)
+    _print_results(results, out, truth, report=report)
     return outcome.converged and not outcome.failed
+
+
+def _can_draw(progress: Progress) -> bool:
+    """Whether a report can be written; says what to install where it cannot."""
+    drawn = is_installed("plotly")
+    if not drawn:
+        progress.keep(
+            "report.html needs plotly, pip install 'pivident[report]'; all else is written"
+        )
+    return drawn
 
 
 def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Progress) -> Outcome:
@@ -219,11 +238,11 @@ def write_results(
     with atomic_folder(folder) as build:
         for name, result in found.items():
             save_identification(result, build / name if several else build)
-        for name, estimate in results.examination.consistent.items():
+        for name, estimate in results.diagnostics.consistent.items():
             own = build / name if several else build
             if isinstance(estimate, ConsistentEstimate):
                 write_consistent(estimate, own, own / "identification.json")
-        save_verdict(verdict(results.examination), build / "verdict.json")
+        save_verdict(verdict(results.diagnostics), build / "verdict.json")
         if results.essential is not None:
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
@@ -233,7 +252,7 @@ def write_results(
                 build / "report.html",
                 truth=truth,
                 title=title,
-                examination=results.examination,
+                diagnostics=results.diagnostics,
             )
 
 
@@ -277,7 +296,7 @@ def _print_results(
     report: bool = True,
 ) -> None:
     """Verdict and tables on standard output, warnings and places after them."""
-    print(f"{verdict(results.examination)}\n")
+    print(f"{verdict(results.diagnostics)}\n")
     if results.essential is not None:
         print(f"{results.essential}\n")
     found = list(results.identifications.values())
@@ -290,9 +309,9 @@ def _print_results(
         for result in found:
             for warning in result.warnings:
                 note(f"{result.method}: {warning}")
-    if results.examination.out_of_sample is not None:
-        print(f"\n{results.examination.out_of_sample.table()}")
-    for estimate in results.examination.consistent.values():
+    if results.diagnostics.out_of_sample is not None:
+        print(f"\n{results.diagnostics.out_of_sample.table()}")
+    for estimate in results.diagnostics.consistent.values():
         if isinstance(estimate, ConsistentEstimate):
             print(f"\n{estimate}")
     print(f"\nResults: {folder}")

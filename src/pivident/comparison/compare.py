@@ -17,15 +17,16 @@ from typing import Any
 import numpy as np
 
 from pivident.comparison.aligned import aligned_by_group, aligned_by_name
+from pivident.comparison.comparison_errors import ComparisonError
 from pivident.comparison.cross_torque import CrossTorque, cross_torques
 from pivident.comparison.differences import Difference, Estimate, difference, share_a_record
 from pivident.comparison.entry import Entry, entry_of
-from pivident.comparison.errors import ComparisonError
 from pivident.comparison.friction_curves import JointFriction, friction_curves
 from pivident.comparison.groups import difference_of_geometry
 from pivident.comparison.load import distinct_labels, load_entries, relabelled
 from pivident.comparison.multiple_tests import holm
 from pivident.estimation.identification import Identification
+from pivident.text import display
 
 #: Probability of one false mark or more in a comparison.
 LEVEL = 0.05
@@ -114,7 +115,7 @@ class Comparison:
         return tuple(p.name for p in self.parameters if self.is_marked(p.differences[entry]))
 
     def __str__(self) -> str:
-        from pivident.comparison.text import comparison_text
+        from pivident.comparison.comparison_text import comparison_text
 
         return comparison_text(self)
 
@@ -125,9 +126,7 @@ class Comparison:
         )
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import comparison_html
-
-        return comparison_html(self)
+        return display.html_of(self)
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write comparison.html, .csv, .json and .tex into a folder, all or nothing.
@@ -138,7 +137,7 @@ class Comparison:
         Raises:
             PividentError: it cannot be written.
         """
-        from pivident.comparison.files import save_comparison
+        from pivident.comparison.comparison_files import save_comparison
 
         save_comparison(self, folder)
 

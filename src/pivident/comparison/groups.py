@@ -15,9 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
-from pivident.symbolic.base_parameters import closed_form_base_parameters
 
 #: A standard parameter whatever it is called: joint, kind, and function of friction or coupling.
 Key = tuple[int, str, str]

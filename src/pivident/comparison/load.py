@@ -13,14 +13,14 @@ from typing import Any
 
 import numpy as np
 
+from pivident.comparison.comparison_errors import ComparisonError
 from pivident.comparison.entry import Entry, Source, at_two_deviations, entry_of
-from pivident.comparison.errors import ComparisonError
 from pivident.comparison.groups import base_of
 from pivident.errors import IdentificationFileError
-from pivident.estimation.reload import json_of_file, load_identification
-from pivident.export.model_json import FORMAT, read_model
-from pivident.export.runnable_model import RunnableModel
-from pivident.export.stored_model import stored_model
+from pivident.estimation.stored_identification import json_of_file, load_identification
+from pivident.models.model_json import FORMAT, read_model
+from pivident.models.runnable_model import RunnableModel
+from pivident.models.stored_model import stored_model
 
 #: The file of a result.
 RESULT = "identification.json"

@@ -6,8 +6,8 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from pivident.estimation.parameter_rows import significant, with_spread
-from pivident.estimation.tables import error_rows, is_decimated
+from pivident.estimation.summary_tables import error_rows, is_decimated
+from pivident.text.numbers import format_significant, with_spread
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import Comparison
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 LISTED = 12
 
 #: Differences of so many percent are differences from what is nearly zero, and not told in percent.
-MOST_PERCENT = 1000.0
+MAX_PERCENT = 1000.0
 
 
 def remarks(comparison: Comparison, geometry: Sequence[str]) -> Iterator[str]:
@@ -87,7 +87,7 @@ def _changes(comparison: Comparison, k: int, names: Sequence[str]) -> list[str]:
         found = by_name[name].differences[k]
         assert found is not None  # it is marked
         value, spread, unit = found.value, found.spread, by_name[name].unit
-        if abs(found.relative) < MOST_PERCENT:
+        if abs(found.relative) < MAX_PERCENT:
             share = found.relative / found.value
             value, spread, unit = found.relative, abs(share) * spread, "%"
         text, spread_text = with_spread(value, spread)
@@ -212,4 +212,4 @@ def share_text(value: float) -> str:
     Args:
         value: 0 to 1.
     """
-    return "–" if value != value else f"{significant(100.0 * value, 2)} %"
+    return "–" if value != value else f"{format_significant(100.0 * value, 2)} %"

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel, make_consistent
     from pivident.consistency.constraints import Bounds
-    from pivident.consistency.lift import lift
+    from pivident.consistency.standard_from_base import standard_from_base
 
 _HOME = {
     "Bounds": "pivident.consistency.constraints",
     "ConsistentModel": "pivident.consistency.consistent_model",
-    "lift": "pivident.consistency.lift",
+    "standard_from_base": "pivident.consistency.standard_from_base",
     "make_consistent": "pivident.consistency.consistent_model",
 }
 
-__all__ = ["Bounds", "ConsistentModel", "lift", "make_consistent"]
+__all__ = ["Bounds", "ConsistentModel", "make_consistent", "standard_from_base"]
 
 
 def __getattr__(name: str) -> Any:

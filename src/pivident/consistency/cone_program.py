@@ -21,7 +21,7 @@ Cone = Literal["zero", "nonnegative", "second_order", "semidefinite", "exponenti
 STEPS = (0.99, 0.9)
 
 #: Outcomes that another step length may mend, and iterations after which it is stuck; usual are 25.
-STUCK, MOST_ITERATIONS = ("MaxIterations", "InsufficientProgress", "NumericalError"), 80
+STUCK, MAX_ITERATIONS = ("MaxIterations", "InsufficientProgress", "NumericalError"), 80
 
 #: Outcomes of the solver that count as solved; ``AlmostSolved`` has reduced accuracy.
 SOLVED = ("Solved", "AlmostSolved")
@@ -171,7 +171,7 @@ def _cone(clarabel, requirement: Requirement):
 def _settings(clarabel, gap: float, fraction: float):
     settings = clarabel.DefaultSettings()
     settings.tol_gap_abs = settings.tol_gap_rel = gap
-    settings.max_step_fraction, settings.max_iter = fraction, MOST_ITERATIONS
+    settings.max_step_fraction, settings.max_iter = fraction, MAX_ITERATIONS
     settings.verbose = False
     settings.max_threads = 1
     settings.presolve_enable = False

@@ -29,17 +29,17 @@ from pivident.consistency.profile_intervals import ProfileIntervals, profile_int
 from pivident.consistency.pseudo_inertia import LinkBody, link_body
 from pivident.consistency.reference import make_reference
 from pivident.consistency.significance import NOTABLE_COST, cost_notes, is_far, probability
-from pivident.consistency.torque_sums import TorqueSums, torque_sums
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError, NoConsistentModelNear
 from pivident.estimation.identification import Identification
+from pivident.estimation.torque_sums import TorqueSums, torque_sums
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 
 #: Diameter of the steel ball that every link must be at least as large as [m]: about the smallest
 #: thing that is built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
-SMALLEST_BALL = 0.01
+MIN_BALL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -220,7 +220,7 @@ def make_consistent(
     *,
     prior: str = "entropic",
     bounds: Bounds | None = None,
-    margin: float = SMALLEST_BALL,
+    margin: float = MIN_BALL,
     reference: Robot | np.ndarray | None = None,
     room: float = ROOM,
     accept_far: bool = False,

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import significant
-from pivident.validation.plain_table import plain_table
+from pivident.text.numbers import format_significant
+from pivident.text.plain_table import plain_table
 
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
@@ -22,8 +22,9 @@ def headline(model: ConsistentModel) -> str:
     else:
         text = (
             f"The estimate of {model.free.method} is not physically consistent; the least distance "
-            f"to consistent parameters is {significant(model.least_distance)} σ "
-            f"(p = {model.p_value:.2g}), that to those taken {significant(model.distance)} σ."
+            f"to consistent parameters is {format_significant(model.least_distance)} σ "
+            f"(p = {model.p_value:.2g}), that to those taken "
+            f"{format_significant(model.distance)} σ."
         )
     if np.isfinite(model.torque_error):
         text += (
@@ -42,13 +43,13 @@ def link_table(bodies: Sequence[LinkBody], *further: tuple[str, str, Sequence[st
     """
     columns: list[tuple[str, str, Sequence[str]]] = [
         ("link", "<", [b.name for b in bodies]),
-        ("mass [kg]", ".", [significant(b.mass) for b in bodies]),
+        ("mass [kg]", ".", [format_significant(b.mass) for b in bodies]),
         *further,
     ]
     for k, title in enumerate(("centre x [mm]", "y", "z")):
         columns.append((title, ".", [millimetres(b.center_of_mass[k]) for b in bodies]))
     for k, title in enumerate(("I1 [kg m²]", "I2", "I3")):
-        columns.append((title, ".", [significant(b.principal_moments[k]) for b in bodies]))
+        columns.append((title, ".", [format_significant(b.principal_moments[k]) for b in bodies]))
     return plain_table(columns)
 
 
@@ -62,8 +63,8 @@ def moved_table(model: ConsistentModel) -> str:
     return plain_table(
         [
             ("parameter", "<", list(model.names)),
-            ("free", ".", [significant(v) for v in model.free.theta]),
-            ("consistent", ".", [significant(v) for v in model.theta]),
+            ("free", ".", [format_significant(v) for v in model.free.theta]),
+            ("consistent", ".", [format_significant(v) for v in model.theta]),
             ("moved [σ]", ".", [f"{v:+.2f}" for v in model.moved]),
             ("unit", "<", list(model.free.units)),
         ]

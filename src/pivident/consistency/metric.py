@@ -21,10 +21,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.consistency.torque_sums import TorqueSums, estimated_in_base, estimated_indices
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
+from pivident.estimation.torque_sums import TorqueSums, estimated_in_base, estimated_indices
 
 #: Smallest variance of a direction over that of white errors, relative to the median, below which
 #: a covariance is taken for one of too low a rank.
@@ -35,7 +35,7 @@ FULL_RANK = 1e-13
 
 #: Left out parameters that the record does not show at all may be as large as so many times the
 #: typical size of their kind.
-LARGEST_UNSEEN = 10.0
+MAX_UNSEEN = 10.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,9 +92,9 @@ def make_metric(
     half = deviations[:, None] * np.linalg.cholesky(correlations)
     root[np.ix_(estimated, estimated)] = half
     if left_out.size:
-        limit = 1.0 / (LARGEST_UNSEEN * scales[left_out]) ** 2
+        limit = 1.0 / (MAX_UNSEEN * scales[left_out]) ** 2
         if sums is None:
-            seen = np.diag(limit * LARGEST_UNSEEN**2 * 1e4)
+            seen = np.diag(limit * MAX_UNSEEN**2 * 1e4)
             notes.append(
                 f"The torque sums of the record are not there: {left_out.size} base parameters "
                 "that were left out are held to a hundredth of their typical size, and nothing is "

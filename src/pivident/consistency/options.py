@@ -51,13 +51,13 @@ class ConsistencyOptions:
         Raises:
             IdentificationError: no consistent parameters lie near it, or the bounds leave none.
         """
-        from pivident.consistency.consistent_model import SMALLEST_BALL, make_consistent
+        from pivident.consistency.consistent_model import MIN_BALL, make_consistent
 
         return make_consistent(
             identification,
             prior=self.prior,
             bounds=self.bounds,
-            margin=SMALLEST_BALL if self.margin is None else self.margin,
+            margin=MIN_BALL if self.margin is None else self.margin,
             reference=self.reference,
             accept_far=self.accept_far,
         )

@@ -77,7 +77,7 @@ class ProfileIntervals:
         return tuple(n for n, o in zip(self.names, missing, strict=True) if o)
 
     def __str__(self) -> str:
-        from pivident.validation.plain_table import plain_table
+        from pivident.text.plain_table import plain_table
 
         text = plain_table(
             [

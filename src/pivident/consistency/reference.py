@@ -27,7 +27,7 @@ SLENDERNESS, SHORTEST = 0.25, 0.05
 FLATTEST = 1e-4
 
 #: Mass [kg] and second moment [kg m²] below which a reference link is none.
-SMALLEST_MASS, SMALLEST_MOMENT = 1e-6, 1e-12
+MIN_MASS, MIN_MOMENT = 1e-6, 1e-12
 
 #: Random postures in which the inertia that a joint carries is looked at.
 POSTURES = 32
@@ -182,7 +182,7 @@ def _real_body(matrix: np.ndarray) -> np.ndarray:
     """
     mass, center, values, axes = _central(matrix)
     least = FLATTEST * values[-1]
-    if values[-1] < SMALLEST_MOMENT:
+    if values[-1] < MIN_MOMENT:
         diameter = (6.0 * mass / (np.pi * DENSITY)) ** (1.0 / 3.0)
         least = mass * diameter**2 / 20.0
     if mass == matrix[3, 3] and values[0] >= least:
@@ -207,7 +207,7 @@ def _ball_within(real: np.ndarray, diameter: float) -> float:
 
 def _central(matrix: np.ndarray) -> tuple[float, np.ndarray, np.ndarray, np.ndarray]:
     """Mass, centre of mass, second moments about it (ascending) and their axes."""
-    mass = max(matrix[3, 3], SMALLEST_MASS)
+    mass = max(matrix[3, 3], MIN_MASS)
     center = matrix[:3, 3] / mass
     central = matrix[:3, :3] - mass * np.outer(center, center)
     values, axes = np.linalg.eigh(0.5 * (central + central.T))

@@ -77,7 +77,7 @@ class BaseParameters:
         standard = np.asarray(standard, dtype=float)
         return standard[self.kept] + self.regrouping @ standard[self.dropped]
 
-    def lift(self, base: np.ndarray) -> np.ndarray:
+    def standard_from_base(self, base: np.ndarray) -> np.ndarray:
         """Standard parameters with the same torques: groups on their heads, zeros elsewhere.
 
         Args:

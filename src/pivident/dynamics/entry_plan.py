@@ -11,7 +11,7 @@ from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
 from pivident.robot.friction import FrictionColumn, SignFunction
-from pivident.robot.friction_term import MOST_SHAPES
+from pivident.robot.friction_term import MAX_SHAPES
 
 #: What the screw of a joint, seen from a link, is wanted for: for the links further out, for the
 #: columns of the inertias, for those of first moments and mass.
@@ -23,7 +23,7 @@ ACCELERATION, INNER = 100, 101
 
 
 #: γ and constants of an entry that has none.
-_NO_SHAPE = (0.0,) * (1 + MOST_SHAPES)
+_NO_SHAPE = (0.0,) * (1 + MAX_SHAPES)
 
 
 class EntryPlan(NamedTuple):
@@ -41,7 +41,7 @@ class EntryPlan(NamedTuple):
             and the joints a and b it depends on, shape (joint entries, 4); of an inner signal
             (memory, load) a is its number.
         joint_value: its factor, c in the speed dq_a + c dq_b, γ and the constants of a friction
-            term, shape (joint entries, 3 + ``MOST_SHAPES``).
+            term, shape (joint entries, 3 + ``MAX_SHAPES``).
         source: column in which each entry is computed, shape (entries,).
         columns: number of columns computed.
     """
@@ -105,7 +105,7 @@ def make_entry_plan(
         moved,
         work,
         np.array(index, dtype=np.int64).reshape(-1, 4),
-        np.array(value, dtype=float).reshape(-1, 3 + MOST_SHAPES),
+        np.array(value, dtype=float).reshape(-1, 3 + MAX_SHAPES),
         np.array(source, dtype=np.int64),
         10 * len(blocks) + len(index),
     )

@@ -39,7 +39,7 @@ _NOTHING = 40.0
 LEVEL_PER_PIECE = 0.02
 
 #: … and most pieces.
-MOST_PIECES = 32
+MAX_PIECES = 32
 
 _inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
@@ -170,7 +170,7 @@ def state_after_way(
     """
     pieces = 1
     if abs(level - start_level) > LEVEL_PER_PIECE:
-        pieces = min(math.ceil(abs(level - start_level) / LEVEL_PER_PIECE), MOST_PIECES)
+        pieces = min(math.ceil(abs(level - start_level) / LEVEL_PER_PIECE), MAX_PIECES)
     part, square, last = x / pieces, v_start * v_start, start_level
     for i in range(1, pieces + 1):
         here = level

@@ -35,7 +35,7 @@ from pivident.dynamics.friction_kernels import (
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionColumn
-from pivident.robot.friction_term import MOST_SHAPES, FrictionTerm
+from pivident.robot.friction_term import MAX_SHAPES, FrictionTerm
 
 _COSINE, _SINE = int(FrictionColumn.COSINE), int(FrictionColumn.SINE)
 _SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
@@ -49,7 +49,7 @@ _MAXWELL = int(FrictionColumn.MAXWELL)
 _SHARED = {_SINE: (_COSINE, 1), _PRESLIDING_RATE: (_PRESLIDING, 1), _STRUT_STIFFNESS: (_STRUT, 1)}
 
 #: Largest fl that clipped values keep; at 1 friction would hold any torque.
-LARGEST_LOAD_SHARE = 0.9
+MAX_LOAD_SHARE = 0.9
 
 # Rows of ``path``, shape (PATH_ROWS, entries): states and levels at the start of the step, then
 # states, levels and dz/dx at some travel: at the end of the step, at its middle.
@@ -133,7 +133,7 @@ def make_friction_table(
         ).reshape(-1, 3),
         np.array(list(pairs.values()), dtype=float).reshape(-1, 4),
         np.array([e.codes for e in path], dtype=np.int64).reshape(-1, 3),
-        np.array([e.values for e in path], dtype=float).reshape(-1, 2 + MOST_SHAPES),
+        np.array([e.values for e in path], dtype=float).reshape(-1, 2 + MAX_SHAPES),
     )
 
 
@@ -190,7 +190,7 @@ def clipped_friction(term: FrictionTerm, value: float) -> float:
     """The value, or the nearest with which friction takes energy out of the simulated loop."""
     if term.is_dissipative or term.column is FrictionColumn.PRESLIDING_RATE:
         value = max(value, 0.0)
-    return min(value, LARGEST_LOAD_SHARE) if term.depends_on_load else value
+    return min(value, MAX_LOAD_SHARE) if term.depends_on_load else value
 
 
 def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:

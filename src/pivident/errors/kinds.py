@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pivident.printable import shortened
+from pivident.text.printable import shortened
 
 
 class PividentError(Exception):

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.covariance.sandwich import windows_of
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Bandpass
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.sandwich import windows_of
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.signals.decimation import (
     Convention,

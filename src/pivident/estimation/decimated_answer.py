@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.decimated import DecimatedRecord, decimated_torque
 from pivident.estimation.equations import Equations
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
@@ -19,7 +20,6 @@ from pivident.estimation.iteration import (
 from pivident.estimation.methods import InstrumentalVariables, LeastSquares
 from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
-from pivident.estimation.sandwich import sandwich
 
 
 def decimated_answer(

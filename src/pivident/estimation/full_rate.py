@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.covariance.sandwich import windows_of
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.sandwich import windows_of
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter

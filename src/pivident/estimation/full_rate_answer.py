@@ -7,6 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.covariance.stationary_noise import stationary_covariance
 from pivident.estimation.equations import Equations
 from pivident.estimation.full_rate import FullRateRecord, filtered, residual_of
 from pivident.estimation.identification import FittedRecording, Identification, Iteration
@@ -19,8 +21,6 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
-from pivident.estimation.sandwich import sandwich
-from pivident.estimation.stationary_noise import stationary_covariance
 from pivident.estimation.whitening import NoiseModel
 from pivident.signals.prefilter import Prefilter
 

@@ -10,11 +10,12 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter
 from pivident.recording.torque_scale import TorqueScale
 from pivident.robot.description import Robot
+from pivident.text import display
 
 if TYPE_CHECKING:
-    from pivident.consistency.torque_sums import TorqueSums
     from pivident.estimation.equations import Equations
     from pivident.estimation.problem import Loop
+    from pivident.estimation.torque_sums import TorqueSums
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,18 +231,16 @@ class Identification:
         return self.summary()
 
     def __repr__(self) -> str:
-        from pivident.estimation.tables import headline
+        from pivident.estimation.summary_tables import headline
 
         return f"<Identification: {len(self.names)} parameters by {headline(self)}>"
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import identification_html
-
-        return identification_html(self)
+        return display.html_of(self)
 
     def summary(self) -> str:
         """The result as a table: name, value, σ, relative σ, unit, group."""
-        from pivident.estimation.tables import identification_table
+        from pivident.estimation.summary_tables import identification_table
 
         return identification_table(self)
 
@@ -251,6 +250,6 @@ class Identification:
         Args:
             folder: folder to create or to write into.
         """
-        from pivident.estimation.export import save_identification
+        from pivident.estimation.identification_file import save_identification
 
         save_identification(self, folder)

@@ -11,6 +11,7 @@ import numpy as np
 
 from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import (
     FittedRecording,
@@ -21,7 +22,6 @@ from pivident.estimation.identification import (
 from pivident.estimation.methods import CovarianceKind
 from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.sandwich import sandwich
 from pivident.estimation.signs import sign_warnings
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.recording.torque_scale import scale_sentences
@@ -241,7 +241,7 @@ def make_identification(
     warnings: Sequence[str],
 ) -> Identification:
     """Put the answer together; see :class:`Identification` for the fields."""
-    from pivident import __version__
+    from pivident.version import __version__
 
     covariance = solution.covariance if reported == "formula" else robust_covariance
     std = np.sqrt(np.diag(covariance))

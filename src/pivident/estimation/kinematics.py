@@ -21,7 +21,7 @@ from pivident.signals.spectral_lines import SpectralLine
 from pivident.threads import run_in_threads
 
 #: Samples that must remain between the ends that the filters spoil.
-SHORTEST_RUN = 100
+MIN_RUN = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +69,12 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         signals: the recipe.
 
     Raises:
-        RecordingTooShort: fewer than `SHORTEST_RUN` samples would remain between the ends.
+        RecordingTooShort: fewer than `MIN_RUN` samples would remain between the ends.
         RecordingError: a cut-off that the recording's rate does not allow.
     """
     known = signals.ends(recording.rate) if isinstance(signals, Bandpass) else (EDGE, EDGE)
-    if recording.samples < sum(known) + SHORTEST_RUN:
-        raise RecordingTooShort(recording.samples, sum(known) + SHORTEST_RUN)
+    if recording.samples < sum(known) + MIN_RUN:
+        raise RecordingTooShort(recording.samples, sum(known) + MIN_RUN)
     unknown = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     if isinstance(signals, Bandpass):
@@ -115,10 +115,8 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     run_in_threads(work, range(recording.joints))
     start = max(ends[0], *(first for first, _ in lost))
     stop = recording.samples - max(ends[1], *(last for _, last in lost))
-    if stop - start < SHORTEST_RUN:
-        raise RecordingTooShort(
-            recording.samples, recording.samples - (stop - start) + SHORTEST_RUN
-        )
+    if stop - start < MIN_RUN:
+        raise RecordingTooShort(recording.samples, recording.samples - (stop - start) + MIN_RUN)
     return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines)
 
 

@@ -20,7 +20,7 @@ from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import relative_residual, torque_units
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.load_dependence import (
-    MOST_PASSES,
+    MAX_PASSES,
     estimate_without_load,
     has_settled,
 )
@@ -65,7 +65,7 @@ def least_squares_on(
     limits = [problem.speed_limits(r) for r in problem.recordings]
     theta = estimate_without_load(problem, kinematics, limits)
     history: list[Iteration] = []
-    for _ in range(MOST_PASSES):
+    for _ in range(MAX_PASSES):
         known = [with_inner(problem.regressor, k, theta) for k in kinematics]
         made = _made(problem, method, known, limits)
         solution, variance = _solve(problem, method, made.sums)

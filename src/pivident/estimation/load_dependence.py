@@ -23,7 +23,7 @@ from pivident.signals.prefilter import Prefilter
 SETTLED, SETTLED_RELATIVE = 0.01, 1e-12
 
 #: Estimates after which a load that does not settle is given up.
-MOST_PASSES = 30
+MAX_PASSES = 30
 
 
 def estimate_without_load(

@@ -20,8 +20,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError, RankDeficientRegressor
+from pivident.estimation.covariance.sandwich import Share
 from pivident.estimation.row_products import gram, products
-from pivident.estimation.sandwich import Share
 
 #: Share of a parameter in the weakest direction from which on it is named.
 WEAKEST_SHARE = 0.3

@@ -13,12 +13,6 @@ from pivident.estimation.identification import Identification
 #: Estimates further apart than this many combined standard deviations contradict each other.
 CONTRADICTION = 3.0
 
-#: Numbers of so many decimals, or as large as this, are written with an exponent.
-_MANY_DECIMALS, _LARGE = 7, 1e6
-
-#: … unless they are larger than this, where an exponent would only hide their size.
-_SMALL = 1e-3
-
 
 @dataclass(frozen=True)
 class ParameterRow:
@@ -131,68 +125,6 @@ def largest_difference(rows: Sequence[ParameterRow | None]) -> tuple[float, int,
         if distance > best[0]:
             best = (distance, i, j)
     return best
-
-
-def significant(x: float, digits: int = 3) -> str:
-    """A number with a few significant digits: ``0.0123``, ``1.23e-07``, ``–`` for NaN."""
-    if not math.isfinite(x):
-        return "–" if math.isnan(x) else "∞" if x > 0 else "-∞"
-    if x == 0.0:
-        return "0"
-    decimals = max(0, digits - 1 - _exponent(x))
-    return f"{x:.{decimals}f}" if _is_plain(abs(x), decimals) else f"{x:.{digits - 1}e}"
-
-
-def known(x: float) -> str:
-    """A number that is known exactly, with the digits it has, six at most."""
-    return f"{x:.6g}" if math.isfinite(x) else significant(x)
-
-
-def with_spread(value: float, spread: float) -> tuple[str, str]:
-    """A value and its ± spread, both to the second digit of the spread.
-
-    Args:
-        value: the value.
-        spread: such as 2σ.
-    """
-    if not (math.isfinite(value) and math.isfinite(spread) and spread > 0.0):
-        return significant(value, 5), significant(spread, 2)
-    decimals = max(0, 1 - _exponent(spread))
-    size = max(abs(value), spread)
-    if _is_plain(size, decimals):
-        return f"{round(value, decimals) + 0.0:.{decimals}f}", f"{spread:.{decimals}f}"  # no -0.0
-    power = _exponent(size)
-    digits = max(0, 1 - _exponent(spread) + power)
-    mantissas = (f"{x / 10.0**power:.{digits}f}" for x in (value, spread))
-    text, spread_text = (f"{mantissa}e{power:+03d}" for mantissa in mantissas)
-    return text, spread_text
-
-
-def plus_minus(value: float, spread: float, sign: bool = False) -> str:
-    """``0.123 ± 0.045``: a value and its spread in matching digits; the value where none is known.
-
-    Args:
-        value: the value.
-        spread: such as 2σ; none where it is zero or NaN.
-        sign: whether a positive value is written with its sign.
-    """
-    text, spread_text = with_spread(value, spread)
-    text = f"+{text}" if sign and not text.startswith("-") else text
-    return f"{text} ± {spread_text}" if spread > 0.0 else text
-
-
-def percent(x: float) -> str:
-    """A percentage: ``1.2 %``."""
-    return significant(x, 2) if math.isnan(x) else f"{significant(x, 2)} %"
-
-
-def _is_plain(size: float, decimals: int) -> bool:
-    """Whether a number of this size and so many decimals reads well without an exponent."""
-    return size < _LARGE and (decimals < _MANY_DECIMALS or size >= _SMALL)
-
-
-def _exponent(x: float) -> int:
-    return math.floor(math.log10(abs(x)))
 
 
 def _ratio(difference: float, scale: float) -> float:

@@ -41,7 +41,7 @@ from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.whitening import Whitening
 
 #: Estimates before the one that may be the last: noise models come from the residuals of both.
-FEWEST_ESTIMATES = 2
+MIN_ESTIMATES = 2
 
 
 def identify_piv(
@@ -72,7 +72,7 @@ def identify_piv(
     if method.start == "least-squares":
         start = _least_squares(problem, made["records"], whitening, power)
     estimates = 0 if start is None else 1
-    earliest = FEWEST_ESTIMATES + 1 - estimates
+    earliest = MIN_ESTIMATES + 1 - estimates
 
     def prepare(k: int, theta: np.ndarray) -> None:
         whitening.fit(k + estimates, theta, made["records"])

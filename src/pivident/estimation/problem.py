@@ -21,11 +21,12 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.simulation.controllers import Controller, FeedForward
+from pivident.text import display
 
 if TYPE_CHECKING:
-    from pivident.estimation.controller_identification import ControllerIdentification
-    from pivident.estimation.unknown_loop import Feedback
-    from pivident.simulation.reference_reconstruction import ReconstructedReference
+    from pivident.control_law.identified_law import ControllerIdentification
+    from pivident.control_law.reference_reconstruction import ReconstructedReference
+    from pivident.control_law.unknown_loop import Feedback
 
 #: Share of the rated speed below which rows do not vote on measured records.
 LOW_SPEED = 0.01
@@ -165,9 +166,7 @@ class Problem:
         )
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import problem_html
-
-        return problem_html(self)
+        return display.html_of(self)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

@@ -24,7 +24,7 @@ from pivident.threads import run_in_threads
 NOISY_STANDSTILL = 10.0
 
 #: Samples that either side of that comparison needs.
-FEWEST_ROWS = 200
+MIN_ROWS = 200
 
 
 def decided_by_residual(problem: Problem) -> bool:
@@ -71,7 +71,7 @@ def noisy_standstill(
 
         run_in_threads(add, range(len(filters)))
     rows, squares = sums[:, 0], sums[:, 1]
-    enough = (rows > FEWEST_ROWS).all(axis=0)
+    enough = (rows > MIN_ROWS).all(axis=0)
     still, moving = squares / np.maximum(rows, 1.0)
     return enough & (still > NOISY_STANDSTILL * moving)
 

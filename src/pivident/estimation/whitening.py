@@ -204,7 +204,7 @@ class NoiseModel:
 
 def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseModel:
     """ARMA model of the stretches between the masked samples."""
-    from pivident.linear.arma import arma
+    from pivident.signals.arma import arma
 
     segments = unmasked_stretches(mask)
     shortest = 4 * (noise.ar_order + noise.ma_order)

@@ -35,18 +35,18 @@ from pivident.consistency.options import ConsistencyOptions
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
-from pivident.experiment.consistency import consistency_of
+from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
-from pivident.experiment.methods import method_of
-from pivident.experiment.recordings import loop_of, one_by_one, recording_of
-from pivident.experiment.robot import robot_of
+from pivident.experiment.method_table import method_of
+from pivident.experiment.recording_tables import loop_of, one_by_one, recording_of
+from pivident.experiment.robot_table import robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.files import regular_file
-from pivident.printable import shortened
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
-from pivident.toml_text import LARGEST_FILE, parse_toml
+from pivident.text.printable import shortened
+from pivident.text.toml import MAX_FILE, parse_toml
 
 
 @dataclass(frozen=True, eq=False)
@@ -312,7 +312,7 @@ def _file_text(path: Path) -> str:
         ExperimentError: it cannot be read, is too large, or is not UTF-8 text.
     """
     try:
-        if regular_file(path).stat().st_size > LARGEST_FILE:
+        if regular_file(path).stat().st_size > MAX_FILE:
             raise ExperimentError(
                 f"has {path.stat().st_size} bytes, too many for an experiment file; is it the log?"
             )

@@ -12,8 +12,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
-from pivident.experiment.consistency_tables import ConsistencyEntry  # consistency
-from pivident.experiment.method_tables import IdentifyEntry
+from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
+from pivident.experiment.method_keys import IdentifyEntry
 from pivident.experiment.table_values import Folder, Interval, Names, Numbers, Paths, PerJoint
 from pivident.recording.recording import Saturation, TorqueTiming
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
@@ -213,7 +213,7 @@ class OutputEntry(Entry):
 
 
 class PayloadEntry(Entry):
-    """A body of known mass on a link; see `pivident.estimation.known_payload`."""
+    """A body of known mass on a link; see `pivident.drives.known_payload`."""
 
     mass: PositiveFloat
     mass_std: NonNegativeFloat = 0.0
@@ -223,7 +223,7 @@ class PayloadEntry(Entry):
 
 
 class GainsEntry(Entry):
-    """What `pivident gains` takes for known; see `pivident.estimation.drive_gains`."""
+    """What `pivident gains` takes for known; see `pivident.drives.drive_gains`."""
 
     payload: PayloadEntry | None = None
     recording: list[RecordingEntry] = Field(default_factory=list)

@@ -12,7 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 from pydantic.functional_validators import PlainValidator
 
-from pivident.printable import is_printable
+from pivident.text.printable import is_printable
 
 
 def _is_number(value: Any) -> bool:

@@ -21,7 +21,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import ExportError
-from pivident.export.exported import ExportedText, Verification
 from pivident.export.model_programs import (
     NAMES,
     header_lines,
@@ -33,8 +32,9 @@ from pivident.export.numpy_function import (
     program_differences,
     verify_functions,
 )
-from pivident.export.runnable_model import RunnableModel
-from pivident.symbolic.identifiers import c_comment, identifier, one_line
+from pivident.models.exported import ExportedText, Verification
+from pivident.models.runnable_model import RunnableModel
+from pivident.text.identifiers import c_comment, identifier, one_line
 
 if TYPE_CHECKING:
     from pivident.symbolic.program import Program

@@ -9,7 +9,7 @@ import numpy as np
 from pivident.dynamics.friction import friction_column
 from pivident.dynamics.parameters import Parameter
 from pivident.export.joint_side import Word
-from pivident.export.runnable_model import RunnableModel
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
 from pivident.robot.friction import FrictionColumn, FrictionTerm
 

@@ -8,15 +8,15 @@ from typing import Any, Literal, get_args
 
 from pivident.errors import ExportError
 from pivident.export.c_source import to_c, verify_c
-from pivident.export.exported import ExportedText, Verification
 from pivident.export.latex import to_latex
 from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
 from pivident.export.mjcf import to_mjcf
-from pivident.export.model_json import to_json, verify_json
 from pivident.export.numpy_function import to_numpy, verify_numpy
-from pivident.export.runnable_model import RunnableModel
 from pivident.export.sdf import to_sdf
 from pivident.export.urdf import to_urdf
+from pivident.models.exported import ExportedText, Verification
+from pivident.models.model_json import to_json, verify_json
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.naming import nearest
 
 Format = Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"]

@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.export.runnable_model import RunnableModel
 from pivident.export.shafts import Shaft, divide_couplings
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.friction import FrictionColumn
 
 #: Things beside bodies that a format may have an element for.

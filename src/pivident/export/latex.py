@@ -8,16 +8,16 @@ consistent value; the other the standard parameters of every link. Names are set
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
-from pivident.estimation.parameter_rows import significant, with_spread
-from pivident.export.exported import ExportedText
-from pivident.export.runnable_model import RunnableModel
-from pivident.symbolic.identifiers import latex_name, latex_text, one_line
+from pivident.models.exported import ExportedText
+from pivident.models.runnable_model import RunnableModel
+from pivident.text.identifiers import latex_name, latex_text, one_line
+from pivident.text.latex import latex_number, latex_unit
+from pivident.text.numbers import format_significant, with_spread
 
 #: Digits of a value whose spread is not known.
 DIGITS = 5
@@ -41,29 +41,6 @@ def to_latex(model: RunnableModel) -> ExportedText:
         *_standard_table(model),
     ]
     return ExportedText(("\n".join(parts) + "\n").encode("utf-8", errors="backslashreplace"))
-
-
-def latex_number(text: str) -> str:
-    r"""A number as it is printed elsewhere, in mathematics: ``1.2e-07`` as 1.2 · 10⁻⁷.
-
-    Args:
-        text: such as ``0.0123``, ``1.2e-07``, ``∞`` or ``–``.
-    """
-    mantissa, _, exponent = text.replace("∞", r"\infty").partition("e")
-    if mantissa == "–":
-        return "--"
-    return f"${mantissa}$" if not exponent else rf"${mantissa} \cdot 10^{{{int(exponent)}}}$"
-
-
-def latex_unit(unit: str) -> str:
-    r"""A unit in upright letters: ``kg m²`` as ``$\mathrm{kg\,m^{2}}$``.
-
-    Args:
-        unit: as parameters have it.
-    """
-    text = unit.replace("²", "^{2}").replace("·", r" ")
-    text = re.sub(r"\^([0-9.]+)", r"^{\1}", text)
-    return rf"$\mathrm{{{text.replace(' ', chr(92) + ',')}}}$"
 
 
 def latex_group(base: BaseParameters, index: int) -> str:
@@ -105,7 +82,7 @@ def _base_table(model: RunnableModel) -> list[str]:
         estimate, twice = spread.get(name, (math.nan, math.nan))
         texts = with_spread(estimate, twice)
         if free is None:
-            texts = (significant(value, DIGITS), significant(math.nan))
+            texts = (format_significant(value, DIGITS), format_significant(math.nan))
         row = [f"${_name(name)}$", *map(latex_number, texts)]
         if model.consistent:
             row.append(latex_number(_like(value, twice)))
@@ -130,7 +107,7 @@ def _standard_table(model: RunnableModel) -> list[str]:
         link = model.robot.links[p.joint].name
         shown = latex_text(one_line(link)) if link != before else ""
         value = 0.0 if abs(value) < NOTHING else value
-        row = [shown, f"${_name(p.name)}$", latex_number(significant(value, DIGITS))]
+        row = [shown, f"${_name(p.name)}$", latex_number(format_significant(value, DIGITS))]
         if intervals is not None:
             row.append(_interval(intervals[k]))
         rows.append([*row, latex_unit(p.unit)])
@@ -145,13 +122,17 @@ def _standard_table(model: RunnableModel) -> list[str]:
 
 
 def _interval(ends: np.ndarray) -> str:
-    low, high = (latex_number(significant(float(end), 4)) for end in ends)
+    low, high = (latex_number(format_significant(float(end), 4)) for end in ends)
     return f"{low} \\ldots\\ {high}"
 
 
 def _like(value: float, spread: float) -> str:
     """A value to the digits of a spread."""
-    return with_spread(value, spread)[0] if math.isfinite(spread) else significant(value, DIGITS)
+    return (
+        with_spread(value, spread)[0]
+        if math.isfinite(spread)
+        else format_significant(value, DIGITS)
+    )
 
 
 def _table(

@@ -20,11 +20,11 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExportError
 from pivident.export import mjcf, urdf
-from pivident.export.exported import SAME, Verification, compared
 from pivident.export.joint_side import JointSide, joint_side
 from pivident.export.robot_file import RobotFile
-from pivident.export.runnable_model import RunnableModel
 from pivident.export.shafts import Shaft
+from pivident.models.exported import SAME, Verification, compared
+from pivident.models.runnable_model import RunnableModel
 
 #: Relative difference of torques that rounding to seven digits explains.
 SEVEN_DIGITS = 1e-5

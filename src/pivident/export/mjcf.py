@@ -11,12 +11,12 @@ import numpy as np
 from pivident.errors import ExportError
 from pivident.export.differences import differences
 from pivident.export.joint_side import JointSide, Word, joint_side
-from pivident.export.link_bodies import is_possible, written_body
 from pivident.export.robot_file import RobotFile
-from pivident.export.runnable_model import RunnableModel
 from pivident.export.shafts import Shaft
 from pivident.export.sketch import Stick, sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, unlike
+from pivident.models.link_bodies import is_possible, written_body
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint
 
 #: What MJCF says about joints: all but friction of other forms.

@@ -14,8 +14,8 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
-from pivident.export.runnable_model import RunnableModel
-from pivident.symbolic.identifiers import one_line
+from pivident.models.runnable_model import RunnableModel
+from pivident.text.identifiers import one_line
 
 if TYPE_CHECKING:
     from pivident.symbolic.program import Program

@@ -19,19 +19,19 @@ import numpy as np
 
 from pivident.dynamics.forward import mass_matrix
 from pivident.errors import ExportError
-from pivident.export.exported import (
-    ExportedText,
-    Verification,
-    compared_values,
-    random_states,
-)
 from pivident.export.model_programs import (
     header_lines,
     inner_columns,
     model_columns,
     model_programs,
 )
-from pivident.export.runnable_model import RunnableModel
+from pivident.models.exported import (
+    ExportedText,
+    Verification,
+    compared_values,
+    random_states,
+)
+from pivident.models.runnable_model import RunnableModel
 
 #: Longest that the check of a file may take [s].
 PATIENCE = 120.0

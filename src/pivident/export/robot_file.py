@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 from pivident.errors import ExportError
-from pivident.export.exported import ExportedText
+from pivident.models.exported import ExportedText
 from pivident.robot.urdf_xml import GZIP_MAGIC, MAXIMUM_SIZE
 
 

@@ -10,11 +10,11 @@ import numpy as np
 
 from pivident.export.differences import differences
 from pivident.export.joint_side import JointSide, Word, joint_side
-from pivident.export.link_bodies import is_possible, link_inertias, written_body
 from pivident.export.robot_file import RobotFile
-from pivident.export.runnable_model import RunnableModel
 from pivident.export.sketch import Stick, sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
+from pivident.models.link_bodies import is_possible, link_inertias, written_body
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint
 from pivident.robot.frames import rotation_from_z_to
 

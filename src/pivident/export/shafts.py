@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.export.runnable_model import RunnableModel
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Coupling, Robot
 
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.export.link_bodies import link_inertias
-from pivident.export.runnable_model import RunnableModel
+from pivident.models.link_bodies import link_inertias
+from pivident.models.runnable_model import RunnableModel
 
 #: Radius of a stick over the sum of all link lengths; axes are twice as thick.
 SLENDERNESS = 0.02
 
 #: Reach that is assumed where all joints sit in one point [m].
-SMALLEST_REACH = 0.1
+MIN_REACH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ def sticks(model: RunnableModel) -> dict[int, tuple[Stick, ...]]:
     """
     robot = model.robot
     reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints)
-    radius = SLENDERNESS * max(reach, SMALLEST_REACH)
+    radius = SLENDERNESS * max(reach, MIN_REACH)
     inertia = link_inertias(model)
     found: dict[int, tuple[Stick, ...]] = {}
     for i in range(-1, robot.size):

@@ -15,13 +15,13 @@ from pivident.errors import ExportError
 from pivident.export.carried_bodies import divide
 from pivident.export.differences import differences
 from pivident.export.joint_side import JointSide, Word, joint_side
-from pivident.export.link_bodies import is_possible, link_inertias
 from pivident.export.robot_file import RobotFile, plain_content
-from pivident.export.runnable_model import RunnableModel
 from pivident.export.urdf_elements import dynamics_line, inertial_lines
 from pivident.export.urdf_new import new_urdf, unknown_limits
 from pivident.export.xml_edit import Element, XmlText
 from pivident.export.xml_text import number, numbers
+from pivident.models.link_bodies import is_possible, link_inertias
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Robot
 from pivident.robot.urdf import DOWN, parse_urdf
 from pivident.robot.urdf_xml import parse_model

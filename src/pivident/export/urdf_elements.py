@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.export.link_bodies import written_body
 from pivident.export.xml_text import number, numbers
+from pivident.models.link_bodies import written_body
 
 
 def inertial_lines(name: str, inertia: np.ndarray) -> list[str]:

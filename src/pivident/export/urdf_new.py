@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.export.joint_side import JointSide
-from pivident.export.link_bodies import link_inertias
-from pivident.export.runnable_model import RunnableModel
 from pivident.export.sketch import Stick, sticks
 from pivident.export.urdf_elements import dynamics_line, inertial_lines
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
+from pivident.models.link_bodies import link_inertias
+from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
 from pivident.robot.frames import rotation_from_z_to
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import aligned_rows, method_labels, with_spread
+from pivident.estimation.parameter_rows import aligned_rows, method_labels
 from pivident.figures.paper import (
     TALLEST,
     FigureError,
@@ -17,6 +17,7 @@ from pivident.figures.paper import (
 )
 from pivident.report.intervals import interval_drawing
 from pivident.robot.naming import nearest
+from pivident.text.numbers import with_spread
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

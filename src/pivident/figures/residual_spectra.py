@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pivident.estimation.identification import Identification
 from pivident.figures.joint_panels import chosen_signals, joint_panels, legend_above
 from pivident.figures.paper import FigureError, line_style, paper_style, plain
-from pivident.validation.residual_spectrum import residual_spectra
+from pivident.validation.residuals.residual_spectrum import residual_spectra
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -20,7 +20,7 @@ def figure_of_residual_spectra(
     """Spectrum of each joint's whitened residual, with the band that 95 % of white noise keeps to.
 
     The spectrum is Welch's in twelfths of octaves, over all recordings, see
-    :mod:`pivident.validation.residual_spectrum`; white noise of unit variance has 1 everywhere.
+    `residual_spectrum`; white noise of unit variance has 1 everywhere.
 
     Args:
         result: an identification with its signals.

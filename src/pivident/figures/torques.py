@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import percent
 from pivident.figures.joint_panels import chosen_signals, draw_trace, joint_panels, legend_above
 from pivident.figures.paper import ERROR, MEASURED, paper_style, plain
 from pivident.report.downsampling import stretches
+from pivident.text.numbers import percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

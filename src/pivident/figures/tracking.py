@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import significant
 from pivident.figures.joint_panels import chosen_signals, draw_trace, legend_above
 from pivident.figures.paper import (
     MEASURED,
@@ -18,6 +17,7 @@ from pivident.figures.paper import (
     paper_style,
     plain,
 )
+from pivident.text.numbers import format_significant
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -58,7 +58,7 @@ def figure_of_tracking(
             draw_trace(left, t, q, label="measured", color=MEASURED, linewidth=1.8)
             draw_trace(left, t, q_ref, label="reference", **line_style(1))
             draw_trace(right, t, apart, **line_style(0))
-            rms = significant(float(np.sqrt(np.mean(apart**2))))
+            rms = format_significant(float(np.sqrt(np.mean(apart**2))))
             left.set(ylabel=f"position [{unit}]", title=plain(result.robot.joint_names[j]))
             right.set(ylabel=f"error [{unit}]", title=f"reference less position, rms {rms} {unit}")
         for ax in axes[-2:]:

@@ -39,7 +39,7 @@ from pivident.recording.recording import Recording
 CUTOFF = 10.0
 
 #: Samples by which an encoder may be late; more is viscous friction.
-MOST_LAG = 20.0
+MAX_LAG = 20.0
 
 #: A term that may or may not be there is kept beyond this many deviations.
 CLEAR = 3.0
@@ -48,7 +48,7 @@ CLEAR = 3.0
 BOTH_SIDES = 0.1
 
 #: Share of the deflection, by rms, that may be left unexplained if the rest is to be believed.
-MOST_UNEXPLAINED = 0.5
+MAX_UNEXPLAINED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +78,7 @@ class Compliance:
         notes: what to know, in sentences.
         fitted: deflection and model without lines over the torque, shape (3, samples), to draw.
 
-    Where more than :data:`MOST_UNEXPLAINED` is left, what was estimated is withheld: those
+    Where more than :data:`MAX_UNEXPLAINED` is left, what was estimated is withheld: those
     quantities have neither value nor ends, and the note says why.
     """
 
@@ -106,7 +106,7 @@ class Compliance:
     @property
     def explained(self) -> bool:
         """Whether the model explains so much of the deflection that its estimates are given."""
-        return self.unexplained <= MOST_UNEXPLAINED
+        return self.unexplained <= MAX_UNEXPLAINED
 
 
 def identify_compliance(
@@ -150,7 +150,7 @@ def identify_compliance(
     )
     motion = prepared(motor_inertia)
     retimed = fit_deflection(motion, (), ()).value("speed")
-    if abs(retimed) * recording.rate < MOST_LAG:
+    if abs(retimed) * recording.rate < MAX_LAG:
         motion = prepared(motor_inertia, retimed=retimed)
     orders = _orders(motion, recording, joint, reduction)
     plain = fit_deflection(motion, orders, ())
@@ -204,7 +204,7 @@ def _withheld(found: Compliance) -> Compliance:
     """The same without estimates, which a model that leaves most of the deflection cannot give."""
     note = (
         f"a slow motion's model leaves {100 * found.unexplained:.2g} % of the deflection "
-        f"unexplained, more than {100 * MOST_UNEXPLAINED:.0f} %, so that nothing is estimated from "
+        f"unexplained, more than {100 * MAX_UNEXPLAINED:.0f} %, so that nothing is estimated from "
         "it: the load swings, or the deflection has another cause than the torque; record a "
         "motion that is slower and without excitation of the resonance"
     )

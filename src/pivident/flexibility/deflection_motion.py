@@ -19,7 +19,7 @@ from pivident.recording.recording import Recording
 from pivident.signals.bandpass import butterworth, central_difference
 
 #: Fewest samples in motion, so that each block of the jackknife has some.
-FEWEST_SAMPLES = 20 * BLOCKS
+MIN_SAMPLES = 20 * BLOCKS
 
 #: Joints below this share of their highest speed stand still: the sign of friction is not known.
 STANDSTILL = 0.02
@@ -108,10 +108,10 @@ def deflection_motion(
     kept = np.abs(speed) > STANDSTILL * fastest
     edge = math.ceil(rate / cutoff)
     kept[:edge] = kept[-edge:] = False
-    if kept.sum() < FEWEST_SAMPLES:
+    if kept.sum() < MIN_SAMPLES:
         raise IdentificationError(
             f"joint {recording.joint_names[joint]!r} of recording {recording.name!r} moves for "
-            f"{kept.sum()} samples; {FEWEST_SAMPLES} are needed: record a longer motion"
+            f"{kept.sum()} samples; {MIN_SAMPLES} are needed: record a longer motion"
         )
     if gamma is None:
         sign = np.tanh(speed / (0.5 * STANDSTILL * fastest))

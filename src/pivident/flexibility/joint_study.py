@@ -197,7 +197,7 @@ def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
         PividentError: the folder cannot be written.
     """
     from pivident.files import atomic_folder
-    from pivident.flexibility.page import render_page
+    from pivident.flexibility.flexibility_page import render_page
 
     content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
     page = render_page(found)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 #: Decimals that are shown at most.
-MOST_DECIMALS = 9
+MAX_DECIMALS = 9
 
 
 @dataclass(frozen=True)
@@ -104,6 +104,6 @@ def _alike(value: float, low: float, high: float) -> tuple[str, ...]:
     if not 1e-3 <= largest < 1e7 or width == 0.0:
         return tuple(f"{x:.3g}" for x in (value, low, high))
     decimals = 1 - math.floor(math.log10(0.5 * width))
-    decimals = min(max(decimals, 2 - math.floor(math.log10(largest))), MOST_DECIMALS)
+    decimals = min(max(decimals, 2 - math.floor(math.log10(largest))), MAX_DECIMALS)
     # + 0.0 makes 0 of -0; tens and hundreds are rounded too
     return tuple(f"{round(x, decimals) + 0.0:.{max(decimals, 0)}f}" for x in (value, low, high))

@@ -22,7 +22,7 @@ from pivident.flexibility.measured import Measured
 from pivident.recording.recording import Recording
 
 #: Fewest excited bins that a fit may rest on.
-FEWEST_BINS = 40
+MIN_BINS = 40
 
 #: Gain in twice the log-likelihood from which a resonance counts as seen.
 CLEARLY_BETTER = 50.0
@@ -110,7 +110,7 @@ def find_resonance(
     high = 0.2 * recording.rate if highest is None else highest
     spectra = _loop_spectra(recording, joint, lowest, high, gamma, None)
     used = _excited(spectra)
-    if len(used.frequency) < FEWEST_BINS:
+    if len(used.frequency) < MIN_BINS:
         return _nothing_excited(recording, name, used)
     rigid, rigid_cost, rigid_covariance = fit_rigid(used)
     flexible, cost, covariance = fit_flexible(used, rigid, motor_inertia)

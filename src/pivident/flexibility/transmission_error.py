@@ -16,7 +16,7 @@ import numpy as np
 from pivident.flexibility.measured import Measured
 
 #: Fewest periods of a line over the travel; slower ones cannot be told from the load's.
-FEWEST_PERIODS = 8
+MIN_PERIODS = 8
 
 #: Power of a line over the median of its neighbours. A χ² of two degrees of freedom exceeds this
 #: with a probability of 2^-16.
@@ -30,7 +30,7 @@ NEIGHBOURS = 25
 SEPARATION = 6
 
 #: Most lines that are looked for.
-MOST_LINES = 6
+MAX_LINES = 6
 
 
 @dataclass(frozen=True)
@@ -80,13 +80,13 @@ def find_orders(residual: np.ndarray, angle: np.ndarray, highest: float) -> list
         highest: highest order to look at.
     """
     period = 2 * math.pi / max(float(np.ptp(angle)), 1e-12)
-    lowest, step = FEWEST_PERIODS * period, 0.5 * period
+    lowest, step = MIN_PERIODS * period, 0.5 * period
     if highest <= lowest + 2 * NEIGHBOURS * step:
         return []
     grid = np.arange(lowest, highest, step)
     orders: list[float] = []
     left = residual - residual.mean()
-    for _ in range(MOST_LINES):
+    for _ in range(MAX_LINES):
         power = _power(left, angle, grid)
         background = _running_median(power, 2 * NEIGHBOURS)
         for order in orders:

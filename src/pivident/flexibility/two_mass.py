@@ -43,7 +43,7 @@ UNITS = {
 }  # fmt: skip
 
 #: Most steps, and the change at which they end, in standard deviations.
-MOST_STEPS, SETTLED = 12, 0.05
+MAX_STEPS, SETTLED = 12, 0.05
 
 
 class _Signals(NamedTuple):
@@ -149,7 +149,7 @@ def identify_two_mass(
     z, instrumented, steps, converged = spectra.phi, False, 0, False
     weights = _weights(spectra, np.zeros(len(names)), plain=True)
     theta, covariance = _solved(spectra, z, weights, name, recording.name)
-    while steps < MOST_STEPS and not converged:
+    while steps < MAX_STEPS and not converged:
         steps += 1
         simulated = _simulated(recording, joint, names, theta, gamma)
         instrumented = simulated is not None
@@ -317,7 +317,7 @@ def _notes(
             "encoder noise biases the parameters, and the intervals do not say so"
         )
     if not converged:
-        notes.append(f"the parameters had not settled after {MOST_STEPS} steps")
+        notes.append(f"the parameters had not settled after {MAX_STEPS} steps")
     for name in ("motor_inertia", "load_inertia", "stiffness", "damping"):
         i = list(names).index(name)
         if theta[i] < 2 * std[i]:

@@ -16,7 +16,7 @@ from pivident.friction.random_walk_regression import NARROWEST, nvr_by_likelihoo
 
 #: Points at which a function is given: at least, and at most where it is rough.
 POINTS = 61
-MOST_POINTS = 501
+MAX_POINTS = 501
 
 #: Sets of samples D apart whose likelihoods are added.
 SETS = 8
@@ -232,7 +232,7 @@ def back_fitted(
         # An integrated walk is expected to go on as a line. A centred one is held: it is the
         # correction of another function, of which nothing is known out there.
         reach = 0.0 if own.term.centred else 0.5
-        between = np.linspace(-reach, 1.0 + reach, MOST_POINTS)
+        between = np.linspace(-reach, 1.0 + reach, MAX_POINTS)
         u = np.concatenate([own.u, between])
         place = np.argsort(u, kind="stable")
         z = np.concatenate([own.z, np.zeros(between.size)])

@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident import __version__
-from pivident.friction.examination import FrictionExamination, JointFriction
+from pivident.extras import require
+from pivident.friction.friction_study import FrictionStudy, JointFriction
+from pivident.version import __version__
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from pivident.friction.ripple_lines import Ripple
+    from pivident.friction.ripple.ripple_lines import Ripple
 
 #: Number of the layout of ``friction.json``.
 SCHEMA = 1
@@ -30,7 +29,7 @@ STATES = {
 }
 
 
-def curves_table(examination: FrictionExamination) -> pl.DataFrame:
+def curves_table(study: FrictionStudy) -> pl.DataFrame:
     """All functions and maps, one row per point.
 
     Columns: joint, kind (``function`` or ``map``), name, state_name, state, state_unit, value,
@@ -38,65 +37,28 @@ def curves_table(examination: FrictionExamination) -> pl.DataFrame:
     function).
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
     """
-    import polars as pl
-
-    frames = [frame for joint in examination.joints for frame in _joint_frames(joint)]
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
+    frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
     return pl.concat(frames)
 
 
-def write_friction(
-    examination: FrictionExamination, folder: str | Path, title: str | None = None
-) -> Path:
-    """Write ``friction.html``, ``friction.json``, ``curves.csv`` and ``curves.parquet``.
-
-    All of them or none.
-
-    Args:
-        examination: the friction of a record.
-        folder: folder to create or to write into.
-        title: title of the page.
-
-    Returns:
-        The page.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
-    from pivident.files import atomic_folder
-    from pivident.friction.page import render_page
-
-    page = render_page(examination, title)
-    table = curves_table(examination)
-    content = as_json(examination)
-    with atomic_folder(folder) as build:
-        (build / "friction.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may hold bytes that are no text
-        )
-        (build / "friction.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
-        table.write_csv(build / "curves.csv", float_precision=None)
-        table.write_parquet(build / "curves.parquet")
-    return Path(folder) / "friction.html"
-
-
-def as_json(examination: FrictionExamination) -> dict[str, Any]:
+def as_json(study: FrictionStudy) -> dict[str, Any]:
     """What was found, as plain values; numbers that are not finite become null.
 
     Args:
-        examination: the friction of a record.
+        study: the friction of a record.
     """
     return {
         "schema": SCHEMA,
         "pivident": __version__,
-        "robot": examination.robot,
-        "method": examination.method,
-        "recordings": list(examination.recordings),
-        "left_out": dict(examination.left_out),
-        "joints": [_joint_json(joint) for joint in examination.joints],
-        "ripple": None if examination.ripple is None else _ripple_json(examination.ripple),
+        "robot": study.robot,
+        "method": study.method,
+        "recordings": list(study.recordings),
+        "left_out": dict(study.left_out),
+        "joints": [_joint_json(joint) for joint in study.joints],
+        "ripple": None if study.ripple is None else _ripple_json(study.ripple),
     }
 
 
@@ -171,8 +133,7 @@ def _joint_json(joint: JointFriction) -> dict[str, Any]:
 
 
 def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
     torque = joint.torque
     frames = []
     for p in joint.fit.parameters:

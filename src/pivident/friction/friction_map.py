@@ -23,7 +23,7 @@ import numpy as np
 TWO_SIGMA = 0.9545
 
 #: Fewest effective passes for an interval.
-FEWEST_PASSES = 2.0
+MIN_PASSES = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ def friction_plane(
     cell = np.where(used, _bin(y, y_edges) * bins[0] + _bin(x, x_edges), -1)
     size = bins[0] * bins[1]
     value, spread, _, effective, _ = _passes(values, cell, record, correlation, size, "mean")
-    thin = effective < FEWEST_PASSES
+    thin = effective < MIN_PASSES
     shape = (bins[1], bins[0])
     return FrictionPlane(
         0.5 * (x_edges[:-1] + x_edges[1:]),
@@ -206,9 +206,7 @@ def _passes(
             away = _weighted_medians(np.abs(mean - value[place]), weight, place, cells)
             deviation = np.sqrt(np.pi / 2.0) * 1.4826 * away
         factor = student.ppf(0.5 + 0.5 * TWO_SIGMA, np.maximum(effective - 1.0, 1.0))
-        spread = np.where(
-            effective >= FEWEST_PASSES, factor * deviation / np.sqrt(effective), np.nan
-        )
+        spread = np.where(effective >= MIN_PASSES, factor * deviation / np.sqrt(effective), np.nan)
     passes = np.bincount(place, minlength=cells)
     return value, spread, passes, effective, samples
 

@@ -28,7 +28,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import LOW_SPEED, Problem
-from pivident.validation.prediction import motion_band
+from pivident.validation.held_out.prediction import motion_band
 
 #: Samples on which the deviation of the rigid torque is computed.
 SAMPLES_OF_DEVIATION = 500

@@ -31,7 +31,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.friction.back_fitting import (
     FEWEST,
-    MOST_POINTS,
+    MAX_POINTS,
     BackFitted,
     StateDependence,
     averages_of,
@@ -42,7 +42,7 @@ from pivident.friction.back_fitting import (
 from pivident.friction.joint_covariance import WalkColumns, joint_posterior
 
 #: Means of which the correlation is told, fewest.
-FEWEST_MEANS = 30
+MIN_MEANS = 30
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +137,7 @@ def correlation_length(pieces: Sequence[np.ndarray]) -> float:
     if not variance > 0.0:
         return 1.0
     largest, length = 1.0, 2.0
-    while total / length >= FEWEST_MEANS:
+    while total / length >= MIN_MEANS:
         m = int(length)
         means = np.concatenate([p[: p.size // m * m].reshape(-1, m).mean(axis=1) for p in pieces])
         largest = max(largest, m * float(np.mean((means - mean) ** 2)) / variance)
@@ -320,4 +320,4 @@ def _with_bands(
 def _points(term: StateDependence, nvr: float, effective: float) -> int:
     """Four points within the bandwidth h of the function, NVR = 1/(n h^(2 order))."""
     narrow = (max(effective, 1.0) * nvr) ** (0.5 / term.order)
-    return int(np.clip(4.0 * narrow, term.points, max(term.points, MOST_POINTS)))
+    return int(np.clip(4.0 * narrow, term.points, max(term.points, MAX_POINTS)))

@@ -14,7 +14,6 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pivident.linear.arma import ar, arma, select_arma
     from pivident.linear.arx import arx
     from pivident.linear.conversion import from_control, from_scipy
     from pivident.linear.estimate import LinearEstimate, Noise
@@ -23,19 +22,20 @@ if TYPE_CHECKING:
     from pivident.linear.rivc import rivc
     from pivident.linear.sriv import sriv
     from pivident.linear.srivc import srivc
+    from pivident.signals.arma import ar, arma, select_arma
 
 #: Where each name of the front door lives.
 _HOME = {
     "LinearEstimate": "pivident.linear.estimate",
     "Noise": "pivident.linear.estimate",
-    "ar": "pivident.linear.arma",
-    "arma": "pivident.linear.arma",
+    "ar": "pivident.signals.arma",
+    "arma": "pivident.signals.arma",
     "arx": "pivident.linear.arx",
     "from_control": "pivident.linear.conversion",
     "from_scipy": "pivident.linear.conversion",
     "riv": "pivident.linear.riv",
     "rivc": "pivident.linear.rivc",
-    "select_arma": "pivident.linear.arma",
+    "select_arma": "pivident.signals.arma",
     "select_orders": "pivident.linear.order_selection",
     "sriv": "pivident.linear.sriv",
     "srivc": "pivident.linear.srivc",

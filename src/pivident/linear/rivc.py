@@ -14,12 +14,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.linear.arma import ar, arma
 from pivident.linear.estimate import Hold, LinearEstimate
 from pivident.linear.refined_iv import NoiseFit, refine
 from pivident.linear.sampled_data import columns_of, sampled_data
 from pivident.linear.srivc import continuous_estimate, refined_from_data
 from pivident.linear.structure import structure_of
+from pivident.signals.arma import ar, arma
 from pivident.signals.noise_models import fit_ar
 
 #: Largest AR order searched (CAPTAIN's default).

@@ -24,11 +24,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.errors import OrdersNotSupported
-from pivident.linear.arma import inside
 from pivident.linear.arx import least_squares
 from pivident.linear.discrete import DiscreteRecord, discrete_estimate, discrete_record, lagged
 from pivident.linear.estimate import LinearEstimate, Noise
 from pivident.linear.refined_iv import Linearised, iv_step
+from pivident.signals.arma import inside
 
 #: Fits a noise model to ε over stretches, rows of (start, stop).
 DiscreteNoiseFit = Callable[[np.ndarray, np.ndarray], Noise]

@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.drives.known_payload import Payload
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
-from pivident.estimation.known_payload import Payload
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.payload.known_parts import BEFORE_AN_ESTIMATE, KnownParts

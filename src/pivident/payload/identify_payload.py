@@ -36,10 +36,10 @@ from pivident.payload.compatibility import (
     link_index,
     tool_frame,
 )
-from pivident.payload.findings import refuse_negative, warnings_about, worse_explained
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.payload.loaded_record import LoadedRecords
+from pivident.payload.payload_findings import refuse_negative, warnings_about, worse_explained
 from pivident.payload.possible_load import PossibleLoad, possible_load
 from pivident.payload.restricted_solution import (
     RestrictedSolution,
@@ -57,7 +57,7 @@ from pivident.robot.frames import Pose
 UNDETERMINED = 100.0
 
 #: Fewest estimates of an iterative method; see `pivident.estimation.prefiltered_iv`.
-FEWEST_ESTIMATES = 3
+MIN_ESTIMATES = 3
 
 #: Share by which the mass that gives known parts their deviations may still change, and how often
 #: it is taken anew. Twice is usual; where only a known centre of mass tells it, more.
@@ -117,7 +117,7 @@ class PayloadIdentification:
         return possible_load(self.load) if self.load.mass > 0 else None
 
     def __str__(self) -> str:
-        from pivident.payload.text import payload_text
+        from pivident.payload.payload_text import payload_text
 
         return payload_text(self)
 
@@ -191,7 +191,7 @@ def identify_payload(
     warnings = warnings_about(load, arm, change, converged, iterations)
     if isinstance(empty, Problem):  # another method's error would be of other samples
         warnings += worse_explained(arm, rms_errors)
-    from pivident import __version__
+    from pivident.version import __version__
 
     return PayloadIdentification(
         load=load,
@@ -264,7 +264,7 @@ def _estimate(
         std = np.sqrt(np.abs(np.diag(solution.inverse)))
         change = float((np.abs(solution.x - before.x) / std).max())
         say(f"with load: estimate {k + 1}, changes by {change:.2g} standard deviations")
-        if k + 1 >= FEWEST_ESTIMATES and change < max(0.05, method.tolerance):
+        if k + 1 >= MIN_ESTIMATES and change < max(0.05, method.tolerance):
             return sums, unknowns, solution, k + 1, True
     return sums, unknowns, solution, method.max_iterations + 1, False
 

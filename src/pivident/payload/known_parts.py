@@ -17,8 +17,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.drives.known_payload import check_body
 from pivident.errors import ExperimentError
-from pivident.estimation.known_payload import check_body
 from pivident.robot.inertia import elements, steiner
 
 #: Share of a number's natural size that stands for the deviation of one that is exact.

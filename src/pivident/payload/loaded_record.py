@@ -11,6 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.covariance.stationary_noise import score_variance
 from pivident.estimation.full_rate import (
     FullRateRecord,
     accumulate,
@@ -30,7 +31,6 @@ from pivident.estimation.methods import (
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill, slow_samples
-from pivident.estimation.stationary_noise import score_variance
 from pivident.estimation.whitening import Whitening
 from pivident.signals.prefilter import Prefilter
 

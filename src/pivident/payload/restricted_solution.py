@@ -16,9 +16,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.estimation.covariance.sandwich import OVERLAP
 from pivident.estimation.iteration import joint_variances
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.sandwich import OVERLAP
 from pivident.payload.arm_and_load import ArmAndLoad, reduced
 
 
@@ -65,7 +65,7 @@ def solve_restricted(
 def noise_by_windows(
     sums: Sequence[JointSums], unknowns: ArmAndLoad, solution: RestrictedSolution
 ) -> np.ndarray:
-    """C_noise by the jackknife over windows of time, see `pivident.estimation.sandwich`.
+    """C_noise by the jackknife over windows of time, see `pivident.estimation.covariance.sandwich`.
 
     Args:
         sums: normal equations with their windows.

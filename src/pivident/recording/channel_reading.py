@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.recording.bag_channels import bag_channel
+from pivident.logs.bags.bag_channels import bag_channel
+from pivident.logs.bags.read_bag import is_bag, open_bag
+from pivident.logs.tables.tables import names_in, read_table
 from pivident.recording.clock_alignment import ClockedChannel
 from pivident.recording.columns import Channel, array_of, assemble, locate
-from pivident.recording.read_bag import is_bag, open_bag
-from pivident.recording.tables import names_in, read_table
 
 
 def stamp_channels(

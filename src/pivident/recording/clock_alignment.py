@@ -149,11 +149,11 @@ def onto_one_clock(
     check_positive("rate to resample to", rate)
     rate = timestamps.round_rate(float(rate))
     samples = int(np.floor((stop - start) * rate + 5e-7)) + 1
-    most = timestamps.MOST_NEW_SAMPLES * max(len(channel.t) for channel in channels)
+    most = timestamps.MAX_NEW_SAMPLES * max(len(channel.t) for channel in channels)
     if samples > most:
         raise RecordingError(
             f"{rate:g} Hz from {start:g} to {stop:g} s makes {samples} samples, more than "
-            f"{timestamps.MOST_NEW_SAMPLES} for each that was logged; check the rate and the unit "
+            f"{timestamps.MAX_NEW_SAMPLES} for each that was logged; check the rate and the unit "
             "of the time column"
         )
     grid = np.minimum(start + np.arange(samples) / rate, stop)

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pivident.errors import ChecksumMismatch, DatasetUnavailable, RecordingError
-from pivident.recording.files import sha256
+from pivident.logs.source_files import sha256
 
 #: Environment variable that names a folder with the data sets.
 ENVIRONMENT = "PIVIDENT_DATA"

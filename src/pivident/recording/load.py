@@ -15,13 +15,12 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.printable import escaped
+from pivident.logs.source_files import SourceFile
 from pivident.recording import checks
 from pivident.recording.channel_reading import read_channels, stamp_channels
 from pivident.recording.clock import Clock, beside_torque, on_one_clock
 from pivident.recording.clock_alignment import ClockedChannel
 from pivident.recording.columns import Channel, ColumnSpec, locate
-from pivident.recording.files import SourceFile
 from pivident.recording.recording import CHANNELS, Recording
 from pivident.recording.torque_scale import torque_scales
 from pivident.recording.units import UnitSpec, check_kind, factor_to_si
@@ -29,6 +28,7 @@ from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
+from pivident.text.printable import escaped
 
 #: Its keywords that are not fields of the recording.
 _OPTIONS = {

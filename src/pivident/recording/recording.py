@@ -13,18 +13,19 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.printable import is_printable
+from pivident.logs.source_files import SourceFile
 from pivident.recording import checks
-from pivident.recording.files import SourceFile
 from pivident.recording.torque_scale import TorqueScale, scale_sentences
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
+from pivident.text import display
+from pivident.text.printable import is_printable
 
 #: Fields that hold samples, besides the inputs.
 CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexible joints
 
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
-LONGEST_DRIVE_DELAY = 0.1
+MAX_DRIVE_DELAY = 0.1
 
 #: Which instant a torque sample speaks of, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
@@ -152,7 +153,7 @@ class Recording:
                 f"drive_delay is {self.drive_delay:g} s; a torque that is logged late is declared "
                 "by delay"
             )
-        if self.drive_delay > LONGEST_DRIVE_DELAY:
+        if self.drive_delay > MAX_DRIVE_DELAY:
             raise RecordingError(
                 f"drive_delay is {self.drive_delay:g} s, longer than any drive takes; it is given "
                 "in seconds, 0.3e-3 for 0.3 ms"
@@ -175,9 +176,7 @@ class Recording:
         )
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import recording_html
-
-        return recording_html(self)
+        return display.html_of(self)
 
     def channels(self) -> dict[str, np.ndarray]:
         """All arrays that are there, by name: q, tau, references, then inputs."""

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 #: Shortest run of equal values that counts.
-SHORTEST_RUN = 5
+MIN_RUN = 5
 
 #: How much more frequent the limit is than the next value inside the range.
 DOMINANCE = 10
@@ -44,7 +44,7 @@ def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
         if np.count_nonzero(at_limit) < DOMINANCE * at_next_value:
             continue
         for start, stop in _runs(at_limit):
-            if stop - start >= SHORTEST_RUN and _moves(q, start, stop):
+            if stop - start >= MIN_RUN and _moves(q, start, stop):
                 clipped[start:stop] = True
     return clipped
 

@@ -23,7 +23,7 @@ LOWEST_RATE = 5.0
 LIKELY_RATES = (20.0, 20e3)
 
 #: Most samples of a uniform grid for each sample that was logged.
-MOST_NEW_SAMPLES = 100
+MAX_NEW_SAMPLES = 100
 
 
 def check_seconds(t: np.ndarray) -> None:
@@ -158,7 +158,7 @@ def uniform_grid(t: np.ndarray, rate: float | None = None) -> tuple[np.ndarray, 
         The grid's times [s] and its rate [Hz].
 
     Raises:
-        RecordingError: the grid would have more than `MOST_NEW_SAMPLES` samples for each stamp.
+        RecordingError: the grid would have more than `MAX_NEW_SAMPLES` samples for each stamp.
     """
     check_increasing(t)
     rate = 1.0 / float(np.median(np.diff(t))) if rate is None else float(rate)
@@ -166,10 +166,10 @@ def uniform_grid(t: np.ndarray, rate: float | None = None) -> tuple[np.ndarray, 
     rate = round_rate(rate)
     # Half a micro-sample of slack: the last stamp belongs to the grid although it is rounded.
     periods = float(np.floor((t[-1] - t[0]) * rate + 5e-7))
-    if not periods < MOST_NEW_SAMPLES * len(t):
+    if not periods < MAX_NEW_SAMPLES * len(t):
         raise RecordingError(
             f"{rate:g} Hz from {t[0]:g} to {t[-1]:g} s makes {periods:.3g} samples of {len(t)}, "
-            f"more than {MOST_NEW_SAMPLES} for each; check the rate, the unit of the time "
+            f"more than {MAX_NEW_SAMPLES} for each; check the rate, the unit of the time "
             "column, and gaps in it"
         )
     samples = int(periods) + 1

@@ -8,28 +8,22 @@ from functools import cache
 from os import PathLike
 from pathlib import Path
 
-import plotly.io
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
-from pivident import __version__
+from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import (
-    known,
-    method_labels,
-    percent,
-    significant,
-    with_spread,
-)
+from pivident.estimation.parameter_rows import method_labels
 from pivident.files import atomic_folder
-from pivident.report.drawing_library import drawing_library
-from pivident.report.figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
+from pivident.report.drawing_library import drawing_library, to_json
 from pivident.report.intervals import marker
-from pivident.report.material import Material
+from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
+from pivident.report.report_data import ReportData
 from pivident.report.sections import SECTIONS
-from pivident.validation.examination import Examination, examine_alone
+from pivident.text.numbers import format_exact, format_significant, percent, with_spread
+from pivident.version import __version__
 
 #: Scripts of the page, in the order in which they build on each other.
 PAGE_SCRIPTS = (
@@ -51,7 +45,7 @@ def write_report(
     path: str | PathLike[str],
     truth: Mapping[str, float] | None = None,
     title: str | None = None,
-    examination: Examination | None = None,
+    diagnostics: Diagnostics | None = None,
 ) -> Path:
     """Write a report about one result, or several side by side, as one HTML file.
 
@@ -61,7 +55,7 @@ def write_report(
         path: file to write; its folder is created.
         truth: known values by parameter name, with or without the trailing ``r``.
         title: title of the page; None: robot and methods.
-        examination: what was found out about the results; None: the tests that need nothing else.
+        diagnostics: what was found out about the results; None: the tests that need nothing else.
 
     Returns:
         The file.
@@ -74,7 +68,7 @@ def write_report(
         raise PividentError(f"{path} is a folder; name a file in it, such as report.html")
     if isinstance(identifications, Identification):
         identifications = [identifications]
-    page = render_report(identifications, truth, title, examination)
+    page = render_report(identifications, truth, title, diagnostics)
     with atomic_folder(path.parent) as build:
         (build / path.name).write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
     return path
@@ -84,7 +78,7 @@ def render_report(
     identifications: Sequence[Identification],
     truth: Mapping[str, float] | None = None,
     title: str | None = None,
-    examination: Examination | None = None,
+    diagnostics: Diagnostics | None = None,
 ) -> str:
     """The page as text; arguments as of `write_report`."""
     if not identifications:
@@ -92,13 +86,13 @@ def render_report(
     if title is None:
         robots = dict.fromkeys(i.robot.name for i in identifications)
         title = f"{', '.join(robots)}: identification of the dynamics"
-    if examination is None:
+    if diagnostics is None:
         names = method_labels(identifications)
-        examination = examine_alone(dict(zip(names, identifications, strict=True)))
-    material = Material(tuple(identifications), dict(truth or {}), title, examination)
+        diagnostics = diagnose_one(dict(zip(names, identifications, strict=True)))
+    data = ReportData(tuple(identifications), dict(truth or {}), title, diagnostics)
     environment = _report_environment()
     sections = []
-    for section in (cls(material) for cls in SECTIONS):
+    for section in (cls(data) for cls in SECTIONS):
         if section.applies:
             body = environment.get_template(section.template).render(section.context())
             sections.append((section.anchor, section.title, Markup(body)))
@@ -127,8 +121,8 @@ def page_environment() -> Environment:
     )
     environment.filters |= {
         "percent": percent,
-        "significant": significant,
-        "known": known,
+        "significant": format_significant,
+        "known": format_exact,
         "script_json": _script_json,
         "powers": _powers,
         "sentence": _sentence,
@@ -150,7 +144,7 @@ def page_environment() -> Environment:
 
 def _script_json(figure: Figure) -> Markup:
     """A figure as JSON that is safe inside a script element."""
-    return htmlsafe_json_dumps(figure.plot, plotly.io.to_json, validate=False)
+    return htmlsafe_json_dumps(figure.plot, to_json, validate=False)
 
 
 def _method_class(method: int) -> str:

@@ -6,7 +6,7 @@ import html
 
 import numpy as np
 
-from pivident.report.figures import Figure, empty_plot
+from pivident.report.plotly_figures import Figure, empty_plot
 from pivident.validation.parameter_correlation import STRONG_CORRELATION, ParameterCorrelation
 
 #: Blue for -1, almost nothing for 0, orange for 1, on white as on black.

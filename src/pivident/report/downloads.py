@@ -10,14 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.export import to_csv, to_json
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.estimation.parameter_rows import parameter_rows, with_spread
-from pivident.export.latex import latex_number, latex_unit
-from pivident.symbolic.identifiers import identifiers, latex_name, latex_text, one_line
+from pivident.estimation.identification_file import to_csv, to_json
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
+from pivident.text.latex import latex_number, latex_unit
+from pivident.text.numbers import with_spread
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.
-MOST_NUMBERS = 30_000
+MAX_NUMBERS = 30_000
 
 #: A part of a file's name is not longer than this.
 LONGEST = 60
@@ -113,7 +114,7 @@ def signal_step(identification: Identification, recordings: Sequence[FittedRecor
     """
     columns = 1 + (len(SIGNALS) + 1) * identification.robot.size
     rows = sum(len(recording.t) for recording in recordings)
-    return max(1, math.ceil(rows * columns / MOST_NUMBERS))
+    return max(1, math.ceil(rows * columns / MAX_NUMBERS))
 
 
 def signals_csv(identification: Identification, recording: FittedRecording, step: int = 1) -> str:

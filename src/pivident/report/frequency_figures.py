@@ -6,16 +6,23 @@ import html
 from collections.abc import Sequence
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pivident.estimation.methods import Bandpass
-from pivident.estimation.parameter_rows import plus_minus, significant
-from pivident.report.figures import ERROR, MEASURED, METHOD_COLOURS, Figure, colour, empty_plot
+from pivident.report.drawing_library import go
+from pivident.report.plotly_figures import (
+    ERROR,
+    MEASURED,
+    METHOD_COLOURS,
+    Figure,
+    colour,
+    empty_plot,
+)
 from pivident.signals.bandpass import bandpass_response
 from pivident.signals.decimation import EDGE_OF_BAND, decimation_gain, decimation_stages
 from pivident.signals.prefilter import Prefilter
 from pivident.signals.random_walk_model import gain as smoother_gain
 from pivident.signals.random_walk_model import nvr_from_f50
+from pivident.text.numbers import format_significant, plus_minus
 from pivident.validation.identified_loop import IdentifiedJointLoop
 
 #: Points of a curve.
@@ -47,7 +54,7 @@ def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
             ideal = {"color": MEASURED, "width": 1}
             _gain(plot, frequency, (2 * np.pi * frequency) ** n, f"ideal {name}", ideal, False)
         _curve(plot, frequency, np.full(frequency.size, 90.0 * n), name, line, "y2")
-    _mark(plot, signals.cutoff, f"cut-off {significant(signals.cutoff)} Hz")
+    _mark(plot, signals.cutoff, f"cut-off {format_significant(signals.cutoff)} Hz")
     top = 20 * np.log10((2 * np.pi * signals.cutoff) ** 2)
     plot.update_layout(yaxis={"range": [-80, top + 20]}, yaxis2={"tickvals": [0, 90, 180]})
     fine = np.linspace(frequency[0], 0.5 * rate, 20_000)
@@ -57,9 +64,10 @@ def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
     ]
     note = (
         f"Butterworth of order {signals.order} forwards and backwards: -6 dB at "
-        f"{significant(signals.cutoff)} Hz, no phase of its own. With the central differences it "
-        f"is a band-pass, largest at {significant(peaks[0])} Hz for dq and "
-        f"{significant(peaks[1])} Hz for ddq. Grey: ideal derivatives."
+        f"{format_significant(signals.cutoff)} Hz, no phase of its own. With the central "
+        "differences it "
+        f"is a band-pass, largest at {format_significant(peaks[0])} Hz for dq and "
+        f"{format_significant(peaks[1])} Hz for ddq. Grey: ideal derivatives."
     )
     label = f"Bode plot of the band-pass from measured position to q, dq, ddq. {note} "
     label += f"Phases are {', '.join(phases)}."
@@ -83,16 +91,16 @@ def decimation_figure(signals: Bandpass, rate: float, method: int) -> Figure:
     _log_frequency(plot)
     line = {"color": colour(method), "width": 1.8}
     _gain(plot, frequency, gain, "decimation", line)
-    _mark(plot, nyquist, f"new Nyquist {significant(nyquist)} Hz")
+    _mark(plot, nyquist, f"new Nyquist {format_significant(nyquist)} Hz")
     plot.update_yaxes(range=[FLOOR, 10])
     fine = np.linspace(0.2 * nyquist, nyquist, 4000)
     half = fine[int(np.argmax(decimation_gain(fine, rate, stages) < 0.5))]
     split = " · ".join(map(str, stages))
     note = (
-        f"every {total}th sample kept ({split}), {significant(rate)} Hz to "
-        f"{significant(rate / total)} Hz; Chebyshev of order 8 in each stage, forwards and "
-        f"backwards, no phase: flat to {significant(EDGE_OF_BAND * nyquist)} Hz, -6 dB at "
-        f"{significant(float(half))} Hz"
+        f"every {total}th sample kept ({split}), {format_significant(rate)} Hz to "
+        f"{format_significant(rate / total)} Hz; Chebyshev of order 8 in each stage, forwards and "
+        f"backwards, no phase: flat to {format_significant(EDGE_OF_BAND * nyquist)} Hz, -6 dB at "
+        f"{format_significant(float(half))} Hz"
     )
     label = f"Gain of the parallel decimation over frequency: {note}"
     return Figure(plot, 420, "Parallel decimation of torque and observation matrix", label, note)
@@ -118,11 +126,11 @@ def smoother_figure(
     for k, (name, f) in enumerate(known):
         gain = smoother_gain(2 * np.pi * frequency / rate, nvr_from_f50(f, order, rate), order)
         line = _joint_line(k) if several else {"color": colour(method), "width": 1.8}
-        _gain(plot, frequency, gain, f"{name}, f₅₀ {significant(f)} Hz", line)
+        _gain(plot, frequency, gain, f"{name}, f₅₀ {format_significant(f)} Hz", line)
     plot.add_hline(20 * np.log10(0.5), line={"color": ERROR, "width": 1, "dash": "dash"})
     plot.update_yaxes(range=[-80, 5])
     plot.update_layout(showlegend=True, legend=_LEGEND)
-    half = ", ".join(f"{name} {significant(f)} Hz" for name, f in known)
+    half = ", ".join(f"{name} {format_significant(f)} Hz" for name, f in known)
     note = (
         f"integrated random walk of order {order}, no phase; dashed: one half (-6 dB), reached at "
         f"{half}"
@@ -162,9 +170,10 @@ def prefilter_figure(
     note = (
         f"whitener of order {len(prefilter.fir) - 1}"
         + (f", {poles.size} pole{'s' if poles.size != 1 else ''}" if has_controller else "")
-        + f"; gain from {significant(decibel[smallest])} dB at "
-        f"{significant(frequency[smallest])} Hz to {significant(decibel[largest])} dB at "
-        f"{significant(frequency[largest])} Hz"
+        + f"; gain from {format_significant(decibel[smallest])} dB at "
+        f"{format_significant(frequency[smallest])} Hz to "
+        f"{format_significant(decibel[largest])} dB at "
+        f"{format_significant(frequency[largest])} Hz"
     )
     label = f"Bode plot of the prefilter of {name}: {note}"
     return Figure(plot, 360, name, label, note)
@@ -203,15 +212,17 @@ def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:
     i = joint.inertia
     inertia = f"J = {_interval(i.mean, i.std[1])} {joint.inertia_unit}"
     if i.highest - i.lowest > 1e-6 * abs(i.mean):
-        inertia += f", {significant(i.lowest)} to {significant(i.highest)} over the postures"
+        inertia += (
+            f", {format_significant(i.lowest)} to {format_significant(i.highest)} over the postures"
+        )
     if joint.reason:
         note = f"{inertia}; {joint.reason}"
     else:
-        _mark(plot, joint.bandwidth, f"bandwidth {significant(joint.bandwidth)} Hz")
-        peak = significant(20 * np.log10(loop.peak), 2)
+        _mark(plot, joint.bandwidth, f"bandwidth {format_significant(joint.bandwidth)} Hz")
+        peak = format_significant(20 * np.log10(loop.peak), 2)
         note = (
             f"{inertia}; bandwidth {bandwidth_text(joint)}; |T| falls to -3 dB at "
-            f"{significant(loop.noise_bandwidth)} Hz; largest |S| {peak} dB"
+            f"{format_significant(loop.noise_bandwidth)} Hz; largest |S| {peak} dB"
         )
     label = f"Sensitivity, complementary sensitivity and plant of {joint.name}: {note}"
     return Figure(plot, 400, joint.name, label, note)
@@ -221,7 +232,7 @@ def bandwidth_text(joint: IdentifiedJointLoop) -> str:
     """Bandwidth with its 2σ interval and its range over the postures."""
     text = f"{_interval(joint.bandwidth, joint.bandwidth_std)} Hz"
     if joint.fastest - joint.slowest > 0.01 * joint.bandwidth:
-        ends = f"{significant(joint.slowest)} to {significant(joint.fastest)} Hz"
+        ends = f"{format_significant(joint.slowest)} to {format_significant(joint.fastest)} Hz"
         text += f" ({ends} over the postures)"
     return text
 

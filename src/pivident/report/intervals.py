@@ -11,7 +11,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from pivident.estimation.parameter_rows import ParameterRow, known, with_spread
+from pivident.estimation.parameter_rows import ParameterRow
+from pivident.text.numbers import format_exact, with_spread
 
 #: Free space left and right of the drawing [% of its width].
 _MARGIN = 6.0
@@ -142,7 +143,7 @@ def interval_drawing(
     words = [f"{labels[k]} {_in_words(row)}" for k, row in present]
     own_words = [f"{own.label} {known_interval(own)} {unit}" for own in consistent]
     known_values = [
-        f"{name} {known(x)} {unit}"
+        f"{name} {format_exact(x)} {unit}"
         for name, x in (("true value", truth), ("nominal", nominal))
         if math.isfinite(x)
     ]
@@ -170,8 +171,8 @@ def interval_drawing(
 
 def known_interval(own: ConsistentValue) -> str:
     """Value and interval in words; an end that nothing bounds is open."""
-    ends = ["open" if not math.isfinite(end) else known(end) for end in (own.low, own.high)]
-    return f"{known(own.value)} (95 %: {' to '.join(ends)})"
+    ends = ["open" if not math.isfinite(end) else format_exact(end) for end in (own.low, own.high)]
+    return f"{format_exact(own.value)} (95 %: {' to '.join(ends)})"
 
 
 def _estimate(method: int, row: ParameterRow, place, words: str) -> Interval:

@@ -12,7 +12,7 @@ from pivident.estimation.identification import FittedRecording, Identification
 from pivident.robot.description import Robot
 
 #: Positions of all joints and recordings together; one takes 7 bytes of the page.
-MOST_POSITIONS = 36_000
+MAX_POSITIONS = 36_000
 
 #: Instants per second that suffice: positions between them are interpolated.
 RATE = 60.0
@@ -53,7 +53,7 @@ def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[s
         ``recordings``: name, start and duration [s], and ``q``, a list for each joint at equal
         distances of time.
     """
-    most = max(2, MOST_POSITIONS // max(1, robot.size * len(recordings)))
+    most = max(2, MAX_POSITIONS // max(1, robot.size * len(recordings)))
     size = np.linalg.norm(robot.gravity)
     up = -robot.gravity / size if size > 0.0 else np.array([0.0, 0.0, 1.0])
     return {

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.estimation.parameter_rows import percent, significant
-from pivident.report.figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
-from pivident.validation.residual_spectrum import ResidualSpectra, Spectrum
+from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
+from pivident.text.numbers import format_significant, percent
+from pivident.validation.residuals.residual_spectrum import ResidualSpectra, Spectrum
 
 
 def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
@@ -59,8 +59,8 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
     most = int(np.argmax(white.density))
     note = (
         f"{percent(outside)} of the bins outside the 95 % band of a white residual (5 % expected); "
-        f"largest {significant(white.density[most] / level, 2)} times white at "
-        f"{significant(white.frequency[most])} Hz; {white.stretches} stretches of "
+        f"largest {format_significant(white.density[most] / level, 2)} times white at "
+        f"{format_significant(white.frequency[most])} Hz; {white.stretches} stretches of "
         f"{white.length} samples" + (", gaps filled with zeros" if white.filled else "")
     )
     what = "before and after whitening, with its noise model" if both else "re white noise"

@@ -29,7 +29,7 @@ ShapeUnit = Literal["speed", "position", "1/speed", "1/position", "angle", "1"]
 SLOPE_AT_RATED_SPEED = 750.0
 
 #: Constants of shape that the compiled kernels get with each term, γ not counted.
-MOST_SHAPES = 4
+MAX_SHAPES = 4
 
 
 class FrictionColumn(IntEnum):
@@ -220,7 +220,7 @@ class FrictionTerm:
         """The term as a formula in dq, q and the states z."""
         sign = {"sign": "sign(dq)", "atan": "(2/π) atan(γ dq)", "tanh": "tanh(γ dq)"}
         s = sign[self.smoothing]
-        a = [f"{shape.value:g}" for shape in self.shapes] + [""] * MOST_SHAPES
+        a = [f"{shape.value:g}" for shape in self.shapes] + [""] * MAX_SHAPES
         c = FrictionColumn
         if self.column is c.POWER:
             function = f"{s} |dq|^{a[0]}" if self.has_sign else f"sign(dq) |dq|^{a[0]}"
@@ -246,7 +246,7 @@ class FrictionTerm:
         }[self.column]
 
     def encoded(self, simulated: bool = False) -> tuple[int, int, tuple[float, ...]]:
-        """Column code, sign code and shape (γ, then ``MOST_SHAPES`` constants) for the kernels.
+        """Column code, sign code and shape (γ, then ``MAX_SHAPES`` constants) for the kernels.
 
         Args:
             simulated: replace the hard sign by the arctangent, as the simulator needs.
@@ -256,5 +256,5 @@ class FrictionTerm:
             sign = SignFunction.ATAN
         gamma = SLOPE_AT_RATED_SPEED if self.gamma is None else self.gamma
         values = [shape.value for shape in self.shapes]
-        padded = values + [0.0] * (MOST_SHAPES - len(values))
+        padded = values + [0.0] * (MAX_SHAPES - len(values))
         return int(self.column), int(sign), (gamma, *padded)

@@ -36,10 +36,10 @@ GRAVITY_BY_NAME = {
 _SIGN = {"smoothing", "gamma"}
 
 #: Most joints of a file.
-MOST_JOINTS = 1000
+MAX_JOINTS = 1000
 
 #: Most problems that one error lists, and the longest value that it repeats, in characters.
-MOST_PROBLEMS, LONGEST_VALUE = 20, 60
+MAX_PROBLEMS, MAX_VALUE = 20, 60
 
 TermName = Literal[
     "viscous",
@@ -275,7 +275,7 @@ class TableFile(Entry):
     units: Literal["radians", "degrees"] = "radians"
     gravity: Gravity = GRAVITY_BY_NAME["-z"]
     friction: FrictionTerms | None = None
-    joints: Annotated[list[JointEntry], Field(min_length=1, max_length=MOST_JOINTS)]
+    joints: Annotated[list[JointEntry], Field(min_length=1, max_length=MAX_JOINTS)]
     couplings: list[CouplingEntry] = []
     transmission: TransmissionEntry = TransmissionEntry()
 
@@ -295,9 +295,9 @@ def validated(content: dict[str, Any]) -> TableFile:
         return TableFile.model_validate(content)
     except ValidationError as error:
         found = error.errors()
-        problems = [_explained(details, content) for details in found[:MOST_PROBLEMS]]
-        if len(found) > MOST_PROBLEMS:
-            problems.append(f"and {len(found) - MOST_PROBLEMS} more")
+        problems = [_explained(details, content) for details in found[:MAX_PROBLEMS]]
+        if len(found) > MAX_PROBLEMS:
+            problems.append(f"and {len(found) - MAX_PROBLEMS} more")
         raise RobotDescriptionError("\n  ".join(problems)) from None
 
 
@@ -331,7 +331,7 @@ def short(value: Any) -> str:
         text = repr(value)
     except ValueError:  # a whole number of thousands of digits
         return "a number of thousands of digits"
-    return text if len(text) <= LONGEST_VALUE else f"{text[: LONGEST_VALUE - 1]}…"
+    return text if len(text) <= MAX_VALUE else f"{text[: MAX_VALUE - 1]}…"
 
 
 def _place(loc: Sequence[int | str], content: dict[str, Any]) -> tuple[str, str]:

@@ -65,7 +65,7 @@ from pivident.robot.friction import (
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.naming import errors_name, find_joint, nearest, repeated
 from pivident.robot.transmission import Transmission
-from pivident.toml_text import LARGEST_FILE, parse_toml
+from pivident.text.toml import MAX_FILE, parse_toml
 
 if TYPE_CHECKING:
     from pivident.robot.mdh_schema import (
@@ -94,7 +94,7 @@ def read_modified_dh(path: str | Path) -> Robot:
     with errors_name(str(path)):
         try:
             size = regular_file(path).stat().st_size
-            if size > LARGEST_FILE:
+            if size > MAX_FILE:
                 raise RobotDescriptionError(f"has {size} bytes, too many for a robot file")
             text = path.read_text(encoding="utf-8")
         except OSError as error:

@@ -9,10 +9,10 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from pivident.errors import RobotDescriptionError
-from pivident.printable import shortened
+from pivident.text.printable import shortened
 
 #: Longest number of a joint; Python refuses to read numbers of thousands of digits.
-MOST_DIGITS = 9
+MAX_DIGITS = 9
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
@@ -72,7 +72,7 @@ def find_joint(names: Sequence[str], reference: str) -> int:
     """
     if reference in names:
         return list(names).index(reference)
-    digits = reference.isdecimal() and len(reference) <= MOST_DIGITS
+    digits = reference.isdecimal() and len(reference) <= MAX_DIGITS
     if digits and 1 <= int(reference) <= len(names):
         return int(reference) - 1
     if reference.lstrip("-").isdecimal():

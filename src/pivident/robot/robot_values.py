@@ -25,10 +25,10 @@ from pivident.robot.naming import errors_name, nearest
 from pivident.robot.transmission import Transmission
 
 #: Texts longer than this are no names.
-LONGEST_NAME = 1000
+MAX_NAME = 1000
 
 #: More joints than any robot has whose model could be identified.
-MOST_JOINTS = 128
+MAX_JOINTS = 128
 
 #: How many constants of shape each function of friction may have; functions not listed have none.
 SHAPES = {
@@ -74,7 +74,7 @@ Bound = Annotated[
     AfterValidator(_not_nan),
     PlainSerializer(_text_of_infinity),
 ]
-Name = Annotated[str, Field(max_length=LONGEST_NAME)]
+Name = Annotated[str, Field(max_length=MAX_NAME)]
 Vector3 = Annotated[list[Finite], Field(min_length=3, max_length=3)]
 Matrix3 = Annotated[list[Vector3], Field(min_length=3, max_length=3)]
 Inertia = Annotated[list[Finite], Field(min_length=10, max_length=10)]
@@ -163,9 +163,9 @@ class RobotValues(Values):
     name: Name
     description: str
     gravity: Vector3
-    joints: Annotated[list[JointValues], Field(min_length=1, max_length=MOST_JOINTS)]
-    links: Annotated[list[LinkValues], Field(max_length=MOST_JOINTS)]
-    rotor_inertia: Annotated[list[Finite], Field(max_length=MOST_JOINTS)]
+    joints: Annotated[list[JointValues], Field(min_length=1, max_length=MAX_JOINTS)]
+    links: Annotated[list[LinkValues], Field(max_length=MAX_JOINTS)]
+    rotor_inertia: Annotated[list[Finite], Field(max_length=MAX_JOINTS)]
     friction_nominal: dict[Name, Finite]
     couplings: list[CouplingValues]
     transmission: TransmissionValues

@@ -25,7 +25,7 @@ from pivident.robot.naming import nearest, repeated
 MAXIMUM_SIZE = 8 * 2**20
 
 #: Most elements, and most links or joints; real ones have some thousands, and some hundreds.
-MOST_ELEMENTS, MOST_LINKS = 100_000, 1000
+MAX_ELEMENTS, MAX_LINKS = 100_000, 1000
 
 MOVING = ("revolute", "continuous", "prismatic")
 JOINT_TYPES = (*MOVING, "fixed", "floating", "planar")
@@ -90,9 +90,9 @@ class _BoundedTree(ElementTree.TreeBuilder):
 
     def start(self, tag: str, attributes: dict[str, str]) -> ElementTree.Element:
         self.elements += 1
-        if self.elements > MOST_ELEMENTS:
+        if self.elements > MAX_ELEMENTS:
             raise RobotDescriptionError(
-                f"has more than {MOST_ELEMENTS} elements; this is not a robot description"
+                f"has more than {MAX_ELEMENTS} elements; this is not a robot description"
             )
         return super().start(tag, attributes)
 
@@ -154,9 +154,9 @@ def parse_model(content: bytes | str) -> UrdfModel:
     _refuse_xacro(root)
     link_elements = root.findall("link")
     joint_elements = root.findall("joint")
-    if max(len(link_elements), len(joint_elements)) > MOST_LINKS:
+    if max(len(link_elements), len(joint_elements)) > MAX_LINKS:
         raise RobotDescriptionError(
-            f"has {len(link_elements)} links and {len(joint_elements)} joints, {MOST_LINKS} can be "
+            f"has {len(link_elements)} links and {len(joint_elements)} joints, {MAX_LINKS} can be "
             "read; leave out what does not belong to the robot"
         )
     link_names = [_attribute(element, "name", "link") for element in link_elements]

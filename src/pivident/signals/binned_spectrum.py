@@ -27,7 +27,7 @@ _MERGED = 8
 _NARROW, _WIDE = 0.015, 1.0
 
 #: Samples of a periodogram below which lines cannot be told from chance.
-FEWEST_SAMPLES = 4096
+MIN_SAMPLES = 4096
 
 #: Rounds of dividing lines out of the spectrum.
 _ROUNDS = 3

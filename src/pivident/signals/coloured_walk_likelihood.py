@@ -26,8 +26,8 @@ import numpy as np
 from numba import njit
 
 from pivident.signals.random_walk_likelihood import (
-    LARGEST_NVR,
-    SMALLEST_NVR,
+    MAX_NVR,
+    MIN_NVR,
     DiffuseFit,
     NvrEstimate,
 )
@@ -80,7 +80,7 @@ def estimate_coloured_nvr(
         colour: of the measurement noise.
         f50_max: largest bandwidth to consider [Hz].
     """
-    lower, upper = math.log10(SMALLEST_NVR[order]), math.log10(LARGEST_NVR)
+    lower, upper = math.log10(MIN_NVR[order]), math.log10(MAX_NVR)
     if f50_max is not None and f50_max < rate / 2:
         upper = max(lower, min(upper, math.log10(nvr_from_f50(f50_max, order, rate))))
     w, a, c = _banded_system(y, order, colour)

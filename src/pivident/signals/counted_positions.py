@@ -18,20 +18,20 @@ import math
 
 import numpy as np
 
-from pivident.signals.random_walk_likelihood import LARGEST_NVR, diffuse_fit, estimate_nvr
+from pivident.signals.random_walk_likelihood import MAX_NVR, diffuse_fit, estimate_nvr
 from pivident.signals.random_walk_model import nvr_from_f50
 
 #: Share of samples that repeat the one before, from which on counts are visible.
 REPEATED = 0.5
 
 #: Counts change quickly as long as none lasts longer than this [s] …
-LONGEST_PAUSE = 0.005
+MAX_PAUSE = 0.005
 
 #: … or this many samples in slow logs.
-FEWEST_SAMPLES = 3
+MIN_SAMPLES = 3
 
 #: Shortest stretch that tells a ratio [s], several periods of what a smoother keeps, and samples.
-SHORTEST_STRETCH, SHORTEST_SAMPLES = 0.1, 100
+MIN_STRETCH, MIN_STRETCH_SAMPLES = 0.1, 100
 
 
 def has_visible_counts(y: np.ndarray) -> bool:
@@ -54,11 +54,11 @@ def counting_stretches(y: np.ndarray, rate: float) -> list[slice]:
     changes = np.flatnonzero(np.diff(y)) + 1
     if changes.size == 0:
         return []
-    pause = max(FEWEST_SAMPLES, round(LONGEST_PAUSE * rate))
+    pause = max(MIN_SAMPLES, round(MAX_PAUSE * rate))
     breaks = np.flatnonzero(np.diff(changes) > pause)
     first = changes[np.concatenate([[0], breaks + 1])]
     last = changes[np.concatenate([breaks, [changes.size - 1]])]
-    shortest = max(SHORTEST_SAMPLES, math.ceil(SHORTEST_STRETCH * rate))
+    shortest = max(MIN_STRETCH_SAMPLES, math.ceil(MIN_STRETCH * rate))
     return [slice(int(a), int(b)) for a, b in zip(first, last, strict=True) if b - a >= shortest]
 
 
@@ -93,7 +93,7 @@ def nvr_of_counts(
     steps = np.abs(np.diff(y))
     rounding = float(steps[steps > 0].min()) / math.sqrt(12.0)
     centred, moving = np.ascontiguousarray(y - y.mean()), _moving(y, rate)
-    limit = LARGEST_NVR if f50_max is None else nvr_from_f50(f50_max, order, rate)
+    limit = MAX_NVR if f50_max is None else nvr_from_f50(f50_max, order, rate)
     while nvr < limit:
         error = (centred - diffuse_fit(centred, nvr, order).level)[moving]
         if np.sqrt(np.mean(error**2)) <= rounding:
@@ -106,4 +106,4 @@ def _moving(y: np.ndarray, rate: float) -> np.ndarray:
     """False where a count lasts longer than the shortest stretch, shape (samples,)."""
     edges = np.concatenate([[0], np.flatnonzero(np.diff(y)) + 1, [y.size]])
     lasting = np.diff(edges)
-    return np.repeat(lasting <= max(SHORTEST_SAMPLES, SHORTEST_STRETCH * rate), lasting)
+    return np.repeat(lasting <= max(MIN_STRETCH_SAMPLES, MIN_STRETCH * rate), lasting)

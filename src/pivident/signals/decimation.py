@@ -32,7 +32,7 @@ Convention = Literal["matlab", "scipy"]
 PADLEN: dict[Convention, int] = {"matlab": 3 * ORDER, "scipy": 3 * (ORDER + 1)}
 
 #: Largest factor of one stage; beyond it the filter's poles crowd at z = 1.
-LARGEST_STAGE = 13
+MAX_STAGE = 13
 
 #: Impulse responses count as ended below this, relative to a unit step's response of one.
 NEGLIGIBLE = 1e-12
@@ -210,7 +210,7 @@ def _factorisations(factor: int, smallest: int = 2) -> Iterator[tuple[int, ...]]
         yield ()
     for stage in range(smallest, factor + 1):
         prime = all(stage % divisor for divisor in range(2, math.isqrt(stage) + 1))
-        if factor % stage == 0 and (stage <= LARGEST_STAGE or prime):
+        if factor % stage == 0 and (stage <= MAX_STAGE or prime):
             for rest in _factorisations(factor // stage, stage):
                 yield (*rest, stage)
 

@@ -23,7 +23,7 @@ import numpy as np
 from pivident.errors import NonFiniteSamples, RecordingError
 from pivident.scratch import working_array
 from pivident.signals.random_walk_likelihood import (
-    SMALLEST_NVR,
+    MIN_NVR,
     diffuse_fit,
     estimate_nvr,
 )
@@ -37,7 +37,7 @@ from pivident.signals.random_walk_model import (
 from pivident.threads import thread_count
 
 #: A record must have at least this many samples.
-SHORTEST_RECORD = 20
+MIN_RECORD = 20
 
 #: Samples at each end that a regression should skip: the smoother knows only one side there.
 EDGE = 50
@@ -248,10 +248,10 @@ def _smooth_channel(
         estimate = estimate_nvr(y, rate, order, f50_max)
         nvr, on_bound = estimate.nvr, estimate.on_bound
         log_std = math.nan if on_bound else log_nvr_std(nvr, order, y.size)
-    elif not SMALLEST_NVR[order] <= nvr < math.inf:
+    elif not MIN_NVR[order] <= nvr < math.inf:
         raise RecordingError(
             f"NVR {nvr:.3g} at {rate:g} Hz; order {order} is smoothed accurately from "
-            f"{SMALLEST_NVR[order]:g} (f50 {f50_from_nvr(SMALLEST_NVR[order], order, rate):.3g} Hz)"
+            f"{MIN_NVR[order]:g} (f50 {f50_from_nvr(MIN_NVR[order], order, rate):.3g} Hz)"
             " upwards: decimate the record first, or lower the order"
         )
     fit = diffuse_fit(y, nvr, order)
@@ -269,10 +269,10 @@ def differentiate(forward: np.ndarray, rate: float, dq: np.ndarray, ddq: np.ndar
 
 def check_positions(y: np.ndarray, rate: float, order: int, passes: int) -> None:
     """Refuse what cannot be smoothed."""
-    if y.ndim != 2 or y.shape[0] < SHORTEST_RECORD or y.shape[1] == 0:
+    if y.ndim != 2 or y.shape[0] < MIN_RECORD or y.shape[1] == 0:
         raise RecordingError(
             f"positions of shape {y.shape} cannot be smoothed; expected at least "
-            f"{SHORTEST_RECORD} samples of one or more channels"
+            f"{MIN_RECORD} samples of one or more channels"
         )
     if order not in ORDERS or passes not in (1, 2) or not rate > 0:
         raise RecordingError(

@@ -30,10 +30,10 @@ from numba import njit
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
 #: Smallest NVR at which the smoothed acceleration keeps about three digits, by order.
-SMALLEST_NVR = {1: 1e-8, 2: 1e-10, 3: 1e-12, 4: 1e-14}
+MIN_NVR = {1: 1e-8, 2: 1e-10, 3: 1e-12, 4: 1e-14}
 
 #: Largest NVR of the search: here the smoother passes practically everything.
-LARGEST_NVR = 1e4
+MAX_NVR = 1e4
 
 _GRID_POINTS = 24
 _TOLERANCE = 1e-3
@@ -91,7 +91,7 @@ def estimate_nvr(
         up to rounding) gives the upper bound.
     """
     w = np.diff(y, order)
-    lower, upper = math.log10(SMALLEST_NVR[order]), math.log10(LARGEST_NVR)
+    lower, upper = math.log10(MIN_NVR[order]), math.log10(MAX_NVR)
     if f50_max is not None and f50_max < rate / 2:
         upper = max(lower, min(upper, math.log10(nvr_from_f50(f50_max, order, rate))))
     rounding = np.finfo(float).eps * np.max(np.abs(y)) * 2**order

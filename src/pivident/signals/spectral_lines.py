@@ -25,7 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.signals.binned_spectrum import (
-    FEWEST_SAMPLES,
+    MIN_SAMPLES,
     Bins,
     even_bins,
     octave_bins,
@@ -40,7 +40,7 @@ LOWEST_FREQUENCY = 40.0
 LOWEST_WIDE_FREQUENCY = 80.0
 
 #: Most peaks of one channel: a spectrum with more is a comb, which periodic motion makes.
-MOST_LINES = 4
+MAX_LINES = 4
 
 #: Bins between two peaks, at least: the spectrum of a single line is ragged.
 _GAP = 4
@@ -116,7 +116,7 @@ def find_lines(y: np.ndarray, rate: float, order: int) -> LineSearch:
         order: of the differences that flatten the spectrum before the transform.
     """
     frequency, periodogram = tapered_periodogram(y, rate, order)
-    if len(periodogram) < FEWEST_SAMPLES or not np.all(periodogram > 0.0):
+    if len(periodogram) < MIN_SAMPLES or not np.all(periodogram > 0.0):
         return LineSearch((), 0.0)
     even = even_bins(frequency, periodogram)
     background = even.background()
@@ -176,9 +176,9 @@ def _search(
     searched = (bins.centre > lowest) & (bins.centre < bins.centre[-1 - bins.half])
     background = bins.background(_total(lines, bins.centre, rate) if lines else None)
     above = np.flatnonzero(searched & (bins.spectrum > smallest * background))
-    if above.size and 1 + np.count_nonzero(np.diff(above) > _GAP) > MOST_LINES:
+    if above.size and 1 + np.count_nonzero(np.diff(above) > _GAP) > MAX_LINES:
         return True
-    for _ in range(MOST_LINES):
+    for _ in range(MAX_LINES):
         total = _total(lines, bins.centre, rate)
         ratio = np.where(searched, bins.spectrum / (background + total) / smallest, 0.0)
         highest = int(np.argmax(ratio))

@@ -38,7 +38,7 @@ from pivident.simulation.python_loop import run_python_loop
 BLOCK = 16384
 
 #: Longest step over which the rigid body may be frozen [s].
-LONGEST_STEP = 2.5e-4
+MAX_STEP = 2.5e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def simulate_blocks(
     inputs = _signal("inputs", signals.inputs, samples, n)
     noise = _signal("noise", signals.noise, samples, n)
     begin = (q_ref[0], np.zeros(n)) if start is None else start
-    steps = max(1, int(np.ceil(1.0 / (rate * LONGEST_STEP) - 1e-9))) if oracle is None else 1
+    steps = max(1, int(np.ceil(1.0 / (rate * MAX_STEP) - 1e-9))) if oracle is None else 1
     limits = np.empty((4, n))
     limits[GAIN], limits[OUTPUT] = signals.drive_gain, signals.limit
     limits[DISTANCE], limits[SPEED] = signals.bound, signals.speed_bound

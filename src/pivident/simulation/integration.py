@@ -50,7 +50,7 @@ STIFFNESS_PER_STEP = 1.0
 NONLINEAR_STIFFNESS = 0.3
 
 #: Most inner steps. What needs more has a mass matrix next to singular; it may diverge instead.
-MOST_INNER_STEPS = 5000
+MAX_INNER_STEPS = 5000
 
 #: Motion of any joint after which M⁻¹ is computed anew [rad or m].
 RENEWAL = 2e-3
@@ -299,7 +299,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     """
     n = vectors.shape[1]
     stiffness = damping_rate(pair_index, pair_value, matrices, slopes, 0)
-    count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MOST_INNER_STEPS)))
+    count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MAX_INNER_STEPS)))
     step = h / count
     for i in range(n):
         vectors[_Y, i], vectors[_X, i], vectors[_A, i] = 0.0, 0.0, vectors[_A0, i]
@@ -332,7 +332,7 @@ def _nonlinear_step(
     """
     n = torque.size
     k1, k2, k3, k4, trial, f = _A0, _A, _Y, _X, _Z, _W
-    left, shortest = h, h / MOST_INNER_STEPS
+    left, shortest = h, h / MAX_INNER_STEPS
     while left > 1e-9 * h:
         friction_torque(
             linear, term_index, term_value, pair_index, pair_value, vectors, V, f, slopes, 1

@@ -10,8 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.estimation.drive_equations import motor_coupling
-from pivident.estimation.known_payload import Payload
+from pivident.drives.drive_equations import motor_coupling
+from pivident.drives.known_payload import Payload
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
 from pivident.robot import load_robot

@@ -34,9 +34,9 @@ from pivident.simulation.integration import (
     FRICTION_KNOWN,
     LEVEL,
     LINEAR_REMAINDER,
+    MAX_INNER_STEPS,
     MIDDLE,
     MIDDLE_BIAS,
-    MOST_INNER_STEPS,
     NONLINEAR_STIFFNESS,
     STIFFNESS_PER_STEP,
     STILL,
@@ -233,7 +233,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     n = vectors.shape[1]
     rate, square = _stiffness(pair_index, pair_value, matrices, slopes, 0)
     wanted = _inner_steps(rate, square, h, STIFFNESS_PER_STEP, OSCILLATION_PER_STEP)
-    count = int(np.ceil(min(max(wanted, 1e-3), MOST_INNER_STEPS)))
+    count = int(np.ceil(min(max(wanted, 1e-3), MAX_INNER_STEPS)))
     step = h / count
     for i in range(n):
         vectors[_Y, i], vectors[_X, i], vectors[_A, i] = 0.0, 0.0, vectors[_A0, i]
@@ -309,7 +309,7 @@ def _nonlinear_step(
     """
     n = torque.size
     k1, k2, k3, k4, trial, f, travel = _A0, _A, _Y, _X, _Z, _W, _T
-    left, shortest = h, h / MOST_INNER_STEPS
+    left, shortest = h, h / MAX_INNER_STEPS
     for i in range(n):
         vectors[f, i] = vectors[FRICTION, i]
     for k in range(slopes.shape[1]):

@@ -34,13 +34,13 @@ FARTHEST, FASTEST = 0.5, 50.0
 
 #: Random postures lie so far from the middle of a joint's range: a share of its half width, and no
 #: more than this [rad or m].
-REACH_SHARE, LONGEST_REACH = 0.8, 1.5
+REACH_SHARE, MAX_REACH = 0.8, 1.5
 
 #: Share of the rated speed that a random motion uses, and the speed where none is known [rad/s].
 SPEED_SHARE, USUAL_SPEED = 0.8, 1.5
 
 #: Postures of a random motion: so many, and one for each of these seconds.
-POSTURES, SHORTEST_MOVE = 12, 0.6
+POSTURES, MIN_MOVE = 12, 0.6
 
 #: Stream of random numbers that draws the postures, beside those of the noise.
 MOTION = 4
@@ -211,10 +211,10 @@ def _random_motion(robot: Robot, rate: float, duration: float, seed: int) -> Ref
     samples = round(duration * rate) if np.isfinite(duration) else 0
     if samples < 2:
         raise ExperimentError(f"duration is {duration:g} s; give that of the motion, such as 10")
-    limits = [joint.position_limits or (-LONGEST_REACH, LONGEST_REACH) for joint in robot.joints]
+    limits = [joint.position_limits or (-MAX_REACH, MAX_REACH) for joint in robot.joints]
     low, high = np.array(limits, dtype=float).T
-    reach = np.minimum(REACH_SHARE * (high - low) / 2.0, LONGEST_REACH)
-    count = POSTURES + int(duration / SHORTEST_MOVE)
+    reach = np.minimum(REACH_SHARE * (high - low) / 2.0, MAX_REACH)
+    count = POSTURES + int(duration / MIN_MOVE)
     rng = np.random.default_rng((seed, MOTION))
     postures = (low + high) / 2.0 + reach * rng.uniform(-1.0, 1.0, (count, robot.size))
     rated = robot.rated_speeds

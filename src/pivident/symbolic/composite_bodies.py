@@ -14,8 +14,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.dynamics.grouping.expressions import ZERO, Expression, operation_count
 from pivident.robot.description import Robot
-from pivident.symbolic.expressions import ZERO, Expression, operation_count
 from pivident.symbolic.joint_frame import JointFrame
 from pivident.symbolic.link_motion import link_motion
 from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols

@@ -15,8 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.robot.description import Joint
-from pivident.symbolic.expressions import (
+from pivident.dynamics.grouping.expressions import (
     EXACT,
     Expression,
     Operand,
@@ -25,6 +24,7 @@ from pivident.symbolic.expressions import (
     cosine,
     sine,
 )
+from pivident.robot.description import Joint
 from pivident.symbolic.vectors import (
     Tensor,
     Turn,

@@ -5,9 +5,17 @@ from __future__ import annotations
 import math
 
 from pivident.dynamics.entry_plan import coupling_sign
+from pivident.dynamics.grouping.expressions import (
+    ONE,
+    Expression,
+    call,
+    cosine,
+    divide,
+    power,
+    sine,
+)
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.friction import FrictionColumn, FrictionTerm, SignFunction
-from pivident.symbolic.expressions import ONE, Expression, call, cosine, divide, power, sine
 from pivident.symbolic.model_symbols import ModelSymbols
 
 

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from pivident.symbolic.expressions import ZERO, Expression, constant
+from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.symbolic.joint_frame import JointFrame, joint_frame, turn
 from pivident.symbolic.model_symbols import ModelSymbols
 from pivident.symbolic.vectors import (

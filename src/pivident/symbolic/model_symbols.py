@@ -9,10 +9,10 @@ from typing import Literal
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.grouping.expressions import ZERO, Expression, constant, symbol
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL, Robot
-from pivident.symbolic.expressions import ZERO, Expression, constant, symbol
 from pivident.symbolic.program import Input
 from pivident.symbolic.vectors import Tensor, Vector
 

@@ -17,9 +17,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from pivident.dynamics.parameters import Parameter
-from pivident.robot.description import Robot
-from pivident.symbolic.expressions import (
+from pivident.dynamics.grouping.expressions import (
     ZERO,
     Constant,
     Expression,
@@ -28,6 +26,8 @@ from pivident.symbolic.expressions import (
     operation_count,
     symbol,
 )
+from pivident.dynamics.parameters import Parameter
+from pivident.robot.description import Robot
 from pivident.symbolic.joint_terms import (
     depends_on_load,
     has_memory,

@@ -12,9 +12,9 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from pivident.dynamics.grouping.expressions import ONE, ZERO, Expression, operation_count
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
-from pivident.symbolic.expressions import ONE, ZERO, Expression, operation_count
 from pivident.symbolic.joint_terms import joint_column, joints_of
 from pivident.symbolic.link_motion import LinkMotion, link_motion
 from pivident.symbolic.model_symbols import Columns, ModelSymbols, model_symbols

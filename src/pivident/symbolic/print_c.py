@@ -12,11 +12,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from importlib import resources
 
-from pivident.symbolic.expressions import Call, Cosine, Expression, Sine, ordered
-from pivident.symbolic.identifiers import c_comment, identifiers
-from pivident.symbolic.notation import C99, expression_texts
+from pivident.dynamics.grouping.expressions import Call, Cosine, Expression, Sine, ordered
+from pivident.dynamics.grouping.notation import C99, expression_texts
 from pivident.symbolic.print_python import argument_names, scalar_names
 from pivident.symbolic.program import Input, Output, Program
+from pivident.text.identifiers import c_comment, identifiers
 
 #: C with the functions that the file brings along.
 _C = replace(C99, functions={**C99.functions, "atan": "arctangent"})

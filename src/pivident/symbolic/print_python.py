@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pivident.symbolic.expressions import Expression
-from pivident.symbolic.identifiers import identifiers
-from pivident.symbolic.notation import PYTHON, expression_texts
+from pivident.dynamics.grouping.expressions import Expression
+from pivident.dynamics.grouping.notation import PYTHON, expression_texts
 from pivident.symbolic.program import Input, Program
+from pivident.text.identifiers import identifiers
 
 
 def python_module(programs: Sequence[Program]) -> str:
@@ -24,7 +24,7 @@ def python_module(programs: Sequence[Program]) -> str:
 
 def python_function(program: Program) -> Callable[..., Any]:
     """The function that the text of a program defines."""
-    from pivident.symbolic.identifiers import identifier
+    from pivident.text.identifiers import identifier
 
     namespace: dict[str, Any] = {}
     text = python_module([program])

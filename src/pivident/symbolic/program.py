@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.symbolic.expressions import (
+from pivident.dynamics.grouping.expressions import (
     Add,
     Call,
     Constant,
@@ -30,7 +30,7 @@ from pivident.symbolic.expressions import (
     operation_count,
     ordered,
 )
-from pivident.symbolic.identifiers import identifiers, one_line
+from pivident.text.identifiers import identifiers, one_line
 
 if TYPE_CHECKING:
     import sympy

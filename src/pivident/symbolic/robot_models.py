@@ -8,13 +8,15 @@ from functools import partial
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.grouping.closed_form import (
+    ClosedFormBaseParameters,
+    closed_form_base_parameters,
+)
+from pivident.dynamics.grouping.expressions import symbol
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
-from pivident.symbolic.base_parameters import ClosedFormBaseParameters, closed_form_base_parameters
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
-from pivident.symbolic.expressions import symbol
-from pivident.symbolic.identifiers import identifier
 from pivident.symbolic.model_symbols import Columns
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix
@@ -23,6 +25,7 @@ from pivident.symbolic.print_latex import latex_document
 from pivident.symbolic.print_python import python_module
 from pivident.symbolic.print_sympy import sympy_module
 from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.text.identifiers import identifier
 
 #: What can be written, and what it is.
 MODELS = {

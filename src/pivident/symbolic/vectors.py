@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from pivident.symbolic.expressions import ZERO, Expression
+from pivident.dynamics.grouping.expressions import ZERO, Expression
 
 Vector = tuple[Expression, Expression, Expression]
 

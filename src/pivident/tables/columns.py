@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import PividentError
-from pivident.printable import sheet_text
+from pivident.extras import require
+from pivident.text import display
+from pivident.text.printable import sheet_text
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -26,7 +28,7 @@ _SHOWN, _LONGEST = 20, 40
 
 
 class TableError(PividentError, ValueError):
-    """A table that does not exist, or a library that is not installed."""
+    """A table that does not exist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,23 +93,21 @@ class Table:
         return [dict(zip(self.columns, row, strict=True)) for row in zip(*lists, strict=True)]
 
     def to_polars(self) -> pl.DataFrame:
-        """The table as a polars frame."""
-        import polars as pl
+        """The table as a polars frame.
 
+        Raises:
+            MissingExtra: polars is not installed.
+        """
+        pl = require("polars", extra="tables", purpose="to_polars()")
         return pl.DataFrame({name: _series(values) for name, values in self.columns.items()})
 
     def to_pandas(self) -> pd.DataFrame:
         """The table as a pandas frame.
 
         Raises:
-            TableError: pandas is not installed.
+            MissingExtra: pandas is not installed.
         """
-        try:
-            import pandas as pd
-        except ImportError:
-            raise TableError(
-                "pandas is not installed; `pip install pandas`, or use to_polars()"
-            ) from None
+        pd = require("pandas", extra="pandas", purpose="to_pandas()")
         return pd.DataFrame({name: _series(values) for name, values in self.columns.items()})
 
     def to_csv(self, path: str | PathLike[str] | None = None) -> str:
@@ -140,7 +140,7 @@ class Table:
         return f"<Table {self.name}: {len(self)} rows, columns {', '.join(self.columns)}>"
 
     def __str__(self) -> str:
-        from pivident.validation.plain_table import plain_table
+        from pivident.text.plain_table import plain_table
 
         shown = self.shown(_SHOWN)
         text = plain_table([(name, "." if number else "<", cells) for name, number, cells in shown])
@@ -162,9 +162,7 @@ class Table:
         return columns
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import table_html
-
-        return table_html(self)
+        return display.html_of(self)
 
 
 def _column(values: list[Any]) -> Values:
@@ -189,7 +187,7 @@ def _cell(value: Any) -> Any:
 
 def _text(value: Any) -> str:
     """One cell for the eye."""
-    from pivident.printable import escaped
+    from pivident.text.printable import escaped
 
     if value is None:
         return "–"

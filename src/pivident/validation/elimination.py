@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
+from pivident.estimation.covariance.sandwich import windows_of
 from pivident.estimation.decimated import DecimatedRecord, decimated_sums
 from pivident.estimation.full_rate import FullRateRecord, accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.parameter_rows import plus_minus
-from pivident.estimation.sandwich import windows_of
 from pivident.signals.prefilter import Prefilter
+from pivident.text.numbers import plus_minus
 
 #: Correlation of neighbouring windows of the sandwich, squared and counted on both sides.
 _NEIGHBOURS = 2.0 / 36.0

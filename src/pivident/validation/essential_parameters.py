@@ -36,8 +36,9 @@ from pivident.errors import (
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, LeastSquares, Method
-from pivident.estimation.parameter_rows import significant, with_spread
 from pivident.estimation.problem import Problem
+from pivident.text.numbers import format_significant, with_spread
+from pivident.text.plain_table import plain_table
 from pivident.validation.elimination import (
     Elimination,
     EliminationRound,
@@ -46,7 +47,6 @@ from pivident.validation.elimination import (
     torque_error,
     torque_sums,
 )
-from pivident.validation.plain_table import plain_table
 
 #: Probability with which a parameter that is zero stays in. Sixty tests are made of one record:
 #: on simulated TX40 records one of 33 zero parameters stays at 5 %, next to none at 1 %.
@@ -108,7 +108,7 @@ class EssentialParameters:
             f"{len(self.full.names)}; relative torque error {self.error_before:.2f} % with all, "
             f"{self.error_after:.2f} % with these.",
             f"The rows are worth {self.effective_samples:.0f} independent equations (variances "
-            f"are {significant(self.design_effect)} times those of a white residual).",
+            f"are {format_significant(self.design_effect)} times those of a white residual).",
             self.stopped,
             *self.notes,
         ]
@@ -131,7 +131,7 @@ class EssentialParameters:
                 ("value", ".", [value for value, _ in spreads]),
                 ("±2σ", ".", [spread for _, spread in spreads]),
                 ("unit", "<", [s.unit for s in self.steps]),
-                ("W", ".", [significant(s.statistic, 2) for s in self.steps]),
+                ("W", ".", [format_significant(s.statistic, 2) for s in self.steps]),
                 ("p", ".", [f"{s.p_value:.3f}" for s in self.steps]),
                 ("p of all", ".", [f"{s.joint_p_value:.3f}" for s in self.steps]),
                 ("error before %", ".", [f"{s.error_before:.3f}" for s in self.steps]),

@@ -24,8 +24,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.sandwich import WINDOWS
-from pivident.validation.moment_sums import kept_equations
+from pivident.estimation.covariance.sandwich import WINDOWS
+from pivident.validation.instruments.moment_sums import kept_equations
 
 if TYPE_CHECKING:
     from pivident.estimation.equations import Block
@@ -38,10 +38,10 @@ CovarianceEstimate = Literal[
 ]
 
 #: Scores kept in order; of longer records, sums of neighbours are.
-MOST_ROWS = 2**16
+MAX_ROWS = 2**16
 
 #: Largest AR(1) coefficient that Andrews' rule believes, as in his paper.
-LARGEST_RHO = 0.97
+MAX_RHO = 0.97
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +105,7 @@ def scores_of(identification: Identification) -> Scores:
     """
     equations, theta = kept_equations(identification), identification.theta
     size, lengths = equations.size, equations.lengths
-    thinning = max(1, -(-sum(lengths) // MOST_ROWS))
+    thinning = max(1, -(-sum(lengths) // MAX_ROWS))
     bread = np.zeros((size, size))
     for block in equations.blocks():
         for r in block.joints:
@@ -203,7 +203,7 @@ def andrews_lags(scores: Scores) -> int:
     values = values / np.maximum(values.std(axis=0), 1e-300)
     square = np.maximum(np.sum(values[:-1] ** 2, axis=0), 1e-300)
     rho = np.sum(values[1:] * values[:-1], axis=0) / square
-    rho = np.clip(rho, -LARGEST_RHO, LARGEST_RHO)
+    rho = np.clip(rho, -MAX_RHO, MAX_RHO)
     power = np.mean((values[1:] - rho * values[:-1]) ** 2, axis=0) ** 2
     curvature = np.sum(4 * rho**2 * power / ((1 - rho) ** 6 * (1 + rho) ** 2))
     alpha = curvature / np.sum(power / (1 - rho) ** 4)

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.figures import Figure
-from pivident.report.material import Material
+from pivident.report.plotly_figures import Figure
+from pivident.report.report_data import ReportData
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class Section(ABC):
     anchor: ClassVar[str]
     template: ClassVar[str]
 
-    def __init__(self, material: Material) -> None:
-        self.material = material
+    def __init__(self, data: ReportData) -> None:
+        self.data = data
 
     @property
     def applies(self) -> bool:
@@ -55,7 +55,7 @@ class Section(ABC):
 
     def opened(self, method: int) -> bool:
         """The last method, by custom the most refined, is unfolded."""
-        return method == len(self.material.identifications) - 1
+        return method == len(self.data.identifications) - 1
 
 
 class RecordingSection(Section):
@@ -64,7 +64,7 @@ class RecordingSection(Section):
     @property
     def applies(self) -> bool:
         """Only where an identification kept its signals."""
-        return any(i.recordings for i in self.material.identifications)
+        return any(i.recordings for i in self.data.identifications)
 
     @abstractmethod
     def figures(
@@ -74,17 +74,17 @@ class RecordingSection(Section):
 
     def context(self) -> dict[str, Any]:
         """One gallery per method, one group of figures per recording."""
-        material = self.material
+        data = self.data
         galleries = []
-        for k, identification in enumerate(material.identifications):
+        for k, identification in enumerate(data.identifications):
             titled = len(identification.recordings) > 1
             groups = tuple(
                 (recording.name if titled else "", self.figures(identification, recording, k))
-                for recording in material.drawn(identification.recordings)
+                for recording in data.drawn(identification.recordings)
             )
-            galleries.append(Gallery(material.labels[k], k, self.opened(k), groups))
+            galleries.append(Gallery(data.labels[k], k, self.opened(k), groups))
         return {
             "galleries": galleries,
-            "left_out_names": material.left_out,
-            "several": material.several,
+            "left_out_names": data.left_out,
+            "several": data.several,
         }

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 
 from pivident.estimation.methods import Bandpass
-from pivident.estimation.parameter_rows import plus_minus, significant
 from pivident.report.frequency_figures import bandwidth_text, loop_figure
 from pivident.report.recipes import sampling_rate, signal_recipe
 from pivident.report.sections.base import Gallery, Section
 from pivident.signals.decimation import decimation_stages
+from pivident.text.numbers import format_significant, plus_minus
 from pivident.validation.identified_loop import (
     DECIMATION_FACTOR,
     LOWPASS_FACTOR,
@@ -34,8 +34,8 @@ class ClosedLoopSection(Section):
     @cached_property
     def loops(self) -> dict[int, IdentifiedLoop]:
         """For each control loop, the last method that simulated it and what it made of it."""
-        last = {id(i.loop): k for k, i in enumerate(self.material.identifications) if i.loop}
-        made = {k: identified_loop(self.material.identifications[k]) for k in last.values()}
+        last = {id(i.loop): k for k, i in enumerate(self.data.identifications) if i.loop}
+        made = {k: identified_loop(self.data.identifications[k]) for k in last.values()}
         return {k: own for k, own in sorted(made.items()) if own is not None}
 
     @property
@@ -45,7 +45,7 @@ class ClosedLoopSection(Section):
 
     def context(self) -> dict[str, Any]:
         """One entry per control loop."""
-        identifications = self.material.identifications
+        identifications = self.data.identifications
         entries = []
         for k, own in self.loops.items():
             loop = identifications[k].loop
@@ -54,12 +54,12 @@ class ClosedLoopSection(Section):
             figures = tuple(loop_figure(j, k) for j in own.joints if j.loop is not None)
             entries.append(
                 {
-                    "label": self.material.labels[k],
+                    "label": self.data.labels[k],
                     "method": k,
                     "found": own,
                     "rows": [(j, j.reason or bandwidth_text(j)) for j in own.joints],
                     "remarks": [] if virtual else list(self._remarks(own, users)),
-                    "gallery": Gallery(self.material.labels[k], k, True, (("", figures),)),
+                    "gallery": Gallery(self.data.labels[k], k, True, (("", figures),)),
                 }
             )
         return {
@@ -75,7 +75,7 @@ class ClosedLoopSection(Section):
         """Methods, whether their filters agree with the rule, and a sentence about them."""
         made: dict[tuple[bool, str], list[tuple[str, int]]] = {}
         for k in users if own.fastest is not None else ():
-            identification = self.material.identifications[k]
+            identification = self.data.identifications[k]
             recipe = signal_recipe(identification)
             if recipe is None:
                 continue
@@ -85,7 +85,7 @@ class ClosedLoopSection(Section):
                 f50 = [joint.f50 for joint in identification.joints]
                 remarks = [_smoother_remark(own, f50, recipe.order)]
             for remark in remarks:
-                made.setdefault(remark, []).append((self.material.labels[k], k))
+                made.setdefault(remark, []).append((self.data.labels[k], k))
         for (agrees, sentence), methods in made.items():
             yield methods, agrees, sentence
 
@@ -121,18 +121,19 @@ def _band_pass_remarks(
         value = plus_minus(wanted, spread)
         rule = (
             f"{factor:g} bandwidths are {value} Hz for {joint.name}, the fastest joint; used were "
-            f"{significant(used)} Hz"
+            f"{format_significant(used)} Hz"
         )
         side = disagreement(used, wanted, spread)
         if side == 0:
             remarks.append((True, f"{what}: {rule}, which agrees within a factor of 1.5."))
             continue
         consequence = too_low if side < 0 else too_high
-        advice = f"Try {option} = {significant(wanted, 2)} and see whether the estimate moves."
+        advice = (
+            f"Try {option} = {format_significant(wanted, 2)} and see whether the estimate moves."
+        )
         if wanted >= 0.5 * rate:
-            advice = (
-                f"The record's rate of {significant(rate)} Hz does not allow it: record faster."
-            )
+            most = format_significant(rate)
+            advice = f"The record's rate of {most} Hz does not allow it: record faster."
         direction = "lower" if side < 0 else "higher"
         remarks.append((False, f"{what}: {rule}, clearly {direction}: {consequence}. {advice}"))
     return remarks
@@ -147,7 +148,7 @@ def _smoother_remark(own: IdentifiedLoop, f50: Sequence[float], order: int) -> t
             "joint."
         )
     listed = ", ".join(
-        f"{name} ({significant(used)} Hz, wanted {significant(wanted)} Hz)"
+        f"{name} ({format_significant(used)} Hz, wanted {format_significant(wanted)} Hz)"
         for name, used, wanted in slow
     )
     return False, (

@@ -20,13 +20,13 @@ class ComparisonSection(Section):
     @property
     def applies(self) -> bool:
         """Only with several methods."""
-        return self.material.several
+        return self.data.several
 
     def context(self) -> dict[str, Any]:
         """One entry per parameter with its rows, difference and drawing."""
-        labels = self.material.labels
+        labels = self.data.labels
         entries: list[dict[str, Any]] = []
-        for name, rows in aligned_rows(self.material.identifications, self.material.truth).items():
+        for name, rows in aligned_rows(self.data.identifications, self.data.truth).items():
             distance, i, j = largest_difference(rows)
             entries.append(
                 {
@@ -40,18 +40,18 @@ class ComparisonSection(Section):
                         rows,
                         labels,
                         with_zero=False,
-                        consistent=self.material.consistent.get(name, ()),
-                        nominal=self.material.nominal.get(name, math.nan),
+                        consistent=self.data.consistent.get(name, ()),
+                        nominal=self.data.nominal.get(name, math.nan),
                     ),
                 }
             )
         return {
             "labels": labels,
             "consistent": sorted(
-                {(c.method, c.label) for own in self.material.consistent.values() for c in own}
+                {(c.method, c.label) for own in self.data.consistent.values() for c in own}
             ),
             "nominal": any(entry["drawing"].nominal is not None for entry in entries),
             "entries": entries,
-            "truth": bool(self.material.truth),
+            "truth": bool(self.data.truth),
             "contradiction": CONTRADICTION,
         }

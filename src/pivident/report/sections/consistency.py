@@ -6,18 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from pivident.consistency.consistent_tables import millimetres
-from pivident.consistency.significance import HALF_INTERVAL
-from pivident.estimation.parameter_rows import significant
-from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
-from pivident.report.figures import Figure
-from pivident.report.sections.base import Section
-from pivident.validation.consistent_estimate import (
+from pivident.consistency.consistent_estimate import (
     CONFIDENCE,
     ConsistentEstimate,
     NoConsistentEstimate,
     interval_text,
 )
+from pivident.consistency.consistent_tables import millimetres
+from pivident.consistency.significance import HALF_INTERVAL
+from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
+from pivident.report.plotly_figures import Figure
+from pivident.report.sections.base import Section
+from pivident.text.numbers import format_significant
 
 #: An end of an interval that nothing bounds is drawn this far away [σ].
 FAR = 20.0
@@ -33,13 +33,13 @@ class ConsistencySection(Section):
     @property
     def applies(self) -> bool:
         """Only where the stage ran."""
-        return bool(self.material.examination.consistent)
+        return bool(self.data.diagnostics.consistent)
 
     def context(self) -> dict[str, Any]:
         """Tables and figures of each estimate, reasons where there is none."""
-        examination = self.material.examination
-        names = list(examination.identifications)
-        made = [(names.index(name), found) for name, found in examination.consistent.items()]
+        diagnostics = self.data.diagnostics
+        names = list(diagnostics.identifications)
+        made = [(names.index(name), found) for name, found in diagnostics.consistent.items()]
         last = made[-1][0]
         return {
             "confidence": f"{CONFIDENCE:.0%}".replace("%", " %"),
@@ -70,11 +70,11 @@ def _link_cells(found: ConsistentEstimate) -> list[tuple[str, list[tuple[str, st
     """Name of each link, and value and interval of each quantity as text."""
     rows = []
     for r in found.links:
-        cells = [(significant(r.mass.value), interval_text(r.mass))]
+        cells = [(format_significant(r.mass.value), interval_text(r.mass))]
         cells += [
             (millimetres(c.value), interval_text(c, factor=1e3, digits=2)) for c in r.center_of_mass
         ]
-        cells += [(significant(m.value), interval_text(m, digits=2)) for m in r.moments]
+        cells += [(format_significant(m.value), interval_text(m, digits=2)) for m in r.moments]
         rows.append((r.name, cells))
     return rows
 
@@ -84,9 +84,9 @@ def _moved_cells(found: ConsistentEstimate) -> list[tuple[str, ...]]:
     return [
         (
             row.name,
-            significant(row.free, 4),
-            significant(row.spread, 2),
-            significant(row.consistent, 4),
+            format_significant(row.free, 4),
+            format_significant(row.spread, 2),
+            format_significant(row.consistent, 4),
             row.interval,
             f"{row.moved:+.2f}",
             row.unit,

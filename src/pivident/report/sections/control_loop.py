@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from pivident.estimation.controller_identification import ControllerIdentification
+from pivident.control_law.identified_law import ControllerIdentification
+from pivident.control_law.joint_law import JointLaw
+from pivident.control_law.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
+from pivident.control_law.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.identification import Identification
-from pivident.estimation.joint_law import JointLaw
-from pivident.estimation.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
-from pivident.estimation.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.estimation.problem import Loop
-from pivident.estimation.tables import differentiator_text
-from pivident.report.figures import Figure, law_figure, position_unit, reference_figure
+from pivident.estimation.summary_tables import differentiator_text
+from pivident.report.plotly_figures import Figure, law_figure, position_unit, reference_figure
 from pivident.report.sections.base import Gallery, Section
 
 #: What each gain multiplies, and its unit with that of the position for {}.
@@ -42,26 +42,26 @@ class ControlLoopSection(Section):
     @property
     def applies(self) -> bool:
         """Only where a law was identified or a reference reconstructed."""
-        return bool(self.material.loops)
+        return bool(self.data.loops)
 
     def context(self) -> dict[str, Any]:
         """One entry per loop, with the methods that simulated it."""
         return {
-            "entries": [self._entry(loop, methods) for loop, methods in self.material.loops],
-            "several": self.material.several,
+            "entries": [self._entry(loop, methods) for loop, methods in self.data.loops],
+            "several": self.data.several,
             "probability": F_PROBABILITY,
             "worthwhile": WORTHWHILE,
         }
 
     def _entry(self, loop: Loop, methods: Sequence[int]) -> dict[str, Any]:
         """Tables and figures of one loop, with the signals of the last method that used it."""
-        user = self.material.identifications[methods[-1]]
+        user = self.data.identifications[methods[-1]]
         units = [position_unit(user, j) for j in range(user.robot.size)]
         gains = np.broadcast_to(np.asarray(loop.drive_gain, float), (user.robot.size,))
         laws = loop.identified.joints if loop.identified is not None else ()
         return {
             "method": methods[-1],
-            "methods": [(self.material.labels[k], k) for k in methods],
+            "methods": [(self.data.labels[k], k) for k in methods],
             "recordings": loop.identified.recordings if loop.identified is not None else (),
             "drives": [
                 (gain, joint.torque_unit) for gain, joint in zip(gains, user.joints, strict=True)
@@ -87,7 +87,7 @@ class ControlLoopSection(Section):
                 for recording, own in zip(user.recordings, loop.reconstructed, strict=False)
             ],
             "positions": self._reference_gallery(loop, user, methods[-1]),
-            "left_out_names": [r.name for r in user.recordings[self.material.shown_recordings :]],
+            "left_out_names": [r.name for r in user.recordings[self.data.shown_recordings :]],
         }
 
     def _law_gallery(self, found: ControllerIdentification | None, method: int) -> Gallery:
@@ -95,7 +95,7 @@ class ControlLoopSection(Section):
         figures: tuple[Figure, ...] = ()
         if found is not None:
             figures = tuple(
-                law_figure(found, joint, method, self.material.points)
+                law_figure(found, joint, method, self.data.points)
                 for joint in range(len(found.joints))
             )
         return self._gallery(method, [("", figures)] if figures else [])
@@ -103,12 +103,12 @@ class ControlLoopSection(Section):
     def _reference_gallery(self, loop: Loop, user: Identification, method: int) -> Gallery:
         """One figure per joint and recording."""
         titled = len(user.recordings) > 1
-        drawn = self.material.drawn(user.recordings) if loop.reconstructed else ()
+        drawn = self.data.drawn(user.recordings) if loop.reconstructed else ()
         groups = [
             (
                 recording.name if titled else "",
                 tuple(
-                    reference_figure(user, recording, joint, method, self.material.points)
+                    reference_figure(user, recording, joint, method, self.data.points)
                     for joint in range(user.robot.size)
                 ),
             )
@@ -118,7 +118,7 @@ class ControlLoopSection(Section):
         return self._gallery(method, groups)
 
     def _gallery(self, method: int, groups: list[tuple[str, tuple[Figure, ...]]]) -> Gallery:
-        return Gallery(self.material.labels[method], method, True, tuple(groups))
+        return Gallery(self.data.labels[method], method, True, tuple(groups))
 
 
 def _differentiator(law: JointLaw) -> tuple[bool, float, float]:

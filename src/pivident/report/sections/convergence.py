@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import change_figure, distance_figure
+from pivident.report.plotly_figures import change_figure, distance_figure
 from pivident.report.sections.base import Gallery, Section
 
 
@@ -18,11 +18,11 @@ class ConvergenceSection(Section):
     @property
     def applies(self) -> bool:
         """Only with a method that iterated."""
-        return any(i.iterations > 1 for i in self.material.identifications)
+        return any(i.iterations > 1 for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """Figures and table of each method that iterated."""
-        material = self.material
+        data = self.data
         return {
             "entries": [
                 (
@@ -34,10 +34,8 @@ class ConvergenceSection(Section):
                     ),
                     i.history,
                 )
-                for k, (label, i) in enumerate(
-                    zip(material.labels, material.identifications, strict=True)
-                )
+                for k, (label, i) in enumerate(zip(data.labels, data.identifications, strict=True))
                 if i.iterations > 1
             ],
-            "several": material.several,
+            "several": data.several,
         }

@@ -24,7 +24,7 @@ class CorrelationSection(Section):
     @cached_property
     def correlations(self) -> tuple[ParameterCorrelation | None, ...]:
         """Of each result, None where its deviations are not known."""
-        return tuple(parameter_correlation(i) for i in self.material.identifications)
+        return tuple(parameter_correlation(i) for i in self.data.identifications)
 
     @property
     def applies(self) -> bool:
@@ -36,7 +36,7 @@ class CorrelationSection(Section):
         return {
             "galleries": [
                 Gallery(
-                    self.material.labels[k],
+                    self.data.labels[k],
                     k,
                     self.opened(k),
                     (("", (correlation_figure(own),)),),
@@ -44,6 +44,6 @@ class CorrelationSection(Section):
                 for k, own in enumerate(self.correlations)
                 if own is not None
             ],
-            "several": self.material.several,
+            "several": self.data.several,
             "strong": STRONG_CORRELATION,
         }

@@ -16,11 +16,11 @@ class DownloadsSection(Section):
 
     def context(self) -> dict[str, Any]:
         """Files by method."""
-        material = self.material
+        data = self.data
         return {
-            "files": material.downloads,
+            "files": data.downloads,
             "methods": [
-                (label, k, [file for file in material.downloads if file.method == k])
-                for k, label in enumerate(material.labels)
+                (label, k, [file for file in data.downloads if file.method == k])
+                for k, label in enumerate(data.labels)
             ],
         }

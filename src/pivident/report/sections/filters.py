@@ -6,8 +6,8 @@ from typing import Any
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Bandpass, RandomWalk
-from pivident.report.figures import Figure
 from pivident.report.frequency_figures import bandpass_figure, decimation_figure, smoother_figure
+from pivident.report.plotly_figures import Figure
 from pivident.report.recipes import sampling_rate, signal_recipe
 from pivident.report.sections.base import Section
 
@@ -22,27 +22,27 @@ class FiltersSection(Section):
     @property
     def applies(self) -> bool:
         """Only where a result holds its equations."""
-        return any(_key(i) is not None for i in self.material.identifications)
+        return any(_key(i) is not None for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """One entry per recipe, in the order of the methods."""
         users: dict[Any, list[int]] = {}
-        for k, identification in enumerate(self.material.identifications):
+        for k, identification in enumerate(self.data.identifications):
             key = _key(identification)
             if key is not None:
                 users.setdefault(key, []).append(k)
         entries = []
         for methods in users.values():
-            identification = self.material.identifications[methods[-1]]
+            identification = self.data.identifications[methods[-1]]
             entries.append(
                 {
-                    "methods": [(self.material.labels[k], k) for k in methods],
+                    "methods": [(self.data.labels[k], k) for k in methods],
                     "figures": _figures(identification, methods[-1]),
                     "lines": _joints_with_lines(identification),
                     "twice": getattr(signal_recipe(identification), "passes", 1) > 1,
                 }
             )
-        return {"entries": entries, "several": self.material.several}
+        return {"entries": entries, "several": self.data.several}
 
 
 def _key(identification: Identification) -> tuple[Any, ...] | None:

@@ -17,16 +17,16 @@ class HeldOutSection(Section):
     @property
     def applies(self) -> bool:
         """Only where something was held out, or a motion repeats."""
-        examination = self.material.examination
-        return examination.out_of_sample is not None or examination.model_error is not None
+        diagnostics = self.data.diagnostics
+        return diagnostics.out_of_sample is not None or diagnostics.model_error is not None
 
     def context(self) -> dict[str, Any]:
         """The comparison, and the split of the recommended method's residual."""
-        examination = self.material.examination
-        names = list(examination.identifications)
-        compared = examination.out_of_sample
+        diagnostics = self.data.diagnostics
+        names = list(diagnostics.identifications)
+        compared = diagnostics.out_of_sample
         judged = [] if compared is None else [
-            (self.material.labels[names.index(name)], names.index(name), result)
+            (self.data.labels[names.index(name)], names.index(name), result)
             for name, result in compared.results.items()
         ]  # fmt: skip
-        return {"compared": compared, "judged": judged, "split": examination.model_error}
+        return {"compared": compared, "judged": judged, "split": diagnostics.model_error}

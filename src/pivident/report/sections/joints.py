@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import position_unit
+from pivident.report.plotly_figures import position_unit
 from pivident.report.sections.base import Section
 
 
@@ -17,7 +17,7 @@ class JointsSection(Section):
 
     def context(self) -> dict[str, Any]:
         """Joint fits with the unit of their positions."""
-        material = self.material
+        data = self.data
         return {
             "tables": [
                 (
@@ -30,8 +30,8 @@ class JointsSection(Section):
                     identification.relative_error,
                 )
                 for k, (label, identification) in enumerate(
-                    zip(material.labels, material.identifications, strict=True)
+                    zip(data.labels, data.identifications, strict=True)
                 )
             ],
-            "several": material.several,
+            "several": data.several,
         }

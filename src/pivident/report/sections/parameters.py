@@ -18,19 +18,19 @@ class ParametersSection(Section):
 
     def context(self) -> dict[str, Any]:
         """Rows and drawings of each method."""
-        material = self.material
+        data = self.data
         tables = []
         for k, (label, identification) in enumerate(
-            zip(material.labels, material.identifications, strict=True)
+            zip(data.labels, data.identifications, strict=True)
         ):
-            rows = parameter_rows(identification, material.truth)
+            rows = parameter_rows(identification, data.truth)
             others = [None] * k
             drawings = [
                 interval_drawing(
                     [*others, row],
-                    material.labels,
+                    data.labels,
                     with_zero=True,
-                    consistent=[c for c in material.consistent.get(row.name, ()) if c.method == k],
+                    consistent=[c for c in data.consistent.get(row.name, ()) if c.method == k],
                 )
                 for row in rows
             ]
@@ -42,4 +42,4 @@ class ParametersSection(Section):
                     "rows": list(zip(rows, drawings, strict=True)),
                 }
             )
-        return {"tables": tables, "truth": bool(material.truth), "several": material.several}
+        return {"tables": tables, "truth": bool(data.truth), "several": data.several}

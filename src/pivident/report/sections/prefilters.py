@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import Figure
 from pivident.report.frequency_figures import prefilter_figure
+from pivident.report.plotly_figures import Figure
 from pivident.report.recipes import sampling_rate
 from pivident.report.sections.base import Gallery, Section
-from pivident.validation.residual_spectrum import scaled_prefilters
+from pivident.validation.residuals.residual_spectrum import scaled_prefilters
 
 
 class PrefiltersSection(Section):
@@ -21,27 +21,23 @@ class PrefiltersSection(Section):
     @property
     def applies(self) -> bool:
         """Only with a method that prefilters."""
-        return any(scaled_prefilters(i) is not None for i in self.material.identifications)
+        return any(scaled_prefilters(i) is not None for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """One gallery per method."""
         prefiltering = [
-            k
-            for k, i in enumerate(self.material.identifications)
-            if scaled_prefilters(i) is not None
+            k for k, i in enumerate(self.data.identifications) if scaled_prefilters(i) is not None
         ]
         return {
             "galleries": [
-                Gallery(
-                    self.material.labels[k], k, k == prefiltering[-1], (("", self._figures(k)),)
-                )
+                Gallery(self.data.labels[k], k, k == prefiltering[-1], (("", self._figures(k)),))
                 for k in prefiltering
             ],
             "several": len(prefiltering) > 1,
         }
 
     def _figures(self, method: int) -> tuple[Figure, ...]:
-        identification = self.material.identifications[method]
+        identification = self.data.identifications[method]
         filters = scaled_prefilters(identification)
         assert filters is not None
         rate = sampling_rate(identification)

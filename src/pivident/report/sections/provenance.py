@@ -17,11 +17,11 @@ class ProvenanceSection(Section):
 
     def context(self) -> dict[str, Any]:
         """Flat options by name, recordings, sources and versions."""
-        identifications = self.material.identifications
+        identifications = self.data.identifications
         options = [dict(_flat(i.options)) for i in identifications]
         names = dict.fromkeys(name for entry in options for name in entry)
         return {
-            "labels": self.material.labels,
+            "labels": self.data.labels,
             "options": {name: [entry.get(name, "–") for entry in options] for name in names},
             "recordings": [(name, text) for name, text in self._accounts().items() if text],
             "sources": {
@@ -32,7 +32,7 @@ class ProvenanceSection(Section):
 
     def _accounts(self) -> dict[str, tuple[str, ...]]:
         """How each recording was logged and what was done to its samples."""
-        recordings = (r for i in self.material.identifications for r in i.recordings)
+        recordings = (r for i in self.data.identifications for r in i.recordings)
         return {recording.name: recording.account for recording in recordings}
 
 

@@ -18,15 +18,15 @@ class ReplaySection(Section):
     @property
     def applies(self) -> bool:
         """Only where an identification kept its signals."""
-        return any(i.recordings for i in self.material.identifications)
+        return any(i.recordings for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """Robot and motion of the last identification that has signals."""
-        shown = [i for i in self.material.identifications if i.recordings][-1]
-        recordings = self.material.drawn(shown.recordings)
+        shown = [i for i in self.data.identifications if i.recordings][-1]
+        recordings = self.data.drawn(shown.recordings)
         return {
             "robot": shown.robot,
             "motion": motion_values(shown.robot, recordings),
             "ranges": [(r.name, joint_ranges(shown, r)) for r in recordings],
-            "left_out_names": self.material.left_out,
+            "left_out_names": self.data.left_out,
         }

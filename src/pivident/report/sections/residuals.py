@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.figures import residual_figure
+from pivident.report.plotly_figures import residual_figure
 from pivident.report.sections.base import Gallery, Section
-from pivident.validation.autocorrelation import PRACTICAL_CORRELATION
+from pivident.validation.residuals.autocorrelation import PRACTICAL_CORRELATION
 
 
 class ResidualsSection(Section):
@@ -19,18 +19,18 @@ class ResidualsSection(Section):
     @property
     def applies(self) -> bool:
         """Only where an identification kept its signals."""
-        return any(i.recordings for i in self.material.identifications)
+        return any(i.recordings for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """The figures, and from which correlation on it matters."""
         galleries = []
-        for k, tests in enumerate(self.material.examination.residuals.values()):
+        for k, tests in enumerate(self.data.diagnostics.residuals.values()):
             figures = tuple(residual_figure(joint, k) for joint in tests.joints)
             groups = (("", figures),)
-            galleries.append(Gallery(self.material.labels[k], k, self.opened(k), groups))
+            galleries.append(Gallery(self.data.labels[k], k, self.opened(k), groups))
         return {
             "galleries": galleries,
             "left_out_names": (),
-            "several": self.material.several,
+            "several": self.data.several,
             "practical": PRACTICAL_CORRELATION,
         }

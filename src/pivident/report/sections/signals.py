@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.figures import Figure, signal_figure
+from pivident.report.plotly_figures import Figure, signal_figure
 from pivident.report.sections.base import RecordingSection
 
 
@@ -19,6 +19,6 @@ class SignalsSection(RecordingSection):
     ) -> tuple[Figure, ...]:
         """One figure per joint."""
         return tuple(
-            signal_figure(identification, recording, joint, method, self.material.points)
+            signal_figure(identification, recording, joint, method, self.data.points)
             for joint in range(identification.robot.size)
         )

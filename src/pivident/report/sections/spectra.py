@@ -6,7 +6,7 @@ from typing import Any
 
 from pivident.report.sections.base import Gallery, Section
 from pivident.report.spectrum_figures import spectra_figure
-from pivident.validation.residual_spectrum import residual_spectra
+from pivident.validation.residuals.residual_spectrum import residual_spectra
 
 
 class SpectraSection(Section):
@@ -19,17 +19,17 @@ class SpectraSection(Section):
     @property
     def applies(self) -> bool:
         """Only where an identification kept its signals."""
-        return any(i.recordings for i in self.material.identifications)
+        return any(i.recordings for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """One gallery per method with signals."""
         galleries = []
-        for k, identification in enumerate(self.material.identifications):
+        for k, identification in enumerate(self.data.identifications):
             figures = tuple(
                 spectra_figure(own, k)
                 for own in residual_spectra(identification)
                 if own is not None
             )
             groups = (("", figures),)
-            galleries.append(Gallery(self.material.labels[k], k, self.opened(k), groups))
-        return {"galleries": galleries, "several": self.material.several}
+            galleries.append(Gallery(self.data.labels[k], k, self.opened(k), groups))
+        return {"galleries": galleries, "several": self.data.several}

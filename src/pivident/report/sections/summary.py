@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.estimation.tables import ending, error_rows
-from pivident.report.findings import disagreements, findings
+from pivident.estimation.summary_tables import ending, error_rows
+from pivident.report.result_findings import disagreements, findings
 from pivident.report.sections.base import Section
 
 
@@ -18,19 +18,19 @@ class SummarySection(Section):
 
     def context(self) -> dict[str, Any]:
         """Methods at a glance and remarks."""
-        material = self.material
-        apart = disagreements(material.identifications, material.labels)
+        data = self.data
+        apart = disagreements(data.identifications, data.labels)
         return {
             "methods": [
                 (label, i, ending(i), error_rows(i))
-                for label, i in zip(material.labels, material.identifications, strict=True)
+                for label, i in zip(data.labels, data.identifications, strict=True)
             ],
             "remarks": [
                 (label, findings(i, tests))
                 for label, i, tests in zip(
-                    material.labels,
-                    material.identifications,
-                    material.examination.residuals.values(),
+                    data.labels,
+                    data.identifications,
+                    data.diagnostics.residuals.values(),
                     strict=True,
                 )
             ],

@@ -18,16 +18,16 @@ class TestsSection(Section):
 
     def context(self) -> dict[str, Any]:
         """Tests by method."""
-        examination = self.material.examination
+        diagnostics = self.data.diagnostics
         entries = []
-        for k, name in enumerate(examination.identifications):
+        for k, name in enumerate(diagnostics.identifications):
             entries.append(
                 (
-                    self.material.labels[k],
+                    self.data.labels[k],
                     k,
                     self.opened(k),
-                    examination.residuals[name],
-                    examination.instruments.get(name),
+                    diagnostics.residuals[name],
+                    diagnostics.instruments.get(name),
                 )
             )
         return {"entries": entries}

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.estimation.parameter_rows import percent, significant
-from pivident.estimation.tables import rows_kind
+from pivident.diagnostics.estimate_statements import WELL
+from pivident.estimation.summary_tables import rows_kind
 from pivident.report.sections.base import Section
-from pivident.validation.estimate_statements import WELL
+from pivident.text.numbers import format_significant, percent
 
 
 class VerdictSection(Section):
@@ -19,19 +19,19 @@ class VerdictSection(Section):
 
     def context(self) -> dict[str, Any]:
         """What was identified, the verdict with its reservations first, and its key figures."""
-        material = self.material
-        found, best = material.verdict, material.recommended
-        recordings = {r.name: r for i in material.identifications for r in i.recordings}
+        data = self.data
+        found, best = data.verdict, data.recommended
+        recordings = {r.name: r for i in data.identifications for r in i.recordings}
         against = [s for s in found.statements if s.grade in ("bad", "caution")]
         return {
             "verdict": found,
-            "robots": list({i.robot.name: i.robot for i in material.identifications}.values()),
+            "robots": list({i.robot.name: i.robot for i in data.identifications}.values()),
             "recordings": [
                 (name, len(r.t), float(r.t[-1] - r.t[0])) for name, r in recordings.items()
             ],
             "accounts": any(r.account for r in recordings.values()),
-            "labels": material.labels,
-            "several": material.several,
+            "labels": data.labels,
+            "several": data.several,
             "key_figures": self._key_figures(best),
             "groups": [
                 (title, statements)
@@ -41,31 +41,31 @@ class VerdictSection(Section):
                 )
                 if statements
             ],
-            "files": [file for file in material.downloads if file.method == best],
+            "files": [file for file in data.downloads if file.method == best],
         }
 
     def _key_figures(self, best: int) -> list[tuple[str, str, str]]:
         """What it is, its value, and a remark, of the estimate to take."""
-        material = self.material
-        identification = material.identifications[best]
+        data = self.data
+        identification = data.identifications[best]
         relative = 2.0 * identification.relative_std
         well = int((relative <= WELL).sum())
-        compared_with = f"of {len(material.labels)} compared" if material.several else ""
+        compared_with = f"of {len(data.labels)} compared" if data.several else ""
         figures = [
-            ("Estimate to take", material.labels[best], compared_with),
+            ("Estimate to take", data.labels[best], compared_with),
             (
                 "Parameters known to 10 % or better (2σ)".replace("10", f"{WELL:g}"),
                 f"{well} of {relative.size}",
                 f"best {percent(float(relative.min()))}" if relative.size else "",
             ),
         ]
-        compared = material.examination.out_of_sample
-        name = list(material.examination.identifications)[best]
+        compared = data.diagnostics.out_of_sample
+        name = list(data.diagnostics.identifications)[best]
         if compared is None or name not in compared.results:
             error = percent(100.0 * identification.relative_error)
             return [*figures, ("Torque error, fitted motion", error, rows_kind(identification))]
         result = compared.results[name]
-        below = f"below {significant(result.prediction.band)} Hz"
+        below = f"below {format_significant(result.prediction.band)} Hz"
         return [
             *figures,
             ("Torque error, motion not fitted", percent(result.prediction.total_in_band), below),

@@ -1,0 +1,1 @@
+"""Parts of golden_results.py: cases, logs, and how numbers are read and compared."""

@@ -1,0 +1,274 @@
+"""A comparison as files: a page, a table for sheets, strict JSON, and a table for LaTeX."""
+
+from __future__ import annotations
+
+import csv
+import io
+from os import PathLike
+from typing import TYPE_CHECKING, Any
+
+from pivident.comparison.compare import ComparedParameter, Comparison
+from pivident.comparison.comparison_page import render_page
+from pivident.comparison.comparison_text import (
+    condition_text,
+    deviations,
+    difference_text,
+    estimate_text,
+)
+from pivident.comparison.entry import Entry
+from pivident.comparison.remarks import findings, level_sentence
+from pivident.files import atomic_folder
+from pivident.text.identifiers import latex_name, latex_text, one_line
+from pivident.text.latex import latex_number, latex_unit
+from pivident.text.numbers import format_significant
+from pivident.text.plain_values import json_of_entries, plain
+from pivident.text.printable import sheet_text
+from pivident.version import __version__
+
+if TYPE_CHECKING:
+    from pivident.comparison.differences import Difference, Estimate
+
+#: Version of the layout of ``comparison.json``.
+SCHEMA = 1
+
+#: Names of the files.
+PAGE, TABLE, JSON, LATEX = (f"comparison.{kind}" for kind in ("html", "csv", "json", "tex"))
+
+#: Columns of a difference, which is from the first result. Ends of intervals are at 2σ.
+_OF_DIFFERENCE = (
+    "difference", "difference_low", "difference_high", "relative_percent", "z", "p_value",
+    "p_adjusted", "significant",
+)  # fmt: skip
+
+#: Columns of the table: one row for each parameter and result.
+CSV_COLUMNS = (
+    "parameter", "unit", "group", "result", "value", "low", "high", *_OF_DIFFERENCE,
+)  # fmt: skip
+
+
+def save_comparison(comparison: Comparison, folder: str | PathLike[str]) -> None:
+    """Write page, table, JSON and LaTeX into a folder, all or nothing.
+
+    Args:
+        comparison: what was found.
+        folder: folder to create or to write into; its other files stay.
+
+    Raises:
+        PividentError: the folder cannot be written.
+    """
+    texts = {
+        PAGE: render_page(comparison),
+        TABLE: to_csv(comparison),
+        JSON: json_of_entries(to_values(comparison)),
+        LATEX: to_latex(comparison),
+    }
+    with atomic_folder(folder) as build:
+        for name, text in texts.items():
+            (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def rows(comparison: Comparison) -> list[dict[str, Any]]:
+    """One row for each parameter and result that has it, by `CSV_COLUMNS`.
+
+    Args:
+        comparison: what was found.
+    """
+    made = []
+    for p in comparison.parameters:
+        for label, estimate, found in zip(
+            comparison.labels, p.estimates, p.differences, strict=True
+        ):
+            if estimate is None:
+                continue
+            head = {"parameter": p.name, "unit": p.unit, "group": p.expression, "result": label}
+            own = {"value": estimate.value, "low": estimate.low, "high": estimate.high}
+            made.append(head | own | _difference_values(comparison, found))
+    return made
+
+
+def to_csv(comparison: Comparison) -> str:
+    """The rows as text; numbers that are not finite are left empty.
+
+    Args:
+        comparison: what was found.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for row in rows(comparison):
+        writer.writerow([_cell(row[name]) for name in CSV_COLUMNS])
+    return stream.getvalue()
+
+
+def to_values(comparison: Comparison) -> dict[str, Any]:
+    """The comparison as plain values, ready for JSON.
+
+    Args:
+        comparison: what was found.
+    """
+    content = {
+        "schema": SCHEMA,
+        "version": __version__,
+        "level": comparison.level,
+        "tests": comparison.tests,
+        "correction": "Holm",
+        "interval": "2 sigma",
+        "one_machine": comparison.one_machine,
+        "results": [
+            _entry_values(entry, same)
+            for entry, same in zip(comparison.entries, comparison.same_record, strict=True)
+        ],
+        "parameters": [_parameter_values(comparison, p) for p in comparison.parameters],
+        "torques": [
+            {
+                "record_of": comparison.labels[t.record],
+                "relative_error": dict(zip(comparison.labels, t.error.tolist(), strict=True)),
+                "relative_difference": dict(zip(comparison.labels, t.apart.tolist(), strict=True)),
+            }
+            for t in comparison.torques
+        ],
+        "friction": [
+            {
+                "joint": joint.name,
+                "speed_unit": joint.speed_unit,
+                "torque_unit": joint.torque_unit,
+                "speed": joint.speed,
+                "curves": [
+                    {
+                        "result": comparison.labels[c.entry],
+                        "torque": c.torque,
+                        "std": c.std,
+                        "left_out": c.left_out,
+                    }
+                    for c in joint.curves
+                ],
+            }
+            for joint in comparison.friction
+        ],
+        "findings": findings(comparison),
+        "notes": [level_sentence(comparison), *comparison.notes],
+    }
+    return {key: plain(value) for key, value in content.items()}
+
+
+def to_latex(comparison: Comparison) -> str:
+    r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``.
+
+    Args:
+        comparison: what was found.
+    """
+    labels = [latex_text(one_line(label)) for label in comparison.labels]
+    pair = len(labels) == 2
+    head = ["Parameter", "Unit", *labels, *(["Difference", "$z$"] if pair else [])]
+    lines = [
+        "% " + one_line(f"Comparison of {', '.join(comparison.labels)}."),
+        r"% In the preamble: \usepackage{amsmath,booktabs}",
+        rf"\begin{{tabular}}{{ll{'r' * (len(head) - 2)}}}",
+        r"\toprule",
+        " & ".join(head) + r" \\",
+        r"\midrule",
+    ]
+    for p in comparison.parameters:
+        cells = [
+            _in_mathematics(estimate_text(e)) + _mark(comparison, None if pair else d)
+            for e, d in zip(p.estimates, p.differences, strict=True)
+        ]
+        if pair:
+            found = p.differences[1]
+            z = "–" if found is None or found.z != found.z else deviations(found.z)
+            cells += [_in_mathematics(difference_text(found)), latex_number(z)]
+            cells[-1] += _mark(comparison, found)
+        lines.append(" & ".join([f"${latex_name(one_line(p.name))}$", latex_unit(p.unit), *cells]))
+        lines[-1] += r" \\"
+    width, none = len(head) - 2, "--"
+    errors = [e.relative_error for e in comparison.entries]
+    figures = [
+        ("Torque error", [_percent(error) if error == error else none for error in errors]),
+        ("Condition number", [latex_number(condition_text(e)) for e in comparison.entries]),
+    ]
+    lines.append(r"\midrule")
+    for name, cells in figures:
+        lines.append(" & ".join([name, "", *cells, *[""] * (width - len(cells))]) + r" \\")
+    lines += [
+        r"\bottomrule",
+        r"\end{tabular}",
+        "% Values and differences with 2 sigma. " + one_line(level_sentence(comparison)),
+        *(f"% {one_line(note)}" for note in comparison.notes),
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _percent(error: float) -> str:
+    return rf"{latex_number(format_significant(100.0 * error, 2))}\,\%"
+
+
+def _mark(comparison: Comparison, found: Difference | None) -> str:
+    return r"\rlap{*}" if comparison.is_marked(found) else ""
+
+
+def _in_mathematics(text: str) -> str:
+    """``0.12 ± 0.01``, with exponents set as powers of ten."""
+    value, _, spread = text.partition(" ± ")
+    value = value.removeprefix("+") if not spread else value
+    shown = latex_number(value)
+    return f"{shown} $\\pm$ {latex_number(spread)}" if spread else shown
+
+
+def _cell(value: Any) -> Any:
+    """A cell that a sheet does not take for a formula."""
+    value = plain(value)
+    if isinstance(value, str):
+        return sheet_text(value)
+    return "" if value is None else value
+
+
+def _entry_values(entry: Entry, same_record: bool) -> dict[str, Any]:
+    return {
+        "label": entry.label,
+        "kind": entry.kind,
+        "method": entry.method,
+        "robot": entry.robot.name,
+        "parameters": len(entry.names),
+        "left_out": entry.left_out,
+        "relative_error": entry.relative_error,
+        "condition": entry.condition,
+        "rows": entry.samples,
+        "converged": entry.converged,
+        "may_share_record_with_first": same_record,
+        "version": entry.version,
+        "inputs": entry.inputs,
+        "source": entry.source,
+    }
+
+
+def _parameter_values(comparison: Comparison, p: ComparedParameter) -> dict[str, Any]:
+    return {
+        "name": p.name,
+        "unit": p.unit,
+        "group": p.expression,
+        "estimates": {
+            label: None if e is None else _estimate_values(e)
+            for label, e in zip(comparison.labels, p.estimates, strict=True)
+        },
+        "differences": {
+            label: None if d is None else _difference_values(comparison, d)
+            for label, d in zip(comparison.labels[1:], p.differences[1:], strict=True)
+        },
+    }
+
+
+def _estimate_values(estimate: Estimate) -> dict[str, Any]:
+    return {
+        "value": estimate.value,
+        "low": estimate.low,
+        "high": estimate.high,
+        "from_groups": estimate.from_groups,
+    }
+
+
+def _difference_values(comparison: Comparison, found: Difference | None) -> dict[str, Any]:
+    if found is None:
+        return dict.fromkeys(_OF_DIFFERENCE)
+    values = (found.value, found.low, found.high, found.relative, found.z, found.p_value)
+    marked = comparison.is_marked(found)
+    return dict(zip(_OF_DIFFERENCE, (*values, found.p_adjusted, marked), strict=True))

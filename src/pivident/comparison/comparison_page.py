@@ -1,0 +1,177 @@
+"""A comparison as one HTML page that needs nothing else, in the look of the report."""
+
+from __future__ import annotations
+
+import html
+import math
+from typing import Any
+
+import numpy as np
+from jinja2 import ChoiceLoader, PackageLoader
+from markupsafe import Markup
+
+from pivident.comparison.compare import ComparedParameter, Comparison
+from pivident.comparison.comparison_text import deviations, difference_text, estimate_text
+from pivident.comparison.friction_curves import FrictionCurve, JointFriction
+from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
+from pivident.report.builder import page_environment
+from pivident.report.drawing_library import go
+from pivident.report.intervals import Interval, IntervalDrawing
+from pivident.report.plotly_figures import METHOD_COLOURS, Figure, colour, empty_plot
+from pivident.text.numbers import with_spread
+from pivident.version import __version__
+
+HEADINGS = {
+    "glance": "At a glance",
+    "parameters": "Parameters",
+    "intervals": "Intervals",
+    "friction": "Friction",
+    "torque": "Torque",
+    "provenance": "Provenance",
+}
+
+#: Free space left and right of a drawing of intervals [% of its width].
+_MARGIN = 6.0
+
+#: Dashes that tell curves apart without colour.
+DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
+
+
+def render_page(comparison: Comparison) -> str:
+    """The page as text.
+
+    Args:
+        comparison: what was found.
+    """
+    environment = page_environment()
+    environment.loader = ChoiceLoader(
+        [PackageLoader("pivident.comparison"), PackageLoader("pivident.report")]
+    )
+    environment.globals |= {
+        "estimate_text": estimate_text,
+        "difference_text": difference_text,
+        "deviations": deviations,
+        "share_text": share_text,
+        "rows_text": rows_text,
+    }
+    content: dict[str, Any] = {
+        "comparison": comparison,
+        "entries": comparison.entries,
+        "labels": comparison.labels,
+        "findings": findings(comparison),
+        "level_sentence": level_sentence(comparison),
+        "drawings": [(p, interval_drawing(comparison, p)) for p in comparison.parameters],
+        "figures": [friction_figure(comparison, joint) for joint in comparison.friction],
+        "unrated": [joint.name for joint in comparison.friction if not joint.rated],
+    }
+    shown = {"friction": content["figures"], "torque": comparison.torques}
+    sections = []
+    for key, heading in HEADINGS.items():
+        if shown.get(key, True):
+            body = environment.get_template(f"compare_{key}.html").render(content)
+            sections.append((key, heading, Markup(body)))
+    robots = ", ".join(dict.fromkeys(e.robot.name for e in comparison.entries))
+    return environment.get_template("page.html").render(
+        title=f"{robots}: {len(comparison.entries)} results compared",
+        head=sections[0],
+        sections=sections[1:],
+        colours=METHOD_COLOURS,
+        version=__version__,
+    )
+
+
+def friction_figure(comparison: Comparison, joint: JointFriction) -> Figure:
+    """Friction against speed of one joint by all results, each with its ±2σ band.
+
+    Args:
+        comparison: what was found.
+        joint: its curves.
+    """
+    quantity = "torque" if joint.torque_unit == "N m" else "force"
+    plot = empty_plot(f"friction {quantity} [{joint.torque_unit}]")
+    plot.update_xaxes(title_text=f"speed [{joint.speed_unit}]")
+    for curve in joint.curves:
+        plot.add_traces(_band_and_line(comparison, joint, curve))
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    missing = [
+        f"{comparison.labels[c.entry]} without {', '.join(c.left_out)}"
+        for c in joint.curves
+        if c.left_out
+    ]
+    names = ", ".join(comparison.labels[c.entry] for c in joint.curves)
+    ends = f"{joint.speed[0]:.3g} to {joint.speed[-1]:.3g} {joint.speed_unit}"
+    return Figure(
+        plot,
+        height=300,
+        title=joint.name,
+        label=f"Friction of {joint.name} from {ends} by {names}, with bands of 2σ",
+        note=f"Not a function of speed alone, or left out: {'; '.join(missing)}" if missing else "",
+    )
+
+
+def _band_and_line(
+    comparison: Comparison, joint: JointFriction, curve: FrictionCurve
+) -> list[go.Scatter]:
+    """One result's curve over its band; the band stays out where there is none."""
+    own, traces = colour(curve.entry), []
+    if np.isfinite(curve.std).all():
+        upper, lower = curve.torque + 2.0 * curve.std, curve.torque - 2.0 * curve.std
+        traces.append(
+            go.Scatter(
+                x=_packed(np.concatenate([joint.speed, joint.speed[::-1]])),
+                y=_packed(np.concatenate([upper, lower[::-1]])),
+                fill="toself",
+                fillcolor=own,
+                opacity=0.18,
+                line={"width": 0},
+                hoverinfo="skip",
+                showlegend=False,
+            )
+        )
+    traces.append(
+        go.Scatter(
+            x=_packed(joint.speed),
+            y=_packed(curve.torque),
+            mode="lines",
+            line={"color": own, "width": 1.8, "dash": DASHES[curve.entry % len(DASHES)]},
+            name=html.escape(comparison.labels[curve.entry], quote=False),
+        )
+    )
+    return traces
+
+
+def interval_drawing(comparison: Comparison, p: ComparedParameter) -> IntervalDrawing:
+    """The intervals of one parameter on a common scale; ends that nothing bounds reach its edge.
+
+    Args:
+        comparison: what was found.
+        p: one of its parameters.
+    """
+    present = [(k, e) for k, e in enumerate(p.estimates) if e is not None]
+    ends = [x for _, e in present for x in (e.low, e.value, e.high) if math.isfinite(x)]
+    low, high = min(ends), max(ends)
+    extent = (high - low) or abs(high) or 1.0
+
+    def place(x: float, unknown: float) -> float:
+        x = unknown if math.isnan(x) else min(max(x, low), high)
+        return round(_MARGIN + (100.0 - 2.0 * _MARGIN) * (x - low) / extent, 2)
+
+    intervals = []
+    for k, e in present:
+        middle = place(e.value, e.value)
+        left, right = place(e.low, e.value), place(e.high, e.value)
+        intervals.append(Interval(k, middle, left, right, middle, middle))
+    words = "; ".join(f"{comparison.labels[k]} {estimate_text(e)} {p.unit}" for k, e in present)
+    return IntervalDrawing(
+        intervals=tuple(intervals),
+        zero=place(0.0, 0.0) if low <= 0.0 <= high else None,
+        truth=None,
+        low=with_spread(low, extent / 10.0)[0],
+        high=with_spread(high, extent / 10.0)[0],
+        label=f"{p.name}: {words}",
+    )
+
+
+def _packed(x: np.ndarray) -> np.ndarray:
+    """Single precision: plotly writes it in 5 characters per number."""
+    return np.asarray(x, dtype=np.float32)

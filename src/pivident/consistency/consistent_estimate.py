@@ -1,0 +1,300 @@
+"""The stage that makes an estimate physically consistent, with all that is shown of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.consistency.consistent_prediction import ConsistentPrediction, consistent_prediction
+from pivident.consistency.consistent_tables import link_table
+from pivident.consistency.method_names import consistent_label
+from pivident.consistency.profile_intervals import not_found_sentence
+from pivident.consistency.significance import HALF_INTERVAL
+from pivident.errors import IdentificationError
+from pivident.recording.recording import Recording
+from pivident.text.numbers import format_significant, with_spread
+from pivident.text.plain_table import plain_table
+
+if TYPE_CHECKING:
+    from pivident.consistency.consistent_model import ConsistentModel
+    from pivident.consistency.link_intervals import LinkRow, Quantity
+    from pivident.consistency.options import ConsistencyOptions
+    from pivident.consistency.profile_intervals import ProfileIntervals
+    from pivident.estimation.identification import Identification
+    from pivident.validation.held_out.out_of_sample import OutOfSample
+
+#: Confidence of all intervals.
+CONFIDENCE = 0.95
+
+#: Parameters that moved by less are not listed [σ].
+LISTED_MOVE = 0.05
+
+#: Constraints with a smaller share of the distance are not listed.
+LISTED_SHARE = 0.005
+
+#: An end that nothing bounds, and one that the solver has not found.
+OPEN, NOT_FOUND = "open", "not found"
+
+
+@dataclass(frozen=True)
+class MovedRow:
+    """A base parameter that the stage moved.
+
+    Attributes:
+        name: of the parameter.
+        free: free estimate [unit].
+        spread: half of its 95 % interval [unit].
+        consistent: consistent estimate [unit].
+        interval: of the consistent one, as text.
+        moved: consistent less free estimate [σ of the free one].
+        unit: of the parameter.
+    """
+
+    name: str
+    free: float
+    spread: float
+    consistent: float
+    interval: str
+    moved: float
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class ConsistentEstimate:
+    """An estimate after the stage.
+
+    Attributes:
+        label: name in tables, ``PC-IDIM-PIV``.
+        model: the consistent parameters.
+        base: intervals of the estimated base parameters.
+        standard: intervals of all standard parameters.
+        links: the links as bodies, with intervals.
+        options: of the stage.
+        prediction: torque errors on held-out motion, free and consistent; None without any.
+    """
+
+    label: str
+    model: ConsistentModel
+    base: ProfileIntervals
+    standard: ProfileIntervals
+    links: tuple[LinkRow, ...]
+    options: ConsistencyOptions
+    prediction: ConsistentPrediction | None = None
+
+    def headline(self) -> str:
+        """How it ended, in a line."""
+        model = self.model
+        if model.was_consistent:
+            text = "the free estimate is consistent as it is"
+        else:
+            text = (
+                f"{format_significant(model.distance)} σ from the free estimate, "
+                f"{format_significant(model.least_distance)} σ at least"
+            )
+        return f"{self.label}: {text} ({1e3 * model.seconds:.0f} ms)"
+
+    def sentences(self) -> list[str]:
+        """What was found, what it costs, and what is to be known about it."""
+        lines = [self.model.headline()]
+        if self.prediction is not None:
+            text = str(self.prediction)
+            lines.append(f"{text[0].upper()}{text[1:]}.")
+            lines += [f"Not consistent: {failure}." for failure in self.prediction.failures]
+        lines += [f"{note.rstrip('.')}." for note in self.model.notes]
+        if missing := self.not_found():
+            lines.append(not_found_sentence(missing))
+        return lines
+
+    def not_found(self) -> tuple[str, ...]:
+        """Quantities with an interval of which the solver has not found both ends."""
+        names = [*self.base.not_found, *self.standard.not_found]
+        for row in self.links:
+            for title, own in (
+                ("mass", (row.mass,)),
+                ("centre of mass", row.center_of_mass),
+                ("principal moments", row.moments),
+            ):
+                if any(math.isnan(end) for q in own for end in (q.low, q.high)):
+                    names.append(f"the {title} of {row.name}")
+        return tuple(dict.fromkeys(names))
+
+    def held_back(self) -> list[str]:
+        """Constraints that hold the estimate back, the most expensive first."""
+        return [str(a) for a in self.model.active if a.share >= LISTED_SHARE]
+
+    def link_table(self) -> str:
+        """The links with the intervals of their masses."""
+        intervals = [interval_text(row.mass) for row in self.links]
+        return link_table(self.model.links, (f"{CONFIDENCE:.0%} interval", "<", intervals))
+
+    def moved_rows(self) -> list[MovedRow]:
+        """Base parameters that moved, the farthest first; none where the estimate stayed."""
+        model, free = self.model, self.model.free
+        if model.was_consistent:
+            return []
+        order = np.argsort(-np.abs(model.moved), kind="stable")
+        return [
+            MovedRow(
+                name=model.names[k],
+                free=float(free.theta[k]),
+                spread=float(HALF_INTERVAL * free.std[k]),
+                consistent=float(model.theta[k]),
+                interval=ends_text(self.base.low[k], self.base.high[k]),
+                moved=float(model.moved[k]),
+                unit=free.units[k],
+            )
+            for k in order
+            if abs(model.moved[k]) >= LISTED_MOVE
+        ]
+
+    def moved_table(self) -> str:
+        """The same as a table; empty where none moved."""
+        rows = self.moved_rows()
+        if not rows:
+            return ""
+        free = [with_spread(r.free, r.spread) for r in rows]
+        return plain_table(
+            [
+                ("parameter", "<", [r.name for r in rows]),
+                ("free", ".", [value for value, _ in free]),
+                (f"±{HALF_INTERVAL:g}σ", ".", [spread for _, spread in free]),
+                ("consistent", ".", [format_significant(r.consistent, 4) for r in rows]),
+                (f"{CONFIDENCE:.0%} interval", "<", [r.interval for r in rows]),
+                ("moved [σ]", ".", [f"{r.moved:+.2f}" for r in rows]),
+                ("unit", "<", [r.unit for r in rows]),
+            ]
+        )
+
+    def __str__(self) -> str:
+        parts = ["\n".join([self.label, *(f"  {line}" for line in self.sentences())])]
+        parts.append(self.link_table())
+        if moved := self.moved_table():
+            parts.append(moved)
+        if held_back := self.held_back():
+            parts.append("\n".join(["Held back by", *(f"  {line}" for line in held_back)]))
+        return "\n\n".join(parts)
+
+
+@dataclass(frozen=True)
+class NoConsistentEstimate:
+    """A stage that came to no result.
+
+    Attributes:
+        label: name in tables, ``PC-IDIM-PIV``.
+        reason: why, with the next step.
+    """
+
+    label: str
+    reason: str
+
+    def headline(self) -> str:
+        """How it ended, in a line."""
+        return f"{self.label}: {self.reason}"
+
+
+def consistent_estimate(
+    free: Identification,
+    options: ConsistencyOptions,
+    progress: Callable[[str], None] | None = None,
+) -> ConsistentEstimate:
+    """Make an estimate consistent, with intervals of all that is shown.
+
+    Args:
+        free: the estimate.
+        options: of the stage.
+        progress: called with one line at each stage.
+
+    Raises:
+        IdentificationError: no consistent parameters lie near the estimate, the bounds leave
+            none, or the covariance cannot serve as a metric.
+    """
+    from pivident.consistency.link_intervals import link_rows
+
+    say = progress or (lambda line: None)
+    label = consistent_label(free.method)
+    say(f"{label}: nearest consistent parameters")
+    model = options.make_consistent(free)
+    say(f"{label}: intervals of {len(model.parameters)} parameters and {len(model.links)} links")
+    return ConsistentEstimate(
+        label,
+        model,
+        model.intervals(CONFIDENCE, of="estimated"),
+        model.intervals(CONFIDENCE, of="standard"),
+        link_rows(model, CONFIDENCE),
+        options,
+    )
+
+
+def consistent_estimates(
+    free_estimates: Mapping[str, Identification],
+    judged: OutOfSample | None,
+    names: Sequence[str],
+    options: ConsistencyOptions,
+    recordings: Sequence[Recording],
+    progress: Callable[[str], None] | None = None,
+) -> Mapping[str, ConsistentEstimate | NoConsistentEstimate]:
+    """Make several estimates consistent, and judge them on what was held out.
+
+    Args:
+        free_estimates: by short name of the method.
+        judged: how they predict held-out motion; None: nothing was held out.
+        names: short names of the methods.
+        options: of the stage.
+        recordings: those that held-out stretches are parts of.
+        progress: called with one line at each stage.
+    """
+    say = progress or (lambda line: None)
+    made: dict[str, ConsistentEstimate | NoConsistentEstimate] = {}
+    for name in names:
+        free = free_estimates[name]
+        try:
+            found = consistent_estimate(free, options, say)
+        except IdentificationError as error:
+            made[name] = NoConsistentEstimate(consistent_label(free.method), str(error))
+            continue
+        if judged is not None and name in judged.results:
+            say(f"{found.label}: held-out motion")
+            # A poor fit of one block stays in: without it the comparison would flatter the stage.
+            every = replace(options, accept_far=True)
+            prediction = consistent_prediction(
+                judged.results[name], recordings, every.make_consistent
+            )
+            found = replace(found, prediction=prediction)
+        made[name] = found
+    return made
+
+
+def interval_text(quantity: Quantity, factor: float = 1.0, digits: int = 3) -> str:
+    """An interval in words and numbers.
+
+    Args:
+        quantity: value and ends.
+        factor: to the unit that is shown.
+        digits: significant ones.
+    """
+    return ends_text(factor * quantity.low, factor * quantity.high, digits)
+
+
+def ends_text(low: float, high: float, digits: int = 3) -> str:
+    """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is not known.
+
+    Args:
+        low: lower end.
+        high: upper end.
+        digits: significant ones.
+    """
+    ends = [_end_text(end, digits) for end in (low, high)]
+    if ends[0] == ends[1] and ends[0] in (OPEN, NOT_FOUND):
+        return ends[0]
+    return " to ".join(ends)
+
+
+def _end_text(end: float, digits: int) -> str:
+    """A number, or why there is none."""
+    if math.isnan(end):
+        return NOT_FOUND
+    return OPEN if math.isinf(end) else format_significant(end, digits)

@@ -1,0 +1,1 @@
+"""The control law of a record: identified, and references reconstructed."""

@@ -1,0 +1,155 @@
+"""Everything that is asked of a set of results before they are believed.
+
+Tests on the residuals and on the instruments come from each result; held-out motion and the
+separation of noise from model error need the problem, since they fit again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from pivident.errors import ExperimentError, IdentificationError
+from pivident.estimation.identification import Identification
+from pivident.estimation.methods import METHODS, Method
+from pivident.estimation.problem import Problem
+from pivident.recording.recording import Recording
+from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
+from pivident.validation.instruments.instrument_tests import InstrumentTests, instrument_tests
+from pivident.validation.residuals.model_error import ModelError, model_error
+from pivident.validation.residuals.residual_tests import ResidualTests, residual_tests
+
+if TYPE_CHECKING:
+    from pivident.consistency.consistent_estimate import (
+        ConsistentEstimate,
+        NoConsistentEstimate,
+    )
+
+#: Blocks of the motion that are held out in turn.
+FOLDS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class Diagnostics:
+    """What was found out about the results of one problem.
+
+    Attributes:
+        identifications: the results by short name of the method.
+        residuals: tests on the residuals of each result.
+        instruments: tests on the instruments of each result that has some.
+        out_of_sample: errors on held-out motion; None where nothing was held out.
+        model_error: noise and model error of the recommended result apart; None where neither
+            a motion repeats nor anything was held out.
+        notes: why something could not be found out, whole sentences.
+        consistent: estimates that were made physically consistent, by short name of their method,
+            or why they could not be.
+    """
+
+    identifications: Mapping[str, Identification]
+    residuals: Mapping[str, ResidualTests]
+    instruments: Mapping[str, InstrumentTests]
+    out_of_sample: OutOfSample | None = None
+    model_error: ModelError | None = None
+    notes: tuple[str, ...] = field(default=())
+    consistent: Mapping[str, ConsistentEstimate | NoConsistentEstimate] = field(
+        default_factory=dict
+    )
+
+    @property
+    def recommended(self) -> str:
+        """Short name of the method whose estimate to take.
+
+        The one that held-out motion recommends. Without any, the last one that converged: by
+        custom the most refined stands last.
+        """
+        if self.out_of_sample is not None:
+            return self.out_of_sample.recommended
+        converged = [name for name, i in self.identifications.items() if i.converged]
+        return (converged or list(self.identifications))[-1]
+
+
+def diagnose(
+    problem: Problem,
+    identifications: Mapping[str, Identification],
+    methods: Mapping[str, Method] | None = None,
+    *,
+    folds: int = FOLDS,
+    gap: float | None = None,
+    recordings: Sequence[Recording] = (),
+    progress: Callable[[str], None] | None = None,
+) -> Diagnostics:
+    """Test results and compare them on held-out motion.
+
+    Args:
+        problem: what was given.
+        identifications: results by short name.
+        methods: how they were made, by the same names; None: the ready ones of these names.
+        folds: blocks of the motion that are held out in turn; 0: none.
+        gap: left out on either side of a block [s]; None: see ``cross_validate``.
+        recordings: other recordings of the robot; they are judged on in place of blocks.
+        progress: called with one line at each stage.
+
+    Returns:
+        The tests of each result and their comparison on held-out motion, for `verdict`.
+
+    Raises:
+        ExperimentError: a result whose method is not known.
+    """
+    say = progress or (lambda line: None)
+    methods = METHODS if methods is None else methods
+    if unknown := sorted(identifications.keys() - methods.keys()):
+        raise ExperimentError(
+            f"there is no method for the results {', '.join(unknown)}; give `methods` by the same "
+            f"names, or use the names {', '.join(METHODS)}"
+        )
+    notes: list[str] = []
+    out_of_sample = None
+    if folds or recordings:
+        try:
+            out_of_sample = compare_out_of_sample(
+                problem,
+                {name: methods[name] for name in identifications},
+                folds=folds,
+                gap=gap,
+                recording=tuple(recordings) or None,
+                identifications=identifications,
+                progress=say,
+            )
+        except IdentificationError as error:
+            notes.append(f"Nothing could be held out: {error}.")
+    say("testing residuals and instruments")
+    diagnostics = diagnose_one(identifications)
+    split = None
+    name = diagnostics.recommended if out_of_sample is None else out_of_sample.recommended
+    validation = None if out_of_sample is None else out_of_sample.results.get(name)
+    try:
+        split = model_error(problem, identifications[name], validation)
+    except IdentificationError as error:
+        notes.append(f"Noise and model error could not be told apart: {error}.")
+    return Diagnostics(
+        identifications,
+        diagnostics.residuals,
+        diagnostics.instruments,
+        out_of_sample,
+        split,
+        (*diagnostics.notes, *notes),
+    )
+
+
+def diagnose_one(identifications: Mapping[str, Identification]) -> Diagnostics:
+    """The tests that need nothing but the results.
+
+    Args:
+        identifications: results by short name.
+    """
+    residuals, instruments, notes = {}, {}, []
+    for name, result in identifications.items():
+        residuals[name] = residual_tests(result)
+        equations = result.equations
+        if equations is not None and equations.has_instruments:
+            try:
+                instruments[name] = instrument_tests(result)
+            except IdentificationError as error:
+                notes.append(f"{result.method}: the instruments could not be tested: {error}.")
+    return Diagnostics(identifications, residuals, instruments, notes=tuple(notes))

@@ -1,0 +1,87 @@
+"""What the verdict says about motion that was not fitted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.diagnostics.statement import Statement
+from pivident.text.numbers import percent
+from pivident.validation.held_out.cross_validation import CrossValidation
+
+#: A simulated loop whose torque misses more than this of the measured one explains less than three
+#: quarters of its power (1 - 0.5²) and is a reservation [%].
+LOOP_MISSES = 50.0
+
+
+def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
+    """How well unseen motion is predicted."""
+    compared = diagnostics.out_of_sample
+    if compared is None or name not in compared.results:
+        yield Statement(
+            "prediction",
+            "caution",
+            "Judged on the motion that was fitted only: hold blocks out, or give a second "
+            "recording.",
+            f"torque error {percent(100 * diagnostics.identifications[name].relative_error)}",
+        )
+        return
+    judged = compared.results[name]
+    error, fitted = judged.prediction, judged.training
+    evidence = (
+        f"below {error.band:g} Hz {percent(error.total_in_band)} on {len(judged.held_out)} "
+        f"held-out blocks, {percent(fitted.total_in_band)} on the fitted motion"
+    )
+    grows = error.total_in_band / max(fitted.total_in_band, 1e-300)
+    if judged.replay is not None and judged.replay.total <= LOOP_MISSES:
+        evidence += f"; simulated loop {percent(judged.replay.total)}"
+    text = f"Torque of motion that was not fitted is predicted to {percent(error.total_in_band)}"
+    if grows > 1.5:
+        text += f", {grows:.1f} times worse than that of the fitted motion: fewer parameters, or "
+        text += "more motion"
+    yield Statement("prediction", "caution" if grows > 1.5 else "good", f"{text}.", evidence)
+
+
+def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
+    """Whether the loop that makes the instruments is far from the machine's, and why."""
+    compared = diagnostics.out_of_sample
+    judged = None if compared is None else compared.results.get(name)
+    if judged is None:
+        return
+    diverged = [h.failure for h in judged.held_out if h.prediction is not None and h.failure]
+    if diverged:
+        yield Statement(
+            "simulated loop",
+            "caution",
+            f"On {len(diverged)} of {len(judged.held_out)} stretches {diverged[0].rstrip('.')}.",
+        )
+    if judged.replay is None or judged.replay.total <= LOOP_MISSES:
+        return
+    loop, direct = judged.replay.total, judged.prediction.total
+    evidence = (
+        f"all frequencies: simulated loop {percent(loop)}, measured motion {percent(direct)}; a "
+        f"reservation above {LOOP_MISSES:g} %"
+    )
+    yield Statement("simulated loop", "caution", _why_it_misses(judged, loop, direct), evidence)
+
+
+def _why_it_misses(judged: CrossValidation, loop: float, direct: float) -> str:
+    """Noise in the torque, which no simulation can know, or a law that is not the machine's."""
+    text = f"The torque of the simulated loop misses {percent(loop)} of the measured one"
+    if direct > LOOP_MISSES:
+        return (
+            f"{text}, and so does that of the measured motion ({percent(direct)}): most of the "
+            "measured torque is noise, as a loop makes it of its encoder's. Friction may be biased "
+            "by more than its deviations: move faster, measure better, or filter less."
+        )
+    own = judged.identification.loop
+    if own is not None and own.reference == "smoothed":
+        return (
+            f"{text}, which the measured motion explains to {percent(direct)}: the virtual law "
+            "does not follow the motion. Raise its bandwidth, or give the machine's own law."
+        )
+    return (
+        f"{text}, which the measured motion explains to {percent(direct)}: gains, reference or "
+        "delay of the loop are not the machine's. Correct them (N m per rad on the joint side), or "
+        'let the law be identified (controller = "identify").'
+    )

@@ -1,0 +1,143 @@
+"""What the verdict says about the residual: noise, lines of the encoders, model error."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.diagnostics.statement import Grade, Statement
+from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.identification import Identification
+from pivident.text.lists import listed
+from pivident.text.numbers import format_significant
+from pivident.validation.residuals.residual_tests import ResidualTests
+
+
+def noise(result: Identification, tests: ResidualTests) -> Iterator[Statement]:
+    """Whether the noise model whitens, and what else the residual tells."""
+    whiteness = tests.of("whiteness")
+    worst = tests.worst("whiteness")
+    if worst is None:
+        return
+    coloured = tuple(joint for joint, test in whiteness if test.matters)
+    modelled = any(j.ar_order for j in result.joints)
+    what = "The noise model whitens the residual" if modelled else "The residual is white"
+    evidence = f"{worst[0]}: {worst[1]}"
+    own = result.covariance is result.robust_covariance
+    if not coloured:
+        yield Statement("noise", "good", f"{what} on all joints.", evidence)
+    else:
+        rest = (
+            "the deviations allow for that"
+            if own
+            else "the method's own deviations do not allow for that: look at the robust ones"
+        )
+        if modelled and _continues_level(result):
+            rest += (
+                ". On measured records it leaves the motion's own frequencies alone, where the "
+                "residual is mostly model error"
+            )
+        what = "The noise model does not whiten" if modelled else "The residual is coloured"
+        text = f"{what}{' the residual' if modelled else ''} on {listed(coloured)}; {rest}."
+        yield Statement("noise", "note" if own else "caution", text, evidence)
+    for topic, sentence in (
+        ("variance", "The residual's variance changes with the motion on {joints}"),
+        ("motion", "The motion explains part of what the model left on {joints}"),
+    ):
+        matter = tuple(joint for joint, test in tests.of(topic) if test.matters)
+        most = tests.worst(topic)
+        if matter and most is not None:
+            text = sentence.format(joints=listed(matter)) + "."
+            yield Statement("noise", "note", text, f"{most[0]}: {most[1]}")
+
+
+def _continues_level(result: Identification) -> bool:
+    """Whether the noise level beyond the motion's band was continued into it."""
+    equations = result.equations
+    noise = result.options.get("noise")
+    if equations is None or not isinstance(noise, dict) or noise.get("motion_band") is None:
+        return False
+    records = [r for r in equations.records if isinstance(r, FullRateRecord)]
+    return any(not r.kinematics.recording.simulated for r in records)
+
+
+def spectral_lines(result: Identification) -> Iterator[Statement]:
+    """Spectral lines of the encoders, which the smoother has taken into account."""
+    records = () if result.equations is None else result.equations.records
+    units = dict(zip((j.name for j in result.joints), _position_units(result), strict=True))
+    found = {
+        f"{joint} at {format_significant(line.frequency)} Hz, {format_significant(line.std, 2)} "
+        f"{units[joint]}"
+        for r in records
+        if isinstance(r, FullRateRecord)
+        for joint, lines in zip(units, r.kinematics.lines, strict=False)
+        for line in lines
+    }
+    if found:
+        text = "The encoders' noise has spectral lines, which the smoother has taken into account"
+        yield Statement("encoders", "note", f"{text}: {listed(sorted(found))}.")
+
+
+def _position_units(result: Identification) -> list[str]:
+    return ["rad" if joint.kind == "revolute" else "m" for joint in result.robot.joints]
+
+
+def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
+    """What the intervals of friction parameters presume, and whether the residual objects.
+
+    A covariance knows the noise. It does not know that another law of friction would give these
+    parameters other values, whatever kind of covariance it is. A residual that goes with the motion
+    is a sign of that, and a reservation where held-out motion says that model error makes
+    most of it: noise of the speed that enters the bend of a law leaves the same traces.
+    """
+    result, tests = diagnostics.identifications[name], diagnostics.residuals[name]
+    own = [
+        (own_name, p.joint)
+        for own_name, p in zip(result.names, result.parameters, strict=True)
+        if p.friction is not None or p.stem in ("fvm", "fcm")
+    ]
+    if not own:
+        return
+    joints = result.robot.joints
+    laws = dict.fromkeys(str(joints[j].friction) for _, j in own)
+    text = (
+        f"The intervals of {listed([own_name for own_name, _ in own])} hold for the assumed "
+        f"friction law only: {listed(list(laws))}."
+    )
+    signs = _signs_of_another_law(tests, {joints[j].name for _, j in own})
+    split = diagnostics.model_error
+    doubtful = bool(signs) and split is not None and split.mostly_model_error
+    if doubtful:
+        text += (
+            f" It may not be the machine's: {signs}, and most of the error is the model's. Another "
+            "law may move these values by more than their intervals; `pivident friction` shows "
+            "it, `pivident laws` compares several."
+        )
+    elif signs:
+        text += (
+            f" It may not quite be the machine's: {signs}, as with another law or with noise of "
+            "the speed. Look at `pivident friction`."
+        )
+    yield Statement("friction", "caution" if doubtful else "note", text)
+
+
+def _signs_of_another_law(tests: ResidualTests, concerned: set[str]) -> str:
+    """On which joints with friction the residual follows the motion, or its size does."""
+    found = []
+    for topic, finding in (
+        ("motion", "the residual follows the motion on"),
+        ("variance", "the residual's size changes with the motion on"),
+    ):
+        where = [n for n, test in tests.of(topic) if test.matters and n in concerned]
+        found += [f"{finding} {listed(where)}"] if where else []
+    return " and ".join(found)
+
+
+def model_or_noise(diagnostics: Diagnostics) -> Iterator[Statement]:
+    """Model error told apart from noise."""
+    split = diagnostics.model_error
+    if split is None:
+        return
+    sentences = split.sentences()
+    grade: Grade = "note" if split.mostly_model_error else "good"
+    yield Statement("residual", grade, " ".join(sentences))

@@ -1,0 +1,1 @@
+"""Drives: gains, log units, temperature of the motors."""

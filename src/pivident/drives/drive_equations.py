@@ -1,0 +1,166 @@
+"""Equations of the drives in the unit of the log: one row for each motor, sums for each load.
+
+A log holds commands c (amperes, volts, or torques by a declared gain). With the transmission's
+coupling of motors B (identity without couplings) and one unknown gain κ_m for each motor,
+
+    tau = B (κ ∘ c),      (B⁻¹ Φ θ)_m = κ_m c_m      for each motor m,
+
+so that a row belongs to one motor, and a gain to one row. Where the log is in N m already, κ is
+the ratio of the true gain to the declared one.
+
+The sums over samples that `pivident.estimation.normal_equations` keeps of each row are all that
+every estimator of the gains needs.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.dynamics.regressor import Regressor
+from pivident.errors import IdentificationError
+from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.inner_signals import packed_stretch, with_inner
+from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.robot.description import Robot
+from pivident.robot.transmission import Transmission
+
+#: Windows of time of each record for the sandwich. All drives together have many more unknowns than
+#: one identification, and windows that are fewer than these let deviations come out too small.
+WINDOWS = 60
+
+
+@dataclass(frozen=True, eq=False)
+class DriveRecord:
+    """One recording as the drive equations see it.
+
+    Attributes:
+        kinematics: estimated motion, and commands (as torques) on the same instants.
+        limits: speeds below which a joint's samples do not vote, shape (joints,).
+        load: number of the load that the robot carried: 0 none, 1 the payload.
+        motion: simulated motion that makes the instruments; None: least squares.
+    """
+
+    kinematics: Kinematics
+    limits: np.ndarray
+    load: int = 0
+    motion: SimulatedMotion | None = None
+
+
+def motor_coupling(transmission: Transmission) -> np.ndarray:
+    """B: joint torques of commands that each motor's own reduction refers to its joint.
+
+    From tau = Nᵀ tau_motor, B = Nᵀ diag(N)⁻¹; the identity where no motor drives a second joint.
+
+    Args:
+        transmission: gives the reduction matrix N.
+
+    Returns:
+        B, shape (joints, joints).
+    """
+    return transmission.reduction.T / np.diag(transmission.reduction)
+
+
+def drive_columns(robot: Robot, regressor: Regressor) -> list[np.ndarray]:
+    """Parameters that act on each motor: those of all joints that its row is made of."""
+    rows = np.linalg.inv(motor_coupling(robot.transmission))
+    return [
+        np.unique(np.concatenate([regressor.columns_of(int(j)) for j in np.flatnonzero(rows[m])]))
+        for m in range(robot.size)
+    ]
+
+
+def drive_sums(
+    robot: Robot, regressor: Regressor, records: Sequence[DriveRecord]
+) -> list[list[JointSums]]:
+    """Sums of each motor's rows, for each load.
+
+    Args:
+        robot: gives the coupling of the motors.
+        regressor: columns of all parameters.
+        records: all recordings; windows of time are numbered through them.
+
+    Returns:
+        ``sums[load][motor]``; ``tau`` of the sums is the command c.
+    """
+    columns = drive_columns(robot, regressor)
+    rows = np.linalg.inv(motor_coupling(robot.transmission))
+    windows = [
+        Windows(r.kinematics.q.shape[1], WINDOWS, k * WINDOWS) for k, r in enumerate(records)
+    ]
+    count = sum(w.count for w in windows)
+    loads = 1 + max(r.load for r in records)
+    sums = [
+        [
+            JointSums.empty(name, own, count)
+            for name, own in zip(robot.joint_names, columns, strict=True)
+        ]
+        for _ in range(loads)
+    ]
+    for record, own in zip(records, windows, strict=True):
+        k = with_inner(regressor, record.kinematics)
+        motion = None if record.motion is None else with_inner(regressor, record.motion)
+        votes = voting(k, k.dq if motion is None else motion.dq, record.limits)
+        commands = rows @ k.tau
+        for start in range(0, own.samples, BLOCK):
+            span = slice(start, min(start + BLOCK, own.samples))
+            shares = list(own.shares(span))
+            phi = packed_stretch(regressor, k, span)
+            z = phi
+            if motion is not None:
+                z = packed_stretch(regressor, motion, span)
+            for m in range(robot.size):
+                sums[record.load][m].add(
+                    motor_rows(regressor, rows[m], columns[m], phi),
+                    None if motion is None else motor_rows(regressor, rows[m], columns[m], z),
+                    commands[m, span],
+                    motor_votes(rows[m], votes[:, span]),
+                    shares,
+                )
+    return sums
+
+
+def motor_rows(
+    regressor: Regressor, row: np.ndarray, columns: np.ndarray, packed: np.ndarray
+) -> np.ndarray:
+    """Rows of one motor, Σ_j (B⁻¹)_mj Φ_j, shape (columns, samples).
+
+    Args:
+        regressor: says which entry is where.
+        row: row m of B⁻¹, shape (joints,).
+        columns: the motor's parameters.
+        packed: non-zero entries of Φ, shape (entries, samples).
+    """
+    joints = np.flatnonzero(row)
+    offsets = regressor.offsets
+    if joints.size == 1 and row[joints[0]] == 1.0:
+        return packed[offsets[joints[0]] : offsets[joints[0] + 1]]
+    made = np.zeros((columns.size, packed.shape[1]))
+    for j in joints:
+        place = np.searchsorted(columns, regressor.columns_of(int(j)))
+        made[place] += row[j] * packed[offsets[j] : offsets[j + 1]]
+    return made
+
+
+def motor_votes(row: np.ndarray, votes: np.ndarray) -> np.ndarray:
+    """A motor's sample counts where those of all its joints do, shape (samples,)."""
+    return np.all(votes[np.flatnonzero(row)], axis=0, out=np.empty(votes.shape[1], dtype=bool))
+
+
+def refuse_load_friction(regressor: Regressor) -> None:
+    """Refuse laws whose columns depend on the torque, which is what the gains are sought for.
+
+    Raises:
+        IdentificationError: names the parameters.
+    """
+    if regressor.depends_on_load:
+        names = [p.name for p in regressor.parameters if p.friction and p.friction.depends_on_load]
+        raise IdentificationError(
+            f"friction that grows with the load ({', '.join(names)}) needs the torque in N m, and "
+            "its gain is what is sought; find the gains with a law without load first"
+        )

@@ -1,0 +1,291 @@
+"""The bilinear model of gains and parameters, its least squares and its instrumental variables.
+
+With ℓ_m = log |κ_m| and signs s_m, the command of motor m under load g is
+
+    c_m = ν_m Φ_m θ_g + e_m,     ν_m = s_m exp(-ℓ_m),     θ_g = M_g x + b_g,
+
+x everything linear that is unknown (base parameters, friction under load, unknown parts of the
+payload), b_g what is known (payload, trusted parameters). The error e_m belongs to the command and
+stays on its side of the equation. Written the other way round, κ_m c_m = Φ_m θ_g, commands become
+regressors, and least squares makes every gain too small.
+
+Given ℓ the model is linear in x, so that least squares search in as many dimensions as there are
+motors (variable projection; Golub and Pereyra 1973, Kaufman 1975). Instrumental variables solve
+
+    Σ_m Pᵀ Z_mᵀ (c_m - ν_m Φ_m θ_g) / σ²_m = 0,     P = ∂(ν_m θ_g)/∂(ℓ, x),
+
+which with Z = Φ is the same point. A prior on ℓ, five units wide, keeps scales finite that no row
+knows; it has no weight against anything that a row does know.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.normal_equations import JointSums
+
+#: Standard deviation of the prior on log gains: a factor of 150 either way.
+PRIOR_STD = 5.0
+
+#: Longest step in log gains.
+MAX_STEP = 1.0
+
+#: Iterations of the search, and how little its last step may be, in standard deviations.
+MAX_STEPS, SETTLED = 100, 1e-4
+
+
+@dataclass(frozen=True, eq=False)
+class GainEquations:
+    """Sums, known and unknown parts of the bilinear model.
+
+    Attributes:
+        sums: ``sums[load][motor]``, see `drive_sums`.
+        maps: M_g of each load, shape (parameters, unknowns).
+        offsets: b_g of each load, shape (parameters,).
+        signs: s_m, shape (motors,).
+        variances: σ² of each row, shape (loads, motors) [unit of the log, squared].
+        centre: mean of the prior on ℓ, shape (motors,).
+        trusted: standard deviation of ℓ where the gain is trusted, inf elsewhere, shape (motors,).
+    """
+
+    sums: Sequence[Sequence[JointSums]]
+    maps: Sequence[np.ndarray]
+    offsets: Sequence[np.ndarray]
+    signs: np.ndarray
+    variances: np.ndarray
+    centre: np.ndarray
+    trusted: np.ndarray
+
+    @property
+    def motors(self) -> int:
+        """Number of motors."""
+        return len(self.signs)
+
+    @property
+    def unknowns(self) -> int:
+        """Number of linear unknowns."""
+        return self.maps[0].shape[1]
+
+    @property
+    def prior(self) -> np.ndarray:
+        """Precision of ℓ before any row, shape (motors,)."""
+        return np.minimum(PRIOR_STD, self.trusted) ** -2.0
+
+    def rows(self) -> Iterator[tuple[int, int, JointSums, np.ndarray, np.ndarray]]:
+        """Every row's sums with its place: load, motor, sums, map on its columns, known part."""
+        for g, loaded in enumerate(self.sums):
+            for m, own in enumerate(loaded):
+                if own.rows:
+                    yield g, m, own, self.maps[g][own.columns], self.offsets[g][own.columns]
+
+    def rate(self, ell: np.ndarray) -> np.ndarray:
+        """ν = s exp(-ℓ), shape (motors,)."""
+        return self.signs * np.exp(-ell)
+
+
+def linear_part(equations: GainEquations, ell: np.ndarray) -> tuple[np.ndarray, float]:
+    """Least squares of x for given gains, and the weighted sum of squares that remains.
+
+    Args:
+        equations: the model.
+        ell: log gains, shape (motors,).
+
+    Returns:
+        x, shape (unknowns,), and the cost, prior included.
+    """
+    nu = equations.rate(ell)
+    gram = np.zeros((equations.unknowns, equations.unknowns))
+    right = np.zeros(equations.unknowns)
+    for g, m, own, M, b in equations.rows():
+        weight = 1.0 / equations.variances[g, m]
+        gram += weight * nu[m] ** 2 * M.T @ own.ff @ M
+        right += weight * nu[m] * M.T @ (own.ft - nu[m] * own.ff @ b)
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    solved = np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=1e-13)[0]
+    x = solved / scale
+    return x, cost(equations, ell, x)
+
+
+def cost(equations: GainEquations, ell: np.ndarray, x: np.ndarray) -> float:
+    """Σ ‖c - νΦθ‖²/σ² and the prior's part."""
+    nu = equations.rate(ell)
+    total = float(np.sum(equations.prior * (ell - equations.centre) ** 2))
+    for g, m, own, M, b in equations.rows():
+        total += residual_sum(own, nu[m] * (M @ x + b)) / equations.variances[g, m]
+    return total
+
+
+def residual_sum(own: JointSums, coefficients: np.ndarray) -> float:
+    """‖c - Φ_m a‖² of one row for coefficients a on its columns."""
+    left = own.tt - 2.0 * coefficients @ own.ft + coefficients @ own.ff @ coefficients
+    return max(float(left), 0.0)
+
+
+def instrumented(
+    equations: GainEquations, ell: np.ndarray, x: np.ndarray, by_window: bool = False
+) -> list[JointSums]:
+    """Linearised equations in the steps of (ℓ, x), as sums that can be solved and judged.
+
+    With P = ∂(νθ)/∂(ℓ, x) on a row's columns, the step Δ obeys PᵀZᵀΦP Δ = PᵀZᵀ(c - νΦθ). The
+    prior comes last, as a row of its own.
+
+    Args:
+        equations: the model.
+        ell: log gains of the linearisation, shape (motors,).
+        x: linear unknowns likewise, shape (unknowns,).
+        by_window: whether the sums of each window of time are wanted too.
+    """
+    n, size = equations.motors, equations.motors + equations.unknowns
+    windows = len(equations.sums[0][0].window_zf) if by_window else 0
+    nu, everything = equations.rate(ell), np.arange(size)
+    made = []
+    for g, m, own, M, b in equations.rows():
+        theta = M @ x + b
+        P = np.zeros((own.columns.size, size))
+        P[:, m] = -nu[m] * theta
+        P[:, n:] = nu[m] * M
+        P /= np.sqrt(equations.variances[g, m])
+        error = (own.zt - nu[m] * own.zf @ theta) / np.sqrt(equations.variances[g, m])
+        window_zf = own.window_zf[:windows]
+        window_error = own.window_zt[:windows] - nu[m] * window_zf @ theta
+        window_error /= np.sqrt(equations.variances[g, m])
+        zf = P.T @ own.zf @ P
+        made.append(
+            JointSums(
+                own.name, everything, zf, P.T @ own.zz @ P, P.T @ own.ff @ P,
+                P.T @ error, P.T @ error, P.T @ window_zf @ P, window_error @ P,
+                residual_sum(own, nu[m] * theta) / equations.variances[g, m], own.rows,
+            )
+        )  # fmt: skip
+    prior, no_scores = np.zeros((size, size)), np.zeros((windows, size))
+    prior[:n, :n] = np.diag(equations.prior)
+    pull = prior[:, :n] @ (equations.centre - ell)
+    made.append(
+        JointSums(
+            "prior", everything, prior, prior, prior, pull, pull,
+            np.broadcast_to(prior / max(windows, 1), (windows, size, size)), no_scores,
+        )
+    )  # fmt: skip
+    return made
+
+
+def least_squares(equations: GainEquations, ell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Variable projection by Levenberg–Marquardt steps in the log gains.
+
+    Args:
+        equations: the model.
+        ell: where the search starts, shape (motors,).
+
+    Returns:
+        ℓ and x of the minimum.
+    """
+    n, damping = equations.motors, 1e-3
+    x, least = linear_part(equations, ell)
+    for _ in range(MAX_STEPS):
+        steps = instrumented(equations, ell, x)
+        hessian = _added([s.ff for s in steps])
+        reduced = hessian[:n, :n] - hessian[:n, n:] @ _solve(hessian[n:, n:], hessian[n:, :n])
+        gradient = _added([s.ft for s in steps])[:n]
+        while damping < 1e12:
+            step = np.linalg.solve(reduced + damping * np.diag(np.diag(reduced)), gradient)
+            step *= min(1.0, MAX_STEP / max(np.abs(step).max(), 1e-300))
+            tried, value = linear_part(equations, ell + step)
+            if value <= least:
+                break
+            damping *= 10.0
+        else:
+            break
+        ell, x, gained, least = ell + step, tried, least - value, value
+        damping = max(damping / 10.0, 1e-12)
+        if gained < SETTLED**2:
+            break
+    return ell, x
+
+
+def instrumental_variables(
+    equations: GainEquations, ell: np.ndarray, x: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Newton's iteration on the equations with instruments, from a point nearby.
+
+    Args:
+        equations: the model, its sums with instruments.
+        ell: log gains of the start, shape (motors,).
+        x: linear unknowns of the start, shape (unknowns,).
+
+    Raises:
+        IdentificationError: the iteration does not settle.
+    """
+    n = equations.motors
+    for _ in range(MAX_STEPS):
+        steps = instrumented(equations, ell, x)
+        jacobian = _added([s.zf for s in steps])
+        error = _added([s.zt for s in steps])
+        step = _solve(jacobian, error)
+        step *= min(1.0, MAX_STEP / max(np.abs(step[:n]).max(), 1e-300))
+        ell, x = ell + step[:n], x + step[n:]
+        if abs(step @ error) < SETTLED**2:
+            return ell, x
+    raise IdentificationError(
+        "the gains do not settle with these instruments; check the controller's gains and units, "
+        "or leave [controller] out to estimate without simulated instruments"
+    )
+
+
+def covariance(equations: GainEquations, ell: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Covariance of (ℓ, x): the sandwich over windows of time, and what only the prior knows.
+
+    The sandwich holds for residuals that are correlated in time and of changing variance.
+
+    Args:
+        equations: the model.
+        ell: log gains, shape (motors,).
+        x: linear unknowns, shape (unknowns,).
+    """
+    steps = instrumented(equations, ell, x, by_window=True)
+    robust = sandwich(steps, np.zeros(ell.size + x.size), np.ones(len(steps)))
+    total, prior = _added([s.zf for s in steps]), steps[-1].zf
+    return robust + _solve(total, _solve(total, prior).T)
+
+
+def sensitivity(
+    equations: GainEquations,
+    ell: np.ndarray,
+    x: np.ndarray,
+    directions: Sequence[np.ndarray],
+) -> np.ndarray:
+    """How (ℓ, x) changes with something known, d(ℓ, x)/dη with ∂b_g/∂η given.
+
+    Args:
+        equations: the model.
+        ell: log gains, shape (motors,).
+        x: linear unknowns, shape (unknowns,).
+        directions: ∂b_g/∂η for each load, shape (parameters,).
+    """
+    n, nu = equations.motors, equations.rate(ell)
+    right = np.zeros(n + equations.unknowns)
+    for g, m, own, M, b in equations.rows():
+        P = np.zeros((own.columns.size, right.size))
+        P[:, m] = -nu[m] * (M @ x + b)
+        P[:, n:] = nu[m] * M
+        change = nu[m] * own.zf @ directions[g][own.columns]
+        right -= P.T @ change / equations.variances[g, m]
+    return _solve(_added([s.zf for s in instrumented(equations, ell, x)]), right)
+
+
+def _added(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """Sum over rows and prior."""
+    return np.sum(np.stack(parts), axis=0)
+
+
+def _solve(matrix: np.ndarray, right: np.ndarray) -> np.ndarray:
+    """Solution with columns of unit length, least squares where directions are missing."""
+    scale = np.sqrt(np.maximum(np.abs(np.diag(matrix)), 1e-300))
+    scaled = matrix / np.outer(scale, scale)
+    if right.ndim == 1:
+        return np.linalg.lstsq(scaled, right / scale, rcond=1e-14)[0] / scale
+    return np.linalg.lstsq(scaled, right / scale[:, None], rcond=1e-14)[0] / scale[:, None]

@@ -1,0 +1,153 @@
+"""What is unknown beside the gains, and what is known: payload, trusted gains and parameters.
+
+    θ_g = M_g x + b_g
+
+Under load 0 (none) M holds the estimated base parameters and b the trusted ones. Under load 1 the
+unknown parts of the payload and the change of friction join M, the known parts of the payload b.
+A payload also changes base parameters that were left out as zero; they are in b then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pivident.drives.known_payload import Payload
+from pivident.errors import ExperimentError
+from pivident.estimation.problem import Problem
+from pivident.recording.recording import Recording
+from pivident.robot.description import INERTIAL
+from pivident.robot.naming import nearest
+
+
+@dataclass(frozen=True)
+class Trusted:
+    """A number that is believed: a gain, or a parameter from a drawing.
+
+    Attributes:
+        value: the number, a gain in N m per unit of the log or a base parameter in SI.
+        std: its standard deviation; zero: exact.
+    """
+
+    value: float
+    std: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class GainUnknowns:
+    """Maps from the unknowns to the parameters of each load, and what is known of these.
+
+    Attributes:
+        wide: the problem with the recordings under load, and with the parameters that a payload
+            changes beside those that are estimated.
+        loads: load of each of its recordings: 0 none, 1 the payload.
+        maps: M_g of each load, shape (parameters, unknowns).
+        offsets: b_g of each load, shape (parameters,).
+        directions: for each number that is known with a deviation, that deviation and the
+            derivative of b_g of each load with respect to the number.
+        trusted_gains: gains that are believed, by index of the joint.
+    """
+
+    wide: Problem
+    loads: tuple[int, ...]
+    maps: tuple[np.ndarray, ...]
+    offsets: tuple[np.ndarray, ...]
+    directions: tuple[tuple[float, tuple[np.ndarray, ...]], ...]
+    trusted_gains: Mapping[int, Trusted] = field(default_factory=dict)
+
+
+def gain_unknowns(
+    problem: Problem,
+    payload: Payload | None,
+    loaded: Sequence[Recording],
+    trusted_gains: Mapping[str, Trusted | float],
+    trusted_parameters: Mapping[str, Trusted | float],
+    friction_under_load: bool,
+) -> GainUnknowns:
+    """Sort what is known from what is not.
+
+    Args:
+        problem: robot, recordings without payload, parameters to estimate.
+        payload: the payload, or None.
+        loaded: recordings with it.
+        trusted_gains: gains that are believed, by name of the joint.
+        trusted_parameters: base parameters that are believed, by name.
+        friction_under_load: whether friction is another one with the payload.
+
+    Raises:
+        ExperimentError: payload and recordings that do not go together, unknown names.
+    """
+    if (payload is None) != (not loaded):
+        raise ExperimentError(
+            "a payload and the recordings taken with it belong together; give both or neither"
+        )
+    base = problem.base
+    columns = np.zeros((len(base), len(INERTIAL)))
+    if payload is not None:
+        columns = payload.base_columns(base)
+    kept = sorted({*problem.selection, *np.flatnonzero(np.abs(columns).sum(axis=1)).tolist()})
+    names = [base.names[k] for k in kept]
+    wide = replace(problem, recordings=(*problem.recordings, *loaded), parameters=tuple(names))
+    loads = (0,) * len(problem.recordings) + (1,) * len(loaded)
+
+    trusted = {_place(name, wide): _as_trusted(v) for name, v in trusted_parameters.items()}
+    free = [i for i, k in enumerate(kept) if k in problem.selection and i not in trusted]
+    unloaded = np.eye(len(kept))[:, free]
+    known = np.zeros(len(kept))
+    directions = []
+    for i, number in trusted.items():
+        known[i] = number.value
+        unit = np.eye(len(kept))[i]
+        directions.append((number.std, (unit, unit) if loaded else (unit,)))
+    maps, offsets = [unloaded], [known]
+    if payload is not None:
+        columns = columns[kept]
+        # friction under load: what it is more than without
+        friction = [
+            i for i in free if friction_under_load and not wide.regressor.parameters[i].carries_load
+        ]
+        estimated = columns[:, [INERTIAL.index(name) for name in payload.unknown()]]
+        more = np.hstack([np.eye(len(kept))[:, friction], _independent(estimated)])
+        maps = [np.hstack([unloaded, np.zeros_like(more)]), np.hstack([unloaded, more])]
+        added = columns @ payload.known()
+        offsets = [known, known + added]
+        if payload.mass_std > 0:
+            nothing_known = np.zeros(len(kept))
+            directions.append((payload.mass_std, (nothing_known, columns @ payload.per_mass())))
+    gains = {}
+    for name, given in trusted_gains.items():
+        if name not in problem.robot.joint_names:
+            raise ExperimentError(
+                f"a gain is trusted of joint {name!r}; {nearest(name, problem.robot.joint_names)}"
+            )
+        gains[problem.robot.joint_names.index(name)] = _as_trusted(given)
+    return GainUnknowns(wide, loads, tuple(maps), tuple(offsets), tuple(directions), gains)
+
+
+def _place(name: str, problem: Problem) -> int:
+    """Column of a base parameter by name."""
+    for i, parameter in enumerate(problem.regressor.parameters):
+        if name.lower() in (parameter.name.lower(), problem.names[i].lower()):
+            return i
+    raise ExperimentError(f"a parameter {name!r} is trusted; {nearest(name, problem.names)}")
+
+
+def _as_trusted(number: Trusted | float) -> Trusted:
+    """A bare number is exact."""
+    made = number if isinstance(number, Trusted) else Trusted(float(number))
+    if not (np.isfinite(made.value) and made.value != 0 and made.std >= 0):
+        raise ExperimentError(
+            f"{made.value} ± {made.std} cannot be trusted; give a number other than 0 and a "
+            "standard deviation that is not negative"
+        )
+    return made
+
+
+def _independent(columns: np.ndarray) -> np.ndarray:
+    """A basis of the columns: parts of a payload that no torque tells apart are one unknown."""
+    if columns.shape[1] == 0:
+        return columns
+    left, values, _ = np.linalg.svd(columns, full_matrices=False)
+    return left[:, values > 1e-10 * max(values[0], 1e-300)]

@@ -1,0 +1,139 @@
+"""A record in amperes, volts or counts identified as it is: every motor in a unit of its own.
+
+Without gains the row of motor m still tells Φ_m θ/κ_m = c_m: each of its parameters divided by the
+motor's gain. No row needs another one for that, and no scale has to be guessed; the price is that
+a mass has one number in the row of the shoulder and another in that of the elbow. Their ratio is
+the ratio of the gains (`pivident.drives.gain_ratios`).
+
+In one row alone fewer parameters are separate than in all rows together. A column that depends on
+the columns before it is left out, and its parameter is in the others.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.drives.drive_equations import DriveRecord, drive_sums
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.methods import RandomWalk
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.problem import Problem
+
+#: Share of a column's length that must be its own for it to count as separate.
+SEPARATE = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class MotorInLogUnits:
+    """Parameters of one motor's row, each divided by the motor's gain.
+
+    Attributes:
+        joint: name of the joint.
+        names: base parameters that the row separates.
+        units: unit of each, such as ``kg m²/(N m/A)``.
+        values: θ/κ, shape (parameters,).
+        std: standard deviations by the sandwich, likewise.
+        left_out: parameters that this row alone does not separate from those above.
+        relative_error: ‖c - Φθ/κ‖/‖c‖.
+    """
+
+    joint: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    values: np.ndarray
+    std: np.ndarray
+    left_out: tuple[str, ...]
+    relative_error: float
+
+
+def identify_in_log_units(
+    problem: Problem,
+    unit: str | Sequence[str] = "unit of the log",
+    signals: RandomWalk | None = None,
+) -> tuple[MotorInLogUnits, ...]:
+    """Least squares of every motor's row on its own, in the unit of its command.
+
+    Args:
+        problem: robot, recordings with commands as ``tau``, parameters.
+        unit: unit of the command, the same for all joints or one for each.
+        signals: the smoother; default: random walk with the command aligned.
+
+    Returns:
+        One answer for each motor.
+    """
+    units = (unit,) * problem.robot.size if isinstance(unit, str) else tuple(unit)
+    records = [
+        DriveRecord(estimate_kinematics(r, signals or RandomWalk()), problem.speed_limits(r))
+        for r in problem.recordings
+    ]
+    (sums,) = drive_sums(problem.robot, problem.regressor, records)
+    answers = []
+    for joint, own, command in zip(problem.robot.joints, sums, units, strict=True):
+        unit_of_gain = f"({'N m' if joint.kind == 'revolute' else 'N'}/{command})"
+        kept = independent_columns(own.ff)
+        row = restricted(own, kept)
+        values, std = solved_row(row)
+        chosen = own.columns[kept]
+        left = row.tt - 2.0 * values @ row.ft + values @ row.ff @ values
+        answers.append(
+            MotorInLogUnits(
+                joint.name,
+                tuple(problem.names[c] for c in chosen),
+                tuple(f"{problem.regressor.parameters[c].unit}/{unit_of_gain}" for c in chosen),
+                values,
+                std,
+                tuple(problem.names[c] for c in own.columns if c not in chosen),
+                float(np.sqrt(max(left, 0.0) / max(row.tt, 1e-300))),
+            )
+        )
+    return tuple(answers)
+
+
+def independent_columns(gram: np.ndarray, separate: float = SEPARATE) -> np.ndarray:
+    """Columns that keep a part of their own when those before them are taken out.
+
+    Args:
+        gram: ΦᵀΦ, shape (columns, columns).
+        separate: smallest part, relative to the column's length.
+
+    Returns:
+        Indices, ascending.
+    """
+    scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+    left = gram / np.outer(scale, scale)
+    kept = []
+    for k in range(len(left)):
+        if left[k, k] > separate**2:
+            kept.append(k)
+            left = left - np.outer(left[:, k], left[k]) / left[k, k]
+    return np.array(kept, dtype=int)
+
+
+def restricted(sums: JointSums, kept: np.ndarray) -> JointSums:
+    """The sums of some of a row's columns, numbered anew.
+
+    Args:
+        sums: sums of one row.
+        kept: which of its columns.
+    """
+    grid = np.ix_(kept, kept)
+    return JointSums(
+        sums.name, np.arange(kept.size), sums.zf[grid], sums.zz[grid], sums.ff[grid],
+        sums.zt[kept], sums.ft[kept], sums.window_zf[:, kept[:, None], kept],
+        sums.window_zt[:, kept], sums.tt, sums.rows,
+    )  # fmt: skip
+
+
+def solved_row(sums: JointSums) -> tuple[np.ndarray, np.ndarray]:
+    """Solution of one row's normal equations, and its deviations by the sandwich.
+
+    Args:
+        sums: sums of independent columns, numbered from zero.
+    """
+    scale = np.sqrt(np.maximum(np.diag(sums.ff), 1e-300))
+    values = np.linalg.solve(sums.zf / np.outer(scale, scale), sums.zt / scale) / scale
+    return values, np.sqrt(np.diag(sandwich([sums], values, np.ones(1))))

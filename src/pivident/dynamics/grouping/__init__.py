@@ -1,0 +1,1 @@
+"""Base parameters in closed form, by rules for grouping."""

@@ -1,0 +1,285 @@
+"""Base parameters in closed form: every group as an expression in the robot's geometry.
+
+From the last links to the base, the parameters that a joint does not feel are carried to the link
+before by the parallel-axis rule (the λ of Khalil and Dombre). For a revolute joint of a general
+robot these are xx + yy, mz and m:
+
+    xx_i - yy_i,  zz_i, mx_i … stay         yy_i (with xx_i), mz_i, m_i  →  link before
+
+so that with a modified DH table, for example, mz_i adds d sin α to xy and -sin α to my of the link
+before. What each joint feels follows from rules about axes and gravity (``grouping_rules``): no
+random state, no decomposition of an observation matrix. `dynamics.base_parameters` finds the same
+groups as numbers from the matrix; the two test each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, regrouped_name
+from pivident.dynamics.grouping.expressions import Expression
+from pivident.dynamics.grouping.geometry import (
+    GEOMETRY_TOLERANCE,
+    Geometry,
+    NamedFrame,
+    Names,
+    Quantity,
+    named_frame,
+    named_gravity,
+    numbers,
+)
+from pivident.dynamics.grouping.members import Group, Member
+from pivident.dynamics.grouping.reach import Reach
+from pivident.dynamics.grouping.rows import ONE as WHOLE
+from pivident.dynamics.grouping.rows import Row
+from pivident.dynamics.grouping.rules import LocalGroups, local_groups
+from pivident.dynamics.parameters import Parameter, standard_parameters
+from pivident.errors import RobotDescriptionError
+from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.inertia import moved
+
+if TYPE_CHECKING:
+    import sympy
+
+#: Coefficients smaller than this are zero, as in ``dynamics.base_parameters``.
+ZERO_BELOW = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedFormBaseParameters:
+    """The base parameters of a robot by rule, in the order of the standard parameters.
+
+    Attributes:
+        robot: the robot.
+        standard: all standard parameters.
+        groups: one for each base parameter.
+        without_effect: parameters that no torque depends on.
+        reasons: why a parameter heads no group, by its name.
+        constants: values of the named constants [m, rad, m/s²].
+    """
+
+    robot: Robot
+    standard: tuple[Parameter, ...]
+    groups: tuple[Group, ...]
+    without_effect: tuple[Parameter, ...]
+    reasons: dict[str, str]
+    constants: dict[str, float]
+
+    def __len__(self) -> int:
+        return len(self.groups)
+
+    def __str__(self) -> str:
+        """Groups line by line, then what has no effect and why."""
+        lines = [str(group) for group in self.groups]
+        by_reason: dict[str, list[str]] = {}
+        for p in self.without_effect:
+            by_reason.setdefault(self.reasons[p.name], []).append(p.name)
+        if by_reason:
+            lines += ["", "Without effect on any torque:"]
+            lines += [f"{', '.join(names)}: {reason}" for reason, names in by_reason.items()]
+        if self.constants:
+            values = ", ".join(f"{k} = {x:.6g}" for k, x in self.constants.items())
+            lines += ["", f"Constants (m, rad, m/s²): {values}"]
+        return "\n".join(lines)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the base parameters: ``zz1r``, ``my6``."""
+        return tuple(group.name for group in self.groups)
+
+    @property
+    def expressions(self) -> dict[str, Expression]:
+        """Each base parameter as an expression in standard parameters and geometry, by name."""
+        return {group.name: group.expression for group in self.groups}
+
+    def values(self, standard: np.ndarray) -> np.ndarray:
+        """Base parameters of given standard ones, by evaluating the expressions.
+
+        Args:
+            standard: standard parameters, shape (standard,).
+
+        Returns:
+            Base parameters, shape (base,).
+        """
+        named: Mapping[str, float] = self.constants | {
+            p.name: float(x) for p, x in zip(self.standard, standard, strict=True)
+        }
+        return np.array([group.expression.evaluate(named) for group in self.groups], dtype=float)
+
+    def numeric(self) -> BaseParameters:
+        """The same as matrix of numbers, as estimators use them."""
+        index = {p.name: k for k, p in enumerate(self.standard)}
+        kept = [index[group.head.name] for group in self.groups]
+        nothing = [index[p.name] for p in self.without_effect]
+        dropped = sorted(set(range(len(self.standard))) - set(kept) - set(nothing))
+        place = {k: column for column, k in enumerate(dropped)}
+        regrouping = np.zeros((len(kept), len(dropped)))
+        for row, group in enumerate(self.groups):
+            for member in group.members:
+                regrouping[row, place[index[member.parameter.name]]] = member.value
+        return BaseParameters(
+            self.robot,
+            self.standard,
+            np.array(kept, dtype=np.int64),
+            np.array(dropped, dtype=np.int64),
+            regrouping,
+            np.array(nothing, dtype=np.int64),
+        )
+
+    def to_sympy(self) -> dict[str, sympy.Expr]:
+        """Groups for SymPy, by name."""
+        return {group.name: group.to_sympy() for group in self.groups}
+
+    def to_latex(self) -> str:
+        r"""Groups as ``align*`` of the package amsmath."""
+        body = " \\\\\n".join(group.to_latex() for group in self.groups)
+        return f"\\begin{{align*}}\n{body}\n\\end{{align*}}\n"
+
+
+def closed_form_base_parameters(
+    robot: Robot, geometry: Geometry = "names", tolerance: float = GEOMETRY_TOLERANCE
+) -> ClosedFormBaseParameters:
+    """Base parameters of a robot by the rules of Gautier and Khalil.
+
+    Args:
+        robot: chain or tree of revolute and prismatic joints.
+        geometry: ``names`` for lengths and angles as symbols (``d3``, ``alpha2``), ``numbers``
+            for their values.
+        tolerance: elements of rotation matrices closer than this to 0 or ±1, and positions
+            closer to 0 [m], count as exact. A URDF whose right angles are written 1.5708 needs
+            1e-5 for its axes to count as perpendicular.
+
+    Returns:
+        The groups.
+
+    Raises:
+        RobotDescriptionError: another word for ``geometry``, or a tolerance that is no small
+            number.
+    """
+    if geometry not in ("names", "numbers"):
+        raise RobotDescriptionError(f"geometry is 'names' or 'numbers', not {geometry!r}")
+    if not 0.0 < tolerance < 0.1:
+        raise RobotDescriptionError(
+            f"geometry tolerance {tolerance}: give a small number between 1e-12 and 0.1, "
+            f"such as {GEOMETRY_TOLERANCE:g}"
+        )
+    standard = standard_parameters(robot)
+    frames = [
+        named_frame(joint, robot.label(i), geometry, tolerance)
+        for i, joint in enumerate(robot.joints)
+    ]
+    gravity, constants = named_gravity(robot.gravity, geometry, tolerance)
+    names = [Names(robot.label(i), geometry, tolerance) for i in range(robot.size)]
+    local = _all_local_groups(robot, standard, frames, gravity, names)
+    shares = _carried_to_heads(robot, standard, frames, local)
+    kept = sorted(k for groups in local for k in groups.kept)
+    members: dict[int, list[Member]] = {head: [] for head in kept}
+    nothing = []
+    for k, row in enumerate(shares):
+        if row.keys() == {k}:
+            continue
+        felt = {head: x for head, x in row.items() if abs(x.value) > ZERO_BELOW}
+        if not felt:
+            nothing.append(k)
+        for head, x in felt.items():
+            members[head].append(Member(standard[k], x.polynomial, _cleaned(x.value)))
+    groups = tuple(_group(standard[head], members[head]) for head in kept)
+    for frame, own in zip(frames, names, strict=True):
+        constants |= frame.constants | own.constants
+    used = {name for group in groups for m in group.members for name in m.polynomial.names}
+    return ClosedFormBaseParameters(
+        robot,
+        standard,
+        groups,
+        tuple(standard[k] for k in nothing),
+        {standard[k].name: text for link in local for k, text in link.reasons.items()},
+        {name: x for name, x in constants.items() if name in used},
+    )
+
+
+def _all_local_groups(
+    robot: Robot,
+    standard: tuple[Parameter, ...],
+    frames: list[NamedFrame],
+    gravity: np.ndarray,
+    names: list[Names],
+) -> list[LocalGroups]:
+    """The rules joint by joint, from the base outwards."""
+    couplings = [c for c in robot.couplings if c.inertia]
+    coupled = sorted({j for c in couplings for j in (c.motor, c.joint)})
+    own: list[dict[int, Parameter]] = [{} for _ in robot.joints]
+    for k, p in enumerate(standard):
+        inertia = p.stem == "iam" and p.coupling is not None
+        own[max(p.coupling.motor, p.coupling.joint) if inertia else p.joint][k] = p  # type: ignore[union-attr]
+    base = Reach.of_base(numbers(gravity), len(coupled))
+    behind: list[Reach] = []
+    directions: list[np.ndarray] = []
+    local = []
+    for i, joint in enumerate(robot.joints):
+        before = base if joint.parent < 0 else behind[joint.parent]
+        frame = frames[i]
+        reach = before.seen_from(numbers(frame.rotation), numbers(frame.translation))
+        above = gravity if joint.parent < 0 else directions[joint.parent]
+        directions.append(frame.rotation.T @ above)
+        local.append(
+            local_groups(robot, i, own[i], reach, directions[i], frames, coupled, names[i])
+        )
+        behind.append(reach.moved_by(joint.kind, coupled.index(i) if i in coupled else None))
+    return local
+
+
+def _carried_to_heads(
+    robot: Robot,
+    standard: tuple[Parameter, ...],
+    frames: list[NamedFrame],
+    local: list[LocalGroups],
+) -> list[Row]:
+    """For each standard parameter, how much of it is in each group.
+
+    Parameter k of link i is its share in the link's own heads h, plus what the rest,
+    e_k - Σ share e_h, which joint i does not feel, adds to the parameters of the link before.
+    """
+    first = {p.joint: k for k, p in reversed(list(enumerate(standard))) if p.is_inertial}
+    rows: list[Row] = [{} for _ in standard]
+    for i, groups in enumerate(local):  # the link before has its rows already
+        parent = robot.joints[i].parent
+        for k in groups.kept:
+            rows[k] = {k: WHOLE}
+        for k, share in groups.shares.items():
+            rows[k] = dict(share)
+            rest = [(k, WHOLE), *((head, -x) for head, x in share.items())]
+            rest = [(h, x) for h, x in rest if standard[h].is_inertial]
+            if parent < 0 or not rest:
+                continue
+            for place, amount in enumerate(_carried(rest, first[i], frames[i])):
+                if not amount.is_zero:
+                    _accumulate(rows[k], rows[first[parent] + place], amount)
+    return rows
+
+
+def _carried(rest: Iterable[tuple[int, Quantity]], first: int, frame: NamedFrame) -> np.ndarray:
+    """Ten parameters of the link before that a combination of a link's parameters adds to."""
+    ten = np.array([Quantity.number(0.0)] * len(INERTIAL))
+    for k, x in rest:
+        ten[k - first] = x
+    return moved(ten, frame.carrying_rotation, frame.carrying_translation)
+
+
+def _accumulate(row: Row, other: Row, amount: Quantity) -> None:
+    """Add an amount of the other row."""
+    for head, x in other.items():
+        product = amount * x
+        row[head] = row[head] + product if head in row else product
+
+
+def _group(head: Parameter, members: list[Member]) -> Group:
+    return Group(regrouped_name(head) if members else head.name, head, tuple(members))
+
+
+def _cleaned(value: float) -> float:
+    """A number that is whole but for rounding is whole."""
+    return float(round(value)) if abs(value - round(value)) < ZERO_BELOW else value

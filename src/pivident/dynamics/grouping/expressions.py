@@ -1,0 +1,298 @@
+"""Expressions as a graph in which every subexpression exists once.
+
+An expression is made by the functions of this module or by ``+ - * / **`` between expressions and
+numbers; never by calling the classes. Making one simplifies it as far as that is always right and
+costs nothing:
+
+- constants are folded, terms of 0 and factors of 1 disappear, equal terms meet;
+- signs move outwards, a·(-b) = -(a·b) and (-a) + (-b) = -(a + b), so that an expression and its
+  negative share everything but the sign;
+- operands of + and · are put into one order, so that a·b and b·a are the same object;
+- sine and cosine of multiples of π/2 are exact, sin(x + π/2) = cos x, cos²x + sin²x = 1.
+
+Equal expressions are one object: compare them with ``is``. The order of operands depends on the
+expressions alone and not on what was made before, so generated code is the same each time.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any, cast
+
+# These modules provide methods of every expression.
+from pivident.dynamics.grouping import notation as _notation  # noqa: F401
+from pivident.dynamics.grouping import sympy_expressions as _sympy_expressions  # noqa: F401
+from pivident.dynamics.grouping.expression_graph import (
+    ONE,
+    ZERO,
+    Add,
+    Call,
+    Constant,
+    Cosine,
+    Expression,
+    Multiply,
+    Negate,
+    Number,
+    Operand,
+    Sine,
+    Symbol,
+    add,
+    as_expression,
+    constant,
+    make_node,
+    multiply,
+    negate,
+    ordered,
+    provides,
+    symbol,
+    without_constant,
+    without_sign,
+)
+
+__all__ = [
+    "EXACT",
+    "FUNCTIONS",
+    "ONE",
+    "ZERO",
+    "Add",
+    "Call",
+    "Constant",
+    "Cosine",
+    "Expression",
+    "Multiply",
+    "Negate",
+    "Number",
+    "Operand",
+    "OperationCount",
+    "Sine",
+    "Symbol",
+    "add",
+    "as_expression",
+    "call",
+    "constant",
+    "cosine",
+    "divide",
+    "evaluate",
+    "multiply",
+    "negate",
+    "operation_count",
+    "ordered",
+    "power",
+    "sine",
+    "symbol",
+]
+
+#: Distance from 0, ±1 or a multiple of π/2 below which a constant is taken to be that number.
+EXACT = 1e-12
+
+#: Functions of `call` beside sine and cosine, with their number of arguments.
+FUNCTIONS = {
+    "sqrt": 1,
+    "abs": 1,
+    "sign": 1,
+    "exp": 1,
+    "atan": 1,
+    "tanh": 1,
+    "power": 2,
+    "maximum": 2,
+    "minimum": 2,
+    "divide": 2,
+}
+
+#: Price of a sine or a cosine, in products.
+SINE_PRICE = 4
+
+
+@dataclass(frozen=True)
+class OperationCount:
+    """What evaluating something costs; a change of sign is free.
+
+    Attributes:
+        multiplications: products.
+        additions: sums and differences.
+        sines: sines and cosines, each counted once.
+        functions: other functions, divisions among them.
+    """
+
+    multiplications: int = 0
+    additions: int = 0
+    sines: int = 0
+    functions: int = 0
+
+    def __str__(self) -> str:
+        text = (
+            f"{self.multiplications} multiplications, {self.additions} additions, "
+            f"{self.sines} sines and cosines"
+        )
+        return f"{text}, {self.functions} other functions" if self.functions else text
+
+    @property
+    def price(self) -> int:
+        """What two ways of writing a model are compared by, in products; other functions apart."""
+        return self.multiplications + self.additions + SINE_PRICE * self.sines
+
+    def __add__(self, other: OperationCount) -> OperationCount:
+        return OperationCount(
+            self.multiplications + other.multiplications,
+            self.additions + other.additions,
+            self.sines + other.sines,
+            self.functions + other.functions,
+        )
+
+
+def sine(a: Operand) -> Expression:
+    """Sine of an angle in radians."""
+    minus, a = without_sign(as_expression(a))
+    result = _turned(a, 0)
+    return negate(result) if minus else result
+
+
+def cosine(a: Operand) -> Expression:
+    """Cosine of an angle in radians."""
+    return _turned(without_sign(as_expression(a))[1], 1)
+
+
+def _turned(a: Expression, quarters: int) -> Expression:
+    """sin(a + quarters π/2) for an angle without sign."""
+    rest, own = _quarter_turns(a)
+    quarters += own
+    minus, rest = without_sign(rest)
+    if minus and quarters % 2 == 0:
+        quarters += 2
+    if rest is ZERO:
+        return constant((0.0, 1.0, 0.0, -1.0)[quarters % 4])
+    if isinstance(rest, Constant):
+        return constant((math.cos if quarters % 2 else math.sin)(rest.value))
+    result = make_node(Cosine if quarters % 2 else Sine, (rest,))
+    return negate(result) if quarters % 4 >= 2 else result
+
+
+def _number(a: Expression) -> float:
+    return cast(Constant, a).value
+
+
+def _quarter_turns(a: Expression) -> tuple[Expression, int]:
+    """(x, k) with a = x + k π/2 where its constant part is such a multiple, else (a, 0)."""
+    part = (ZERO, a.value) if isinstance(a, Constant) else without_constant(a)
+    if part is None:
+        return a, 0
+    quarters = round(part[1] / (0.5 * math.pi))
+    if abs(part[1] - quarters * 0.5 * math.pi) > EXACT * max(1.0, abs(quarters)):
+        return a, 0
+    return part[0], quarters
+
+
+@provides("divide")
+def divide(a: Operand, b: Operand) -> Expression:
+    """The quotient a / b; by a constant it is a product.
+
+    Raises:
+        ZeroDivisionError: b is 0.
+    """
+    a, b = as_expression(a), as_expression(b)
+    if b.is_zero:
+        raise ZeroDivisionError("division of an expression by 0")
+    if isinstance(b, Constant):
+        return constant(_number(a) / b.value) if isinstance(a, Constant) else a * (1.0 / b.value)
+    if a is b or a.is_zero:
+        return ONE if a is b else ZERO
+    minus_a, a = without_sign(a)
+    minus_b, b = without_sign(b)
+    quotient = make_node(Call, (a, b), "divide")
+    return quotient if minus_a == minus_b else negate(quotient)
+
+
+@provides("power")
+def power(a: Operand, exponent: Number) -> Expression:
+    """A power with constant exponent; whole ones up to 8 become products."""
+    a = as_expression(a)
+    if exponent == int(exponent) and 0 <= exponent <= 8:
+        product: Expression = ONE
+        for bit in bin(int(exponent))[2:]:
+            product = product * product * (a if bit == "1" else ONE)
+        return product
+    return call("power", a, float(exponent))
+
+
+def call(function: str, *arguments: Operand) -> Expression:
+    """Another function of expressions; of constants it is evaluated.
+
+    Args:
+        function: one of ``FUNCTIONS``.
+        arguments: what it is a function of.
+
+    Raises:
+        ValueError: no such function, or another number of arguments.
+    """
+    if FUNCTIONS.get(function) != len(arguments):
+        raise ValueError(f"there is no function {function!r} of {len(arguments)} arguments")
+    if function == "divide":
+        return divide(*arguments)
+    operands = tuple(as_expression(a) for a in arguments)
+    if all(isinstance(a, Constant) for a in operands):
+        return constant(float(_numeric(function)(*(_number(a) for a in operands))))
+    return make_node(Call, operands, function)
+
+
+def _numeric(function: str) -> Callable[..., Any]:
+    """A function of ``FUNCTIONS`` for numbers and arrays."""
+    import numpy as np
+
+    names = {"atan": "arctan"}
+    return getattr(np, names.get(function, function))
+
+
+@provides("evaluate")
+def _evaluated(expression: Expression, values: Mapping[str, Any]) -> Any:
+    return evaluate([expression], values)[0]
+
+
+def evaluate(expressions: Iterable[Expression], values: Mapping[str, Any]) -> list[Any]:
+    """Values of several expressions, common parts evaluated once.
+
+    Args:
+        expressions: what to evaluate.
+        values: by name of the symbol: numbers, arrays that broadcast, or other expressions.
+
+    Raises:
+        KeyError: a symbol has no value.
+    """
+    roots = list(expressions)
+    result: dict[Expression, Any] = {}
+    for node in ordered(roots):
+        inputs = [result[operand] for operand in node.operands]
+        result[node] = _value(node, inputs, values)
+    return [result[root] for root in roots]
+
+
+def _value(node: Expression, inputs: list[Any], values: Mapping[str, Any]) -> Any:
+    if isinstance(node, Constant):
+        return node.value
+    if isinstance(node, Symbol):
+        return values[node.name]
+    if isinstance(node, Add):
+        return inputs[0] + inputs[1]
+    if isinstance(node, Multiply):
+        return inputs[0] * inputs[1]
+    if isinstance(node, Negate):
+        return -inputs[0]
+    symbolic = any(isinstance(x, Expression) for x in inputs)
+    if isinstance(node, (Sine, Cosine)):
+        function = sine if isinstance(node, Sine) else cosine
+        name = "sin" if isinstance(node, Sine) else "cos"
+        return function(inputs[0]) if symbolic else _numeric(name)(inputs[0])
+    name = cast(Call, node).function
+    return call(name, *inputs) if symbolic else _numeric(name)(*inputs)
+
+
+def operation_count(expressions: Iterable[Expression]) -> OperationCount:
+    """What evaluating all of them costs, common parts counted once."""
+    kinds = [type(node) for node in ordered(expressions)]
+    return OperationCount(
+        kinds.count(Multiply),
+        kinds.count(Add),
+        kinds.count(Sine) + kinds.count(Cosine),
+        kinds.count(Call),
+    )

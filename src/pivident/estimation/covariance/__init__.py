@@ -1,0 +1,1 @@
+"""Covariances of an estimate."""

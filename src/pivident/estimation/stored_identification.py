@@ -1,0 +1,341 @@
+"""An identification from its file: everything but the signals.
+
+What `identification_file` writes is read back, and checked as if a stranger had written it:
+types, shapes, finite numbers, symmetric covariances, and parameters that are base parameters of
+the robot in the file. The result predicts torques, prints, is made consistent and exported like
+the one that `identify` returned. Its recordings, equations and loop are not there, and tests that
+need them say so.
+"""
+
+from __future__ import annotations
+
+import math
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import Field, ValidationError
+from pydantic_core import from_json
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
+from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
+from pivident.errors import IdentificationFileError, PividentError
+from pivident.estimation.identification import Identification, Iteration, JointFit
+from pivident.estimation.identification_file import SCHEMA
+from pivident.files import regular_file
+from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
+from pivident.robot.robot_values import Finite, Name, RobotValues, Values, made_robot, problem_text
+
+#: Larger files are not identifications [bytes].
+MAX_FILE = 2**27
+
+#: Largest asymmetry of a covariance, relative to its standard deviations.
+ASYMMETRY = 1e-9
+
+#: Most negative eigenvalue of a matrix of correlations that rounding explains.
+INDEFINITE = 1e-6
+
+#: The first layout, which did not hold the robot.
+WITHOUT_ROBOT = 1
+
+#: A number that is written as null where it is not finite.
+Known = Finite | None
+Matrix = list[list[Known]]
+
+
+class ParameterValues(Values):
+    """One estimate."""
+
+    name: Name
+    value: Finite
+    std: Known
+    robust_std: Known
+    relative_std: Known
+    unit: str
+    expression: str
+
+
+class JointFitValues(Values):
+    """How one joint was fitted."""
+
+    name: Name
+    torque_unit: str
+    relative_error: Known
+    rms_error: Known
+    noise_std: Known
+    noise_unit: str
+    ar_order: int
+    ar_at_bound: bool
+    rows: Annotated[int, Field(ge=0)]
+    masked: Known
+    f50: Known
+    encoder_std: Known
+
+
+class IterationValues(Values):
+    """One pass of the estimator."""
+
+    theta: list[Known]
+    change: Known
+    residual: Known
+    halvings: int
+    ar_orders: list[int]
+
+
+class FileContent(Values):
+    """The whole file."""
+
+    schema_: Annotated[int, Field(alias="schema")]
+    method: Name
+    robot: Name
+    converged: bool
+    iterations: int
+    parameters: Annotated[list[ParameterValues], Field(min_length=1)]
+    covariance: Matrix
+    robust_covariance: Matrix
+    formula_covariance: Matrix
+    relative_error: Known
+    joints: list[JointFitValues]
+    history: list[IterationValues]
+    condition: Known
+    controller: list[dict[str, Any]] | None
+    reference: list[dict[str, Any]] | None
+    options: dict[str, Any]
+    warnings: list[str]
+    sources: dict[str, str]
+    version: str
+    robot_description: RobotValues | None = None
+    torque_sums: dict[str, Any] | None = None
+
+
+def load_identification(path: str | PathLike[str], robot: Robot | None = None) -> Identification:
+    """Read ``identification.json``.
+
+    Args:
+        path: the file, or the folder that holds it.
+        robot: the robot, for files of the first layout, which do not hold it.
+
+    Returns:
+        The identification without recordings, equations and loop.
+
+    Raises:
+        IdentificationFileError: the file cannot be read, is damaged, of another layout, or does
+            not fit its robot; names file, key, value and next step.
+    """
+    file = Path(path)
+    if file.is_dir():
+        file = file / "identification.json"
+    try:
+        return _identification(_content(file, robot), robot)
+    except IdentificationFileError:
+        raise
+    except ValidationError as error:
+        raise IdentificationFileError(str(file), _repair(problem_text(error))) from None
+    except PividentError as error:
+        raise IdentificationFileError(str(file), _repair(str(error))) from error
+    except (ValueError, OverflowError) as error:
+        raise IdentificationFileError(str(file), str(error)) from error
+
+
+def json_of_file(file: Path) -> dict[str, Any]:
+    """A JSON object as plain values.
+
+    Args:
+        file: the file.
+
+    Raises:
+        IdentificationFileError: it cannot be read, is too large, or no JSON object.
+    """
+    try:
+        size = regular_file(file).stat().st_size
+        if size > MAX_FILE:
+            raise IdentificationFileError(
+                str(file),
+                f"has {size} bytes, more than any identification; is it the log? Give the file "
+                "identification.json of a result",
+            )
+        content = from_json(file.read_bytes(), allow_inf_nan=False)
+    except OSError as error:
+        several = sorted(p.parent.name for p in file.parent.glob("*/identification.json"))
+        advice = "check the path and its permissions"
+        if several:
+            advice = f"there is one for each method: {', '.join(map(repr, several))}; name one"
+        raise IdentificationFileError(
+            str(file), f"cannot be read ({error.strerror}); {advice}"
+        ) from error
+    except ValueError as error:
+        raise IdentificationFileError(
+            str(file), f"is not JSON: {error}; write it again with `pivident identify`"
+        ) from None
+    if not isinstance(content, dict):
+        raise IdentificationFileError(
+            str(file), f"holds a {type(content).__name__}, not an object; it is no identification"
+        )
+    return content
+
+
+def _content(file: Path, robot: Robot | None) -> FileContent:
+    """The checked content of a file whose layout this version knows."""
+    content = json_of_file(file)
+    schema = content.get("schema")
+    if type(schema) is not int or "covariance" not in content:
+        raise IdentificationFileError(
+            str(file),
+            "is no identification: it has no schema number and covariance; give the file "
+            "identification.json of a result",
+        )
+    if schema > SCHEMA:
+        raise IdentificationFileError(
+            str(file),
+            f"has layout {schema}, this version reads up to {SCHEMA}; install a newer pivident",
+        )
+    if schema <= WITHOUT_ROBOT and robot is None:
+        raise IdentificationFileError(
+            str(file),
+            f"has layout {schema}, written by an older version, which did not keep the robot; "
+            "identify again, or give the robot: load_identification(path, robot=…)",
+        )
+    if schema > WITHOUT_ROBOT and robot is not None:
+        raise IdentificationFileError(
+            str(file), "holds its robot already; leave the argument robot out"
+        )
+    if schema > WITHOUT_ROBOT and not isinstance(content.get("robot_description"), dict):
+        raise IdentificationFileError(
+            str(file), "the key 'robot_description' is missing; identify again"
+        )
+    return FileContent.model_validate(content)
+
+
+def _identification(content: FileContent, robot: Robot | None) -> Identification:
+    if content.robot_description is not None:
+        robot = made_robot(content.robot_description)
+    assert robot is not None
+    if [fit.name for fit in content.joints] != list(robot.joint_names):
+        raise ValueError(
+            f"joints are {', '.join(fit.name for fit in content.joints)}, but those of the robot "
+            f"are {', '.join(robot.joint_names)}; identify again"
+        )
+    if not isinstance(content.options.get("signals", {}), dict):
+        raise ValueError("options.signals must be a dictionary of options; identify again")
+    n = len(content.parameters)
+    covariance = _covariance("covariance", content.covariance, n)
+    robust = _covariance("robust_covariance", content.robust_covariance, n)
+    formula = _covariance("formula_covariance", content.formula_covariance, n)
+    history = tuple(_iteration(entry, n) for entry in content.history)
+    base, chosen = _selection(robot, [p.name for p in content.parameters])
+    return Identification(
+        method=content.method,
+        robot=robot,
+        parameters=tuple(base.parameters[k] for k in chosen),
+        names=tuple(base.names[k] for k in chosen),
+        expressions=tuple(base.expressions[k] for k in chosen),
+        theta=np.array([p.value for p in content.parameters]),
+        covariance=covariance,
+        robust_covariance=robust,
+        formula_covariance=formula,
+        converged=content.converged,
+        history=history,
+        joints=tuple(_joint_fit(fit) for fit in content.joints),
+        relative_error=_number(content.relative_error),
+        condition=_number(content.condition, math.inf),
+        recordings=(),
+        options=content.options,
+        warnings=tuple(content.warnings),
+        sources=content.sources,
+        version=content.version,
+        torque_sums=_torque_sums(content.torque_sums, base),
+        loop_values={"controller": content.controller, "reference": content.reference},
+    )
+
+
+def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int]]:
+    """The robot's base parameters, and the places of the estimated ones among them, in order.
+
+    They are taken from the closed form, which takes a tenth of the time of the numerical search on
+    robots of many joints. Geometry at the edge of a tolerance can make the two differ: where the
+    file has other groups that this robot could have, they are searched for.
+    """
+    base = closed_form_base_parameters(robot, "numbers").numeric()
+    heads = {text for p in base.standard for text in (p.name, regrouped_name(p))}
+    if not set(base.names).issuperset(names) and heads.issuperset(names):
+        base = base_parameters(robot)
+    known = {name: k for k, name in enumerate(base.names)}
+    for name in names:
+        if name not in known:
+            raise ValueError(
+                f"{name!r} is no base parameter of the robot {robot.name!r}; {nearest(name, known)}"
+            )
+    chosen = [known[name] for name in names]
+    if sorted(set(chosen)) != chosen:
+        raise ValueError(
+            f"the parameters {', '.join(names)} are not in the robot's order, each once; "
+            "identify again"
+        )
+    return base, chosen
+
+
+def _covariance(key: str, rows: Matrix, size: int) -> np.ndarray:
+    """A covariance matrix; one that was not finite when it was written is NaN throughout."""
+    if len(rows) != size or any(len(row) != size for row in rows):
+        raise ValueError(
+            f"{key} has {len(rows)} rows of {sorted({len(row) for row in rows})} numbers; the "
+            f"{size} parameters need shape {(size, size)}; identify again"
+        )
+    matrix = np.array([[_number(x) for x in row] for row in rows])
+    if not np.isfinite(matrix).all():
+        return np.full((size, size), np.nan)
+    variance = np.diag(matrix)
+    if (variance < 0.0).any():
+        worst = int(np.argmin(variance))
+        raise ValueError(
+            f"{key} has the variance {variance[worst]:.3g} in row {worst + 1}; no variance is "
+            "negative, identify again"
+        )
+    std = np.sqrt(variance)
+    if (np.abs(matrix - matrix.T) > ASYMMETRY * np.outer(std, std)).any():
+        raise ValueError(f"{key} is not symmetric; identify again")
+    correlation = matrix / np.where(std > 0.0, std, 1.0) / np.where(std > 0.0, std, 1.0)[:, None]
+    if (lowest := float(np.linalg.eigvalsh(correlation)[0])) < -INDEFINITE:
+        raise ValueError(
+            f"{key} is no covariance: its correlations have the eigenvalue {lowest:.3g}, and none "
+            "can be negative; identify again"
+        )
+    return matrix
+
+
+def _iteration(values: IterationValues, size: int) -> Iteration:
+    if len(values.theta) != size:
+        raise ValueError(
+            f"an iteration of the history has {len(values.theta)} parameters instead of {size}; "
+            "identify again"
+        )
+    return Iteration(
+        theta=np.array([_number(x) for x in values.theta]),
+        change=_number(values.change, math.inf),
+        residual=_number(values.residual),
+        halvings=values.halvings,
+        ar_orders=tuple(values.ar_orders),
+    )
+
+
+def _joint_fit(values: JointFitValues) -> JointFit:
+    unknown = {key: math.nan for key, value in vars(values).items() if value is None}
+    return JointFit(**vars(values) | unknown)
+
+
+def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
+    if values is None:
+        return None
+    from pivident.estimation.torque_sums import TorqueSums
+
+    return TorqueSums.from_values(values, base)
+
+
+def _number(value: float | None, unknown: float = math.nan) -> float:
+    return unknown if value is None else float(value)
+
+
+def _repair(problem: str) -> str:
+    return f"{problem}; the file is damaged or was changed by hand, identify again"

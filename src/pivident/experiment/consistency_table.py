@@ -1,0 +1,177 @@
+"""From the table ``[consistency]``, of an experiment file or of a file of its own, to options."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.consistency.constraints import Bounds, Interval
+from pivident.consistency.options import ConsistencyOptions
+from pivident.errors import ExperimentError, RobotDescriptionError
+from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
+from pivident.experiment.explained import checked, plain_form
+from pivident.experiment.schema import ExperimentFile
+from pivident.robot import Robot, load_robot, read_urdf
+
+#: Frames of a reference may differ by rounding of their files [m, and elements of rotations].
+FRAME_TOLERANCE = 1e-4
+
+
+def consistency_of(entry: ConsistencyEntry, robot: Robot, folder: Path) -> ConsistencyOptions:
+    """Options with everything checked against the robot.
+
+    Args:
+        entry: the table.
+        robot: the robot that is identified.
+        folder: what paths are relative to.
+
+    Raises:
+        ExperimentError: bounds of a link that does not exist, bounds that exclude each other, or
+            a reference that is another arm.
+        RobotDescriptionError: the reference cannot be read.
+    """
+    reference = None if entry.reference is None else reference_of(entry.reference, robot, folder)
+    return ConsistencyOptions(
+        prior=entry.prior,
+        bounds=bounds_of(entry, robot),
+        margin=entry.margin,
+        reference=reference,
+        accept_far=entry.accept_far,
+    )
+
+
+def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
+    """What the table knows of masses and centres of mass; None if nothing.
+
+    Args:
+        entry: the table.
+        robot: the robot that is identified.
+
+    Raises:
+        ExperimentError: an unknown link, or masses that cannot add up.
+    """
+    if entry.total_mass is None and not entry.bounds:
+        return None
+    links = [link.name for link in robot.links]
+    named: dict[str, str] = {}
+    for name in entry.bounds:
+        try:
+            link = links[robot.link_index(name)]
+        except RobotDescriptionError as error:
+            raise ExperimentError(f"bounds: {error}") from error
+        if link in named:
+            raise ExperimentError(
+                f"bounds: {named[link]!r} and {name!r} are the same link; keep one of them"
+            )
+        named[link] = name
+    own = {link: entry.bounds[name] for link, name in named.items()}
+    bounds = Bounds(
+        mass={link: _pair(b.mass) for link, b in own.items() if b.mass is not None},
+        total_mass=None if entry.total_mass is None else _pair(entry.total_mass),
+        center_of_mass={
+            link: _box(b.center_of_mass) for link, b in own.items() if b.center_of_mass is not None
+        },
+        ellipsoid={
+            link: (tuple(b.ellipsoid[0]), tuple(b.ellipsoid[1]))
+            for link, b in own.items()
+            if b.ellipsoid is not None
+        },
+    )
+    _check_total(bounds, links)
+    return bounds
+
+
+def reference_of(name: str, robot: Robot, folder: Path) -> Robot:
+    """The robot whose bodies are the nominal ones.
+
+    Args:
+        name: gallery name, or a robot file.
+        robot: the robot that is identified.
+        folder: what paths are relative to.
+
+    Raises:
+        ExperimentError: its joints or frames are not those of the robot.
+        RobotDescriptionError: it cannot be read.
+    """
+    if name.endswith((".urdf", ".urdf.gz")):
+        reference = read_urdf(folder / name, joints=robot.joint_names)
+    else:
+        reference = load_robot(folder / name if name.endswith(".toml") else name)
+    if reference.joint_names != robot.joint_names:
+        raise ExperimentError(
+            f"reference {name!r} has the joints {', '.join(reference.joint_names)}, the robot "
+            f"{', '.join(robot.joint_names)}; give a description of the same arm"
+        )
+    for own, other in zip(robot.joints, reference.joints, strict=True):
+        same = own.kind == other.kind and own.parent == other.parent
+        apart = max(
+            float(np.abs(own.rotation - other.rotation).max()),
+            float(np.abs(own.translation - other.translation).max()),
+        )
+        if not same or apart > FRAME_TOLERANCE:
+            raise ExperimentError(
+                f"reference {name!r}: the frame of joint {own.name!r} is another one than that of "
+                f"the robot (by {apart:.3g} in its pose), so its inertias do not belong to the "
+                "same axes; give inertias in the robot's own frames"
+            )
+    return reference
+
+
+def read_consistency(path: Path, robot: Robot) -> ConsistencyOptions:
+    """Options of a TOML file with a table ``[consistency]``.
+
+    Args:
+        path: the file; of an experiment file the other tables are not read.
+        robot: the robot that was identified.
+
+    Raises:
+        ExperimentError: it cannot be read, or its table cannot be used.
+    """
+    from pivident.experiment.experiment import errors_name, toml_content
+
+    with errors_name(path, ""):
+        content = toml_content(path)
+        if "consistency" not in content:
+            raise ExperimentError("has no table [consistency]; put the bounds below that heading")
+        entry = _table(content)
+    with errors_name(path, "[consistency]"):
+        return consistency_of(entry, robot, path.parent)
+
+
+def _table(content: dict[str, Any]) -> ConsistencyEntry:
+    """The table of a file of its own, or of an experiment file."""
+    if "robot" in content or "recording" in content:
+        found = checked(plain_form(content), ExperimentFile).consistency
+        assert found is not None
+        return found
+    return checked(content, ConsistencyFile).consistency
+
+
+def _check_total(bounds: Bounds, links: list[str]) -> None:
+    """Refuse a total mass that the links' masses cannot have."""
+    if bounds.total_mass is None:
+        return
+    lowest, highest = bounds.total_mass
+    low = sum(bounds.mass[link][0] or 0.0 for link in bounds.mass)
+    high = sum(bounds.mass[link][1] or 0.0 for link in bounds.mass)
+    if highest is not None and low > highest:
+        raise ExperimentError(
+            f"the lowest masses of {', '.join(bounds.mass)} add up to {low:g} kg, more than the "
+            f"highest total mass of {highest:g} kg; one of these bounds is wrong"
+        )
+    if lowest is not None and set(bounds.mass) == set(links) and high < lowest:
+        raise ExperimentError(
+            f"the highest masses of all links add up to {high:g} kg, less than the lowest total "
+            f"mass of {lowest:g} kg; one of these bounds is wrong"
+        )
+
+
+def _pair(ends: list[float]) -> tuple[float, float]:
+    return ends[0], ends[1]
+
+
+def _box(intervals: list[list[float]]) -> tuple[Interval, Interval, Interval]:
+    x, y, z = map(_pair, intervals)
+    return x, y, z

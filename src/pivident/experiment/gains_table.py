@@ -1,0 +1,275 @@
+"""From the table ``[gains]`` to drive gains, and from gains to the lines of an experiment file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.drives.drive_gains import DriveGains, Trusted, identify_drive_gains
+from pivident.drives.known_payload import Payload
+from pivident.drives.motor_temperature import (
+    MotorTemperature,
+    at_reference_temperature,
+    identify_motor_temperature,
+)
+from pivident.experiment.experiment import Experiment, errors_name
+from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
+from pivident.experiment.temperature import TEMPERATURE, with_temperature, without_temperature
+from pivident.recording.recording import Recording
+from pivident.recording.units import COMMAND, TORQUE, factor_to_si
+from pivident.robot.description import Robot
+from pivident.robot.naming import find_joint
+
+
+@dataclass(frozen=True)
+class DeclaredGain:
+    """What a file says about one joint's command.
+
+    Attributes:
+        value: torque per unit of the command that the log was read with [N m or N per unit].
+        unit: unit of the command as the file has it, ``mA``, ``V`` …, or of a torque.
+        given: whether somebody gave that gain; a guess or 1 stands for it otherwise.
+        place: where it is written: ``robot`` (drive_gain), ``units`` (gain of a unit), ``factor``
+            (a torque or a bare factor) or ``dataset``.
+    """
+
+    value: float
+    unit: str
+    given: bool
+    place: str
+
+    @property
+    def base_unit(self) -> str:
+        """The unit that the gain belongs to, A for a log in mA."""
+        return self.unit.removeprefix("m") if self.unit in ("mA", "mV") else self.unit
+
+
+@dataclass(frozen=True, eq=False)
+class GainsOfExperiment:
+    """Drive gains of an experiment file's records.
+
+    Attributes:
+        gains: gains relative to the declared ones.
+        declared: what the file declares, one for each joint.
+        torque_units: ``N m`` or ``N`` of each joint.
+        payload: the payload, or None.
+        trusted: names of what is trusted.
+        temperatures: temperature coefficients, where they were asked for.
+        model: the robot's model as the file names it.
+    """
+
+    gains: DriveGains
+    declared: tuple[DeclaredGain, ...]
+    torque_units: tuple[str, ...]
+    payload: Payload | None
+    trusted: tuple[str, ...]
+    temperatures: tuple[MotorTemperature, ...]
+    model: str
+
+    @property
+    def values(self) -> np.ndarray:
+        """Gains [N m or N per unit of the command], shape (joints,)."""
+        return self.gains.kappa * np.array([d.value for d in self.declared])
+
+    @property
+    def std(self) -> np.ndarray:
+        """Their standard deviations, shape (joints,)."""
+        return self.gains.std * np.abs([d.value for d in self.declared])
+
+
+def gains_of(
+    experiment: Experiment, progress: Callable[[str], None] | None = None
+) -> GainsOfExperiment:
+    """Drive gains of the records of an experiment file.
+
+    Args:
+        experiment: the file; commands whose gain nobody gave are taken as they are.
+        progress: called with one line at each stage.
+
+    Raises:
+        PividentError: file, recordings and robot do not fit together, or the motion does not tell.
+    """
+    given, robot = experiment.content.gains, experiment.robot
+    complete = with_unit_gains(experiment)
+    problem = complete.problem(progress)
+    temperatures: tuple[MotorTemperature, ...] = ()
+    with errors_name(experiment.path, "[gains]"):
+        count = len(experiment.content.recording)
+        recordings = problem.recordings
+        bare = tuple(without_temperature(r) for r in recordings)
+        problem = replace(problem, recordings=bare)
+        if given.temperature is not None:
+            warmth = None
+            if given.temperature != "time":
+                warmth = [r.inputs[TEMPERATURE] for r in recordings]
+            # at constant load: what the payload changes must not pass for warmth
+            temperatures = identify_motor_temperature(
+                replace(problem, recordings=bare[:count]),
+                None if warmth is None else warmth[:count],
+                given.reference_temperature,
+                given.friction_drift,
+            )
+            problem = replace(problem, recordings=_corrected(bare, warmth, robot, temperatures))
+        declared = declared_gains(experiment.content.recording[0], robot)
+        payload = _payload(given, robot)
+        found = identify_drive_gains(
+            replace(problem, recordings=problem.recordings[:count]),
+            payload,
+            problem.recordings[count:],
+            trusted_gains=_trusted_gains(given, robot, declared),
+            trusted_parameters={
+                name: Trusted(value, given.trusted_within * abs(value))
+                for name, value in given.trusted_parameters.items()
+            },
+            friction_under_load=given.friction_under_load,
+            known_within=given.known_within,
+            progress=progress,
+        )
+    return GainsOfExperiment(
+        found,
+        declared,
+        tuple("N m" if j.kind == "revolute" else "N" for j in robot.joints),
+        payload,
+        (*given.trusted, *given.trusted_parameters),
+        temperatures,
+        experiment.content.robot.model,
+    )
+
+
+def declared_gains(entry: RecordingEntry, robot: Robot) -> tuple[DeclaredGain, ...]:
+    """What a recording's table and the robot say about the gain of each joint.
+
+    Args:
+        entry: the table ``[recording]``.
+        robot: its drive gains belong to bare commands.
+    """
+    transmission, spec = robot.transmission, entry.units.tau
+    if entry.dataset is not None:
+        return (DeclaredGain(1.0, "declared", True, "dataset"),) * robot.size
+    made = []
+    per_joint = spec if isinstance(spec, list) else [spec] * robot.size
+    for j, unit in enumerate(per_joint):
+        factor = 1.0 if unit is None else factor_to_si("tau", unit)[0]
+        if isinstance(unit, Mapping):
+            name = str(unit["unit"])
+            value = factor / COMMAND_OR_TORQUE[name]
+            made.append(DeclaredGain(value, name, "scale" not in unit, "units"))
+        elif isinstance(unit, str) and unit in COMMAND:
+            # the gain belongs to A, V or the command itself, whatever the prefix of the log
+            gain, sure = float(transmission.drive_gain[j]), bool(transmission.gain_given[j])
+            made.append(DeclaredGain(gain, unit, sure, "robot"))
+        else:
+            name = unit if isinstance(unit, str) else "unit of the log" if unit else "N m"
+            made.append(DeclaredGain(factor, name, True, "factor"))
+    return tuple(made)
+
+
+#: Prefix of every unit that a table {unit, gain} may name.
+COMMAND_OR_TORQUE = COMMAND | TORQUE
+
+
+def lines_for_file(found: GainsOfExperiment) -> list[str]:
+    """TOML lines that make a following `identify` work in N m; known gains only.
+
+    Args:
+        found: the gains.
+    """
+    known = found.gains.anchored
+    if not known.any():
+        return []
+    values, names = found.values, found.gains.joints
+    places = {d.place for d in found.declared}
+    if places == {"robot"}:
+        listed = ", ".join(
+            f"{_key(name)} = {value:.6g}"
+            for name, value, sure in zip(names, values, known, strict=True)
+            if sure
+        )
+        units = {
+            f"{t}/{d.base_unit}" for t, d in zip(found.torque_units, found.declared, strict=True)
+        }
+        gains = f"drive_gain = {{{listed}}}    # {', '.join(sorted(units))}"
+        return ["[robot]", f'model = "{found.model}"', gains]
+    if places == {"dataset"} or not known.all():
+        return []
+    cells = [
+        f"{value:.6g}" if d.place == "factor" else f'{{unit = "{d.unit}", gain = {value:.6g}}}'
+        for d, value in zip(found.declared, values, strict=True)
+    ]
+    return ["[recording.units]", f"tau = [{', '.join(cells)}]"]
+
+
+def _key(name: str) -> str:
+    """A TOML key, quoted where it has to be."""
+    plain = name.replace("_", "").replace("-", "")
+    return name if plain.isascii() and plain.isalnum() else f'"{name}"'
+
+
+def with_unit_gains(experiment: Experiment) -> Experiment:
+    """The file with a gain of 1 where nobody gave one, and with the runs under load behind.
+
+    Args:
+        experiment: the file.
+    """
+    content, transmission = experiment.content, experiment.robot.transmission
+    names = experiment.robot.joint_names
+    every = dict(zip(names, map(float, transmission.drive_gain), strict=True))
+    recordings = [
+        _with_temperature(entry, content.gains.temperature, len(names))
+        for entry in (*content.recording, *content.gains.recording)
+    ]
+    changed: ExperimentFile = content.model_copy(
+        update={
+            "robot": content.robot.model_copy(update={"drive_gain": every}),
+            "recording": recordings,
+        }
+    )
+    return Experiment(experiment.path, changed)
+
+
+def _with_temperature(
+    entry: RecordingEntry, columns: str | list[str] | None, joints: int
+) -> RecordingEntry:
+    """The table with the columns of the temperatures, where the log has them."""
+    if columns is None or columns == "time":
+        return entry
+    return with_temperature(entry, columns, joints)
+
+
+def _corrected(
+    recordings: Sequence[Recording],
+    warmth: Sequence[np.ndarray] | None,
+    robot: Robot,
+    temperatures: Sequence[MotorTemperature],
+) -> tuple[Recording, ...]:
+    """The recordings at the reference temperature, as far as a coefficient is worth it."""
+    coefficients = [t.coefficient if t.worth else 0.0 for t in temperatures]
+    reference = [t.reference for t in temperatures]
+    given = [r.t for r in recordings] if warmth is None else warmth
+    return tuple(
+        at_reference_temperature(r, robot.transmission, coefficients, values, reference)
+        for r, values in zip(recordings, given, strict=True)
+    )
+
+
+def _payload(given: GainsEntry, robot: Robot) -> Payload | None:
+    """The payload of the table."""
+    entry = given.payload
+    if entry is None:
+        return None
+    link = -1 if entry.joint is None else find_joint(robot.joint_names, entry.joint)
+    return Payload(entry.mass, entry.center_of_mass, entry.inertia, entry.mass_std, link)
+
+
+def _trusted_gains(
+    given: GainsEntry, robot: Robot, declared: Sequence[DeclaredGain]
+) -> dict[str, Trusted]:
+    """Trusted gains relative to the declared ones."""
+    made = {}
+    for name, value in given.trusted.items():
+        j = find_joint(robot.joint_names, name)
+        ratio = value / declared[j].value
+        made[robot.joint_names[j]] = Trusted(ratio, given.trusted_within * abs(ratio))
+    return made

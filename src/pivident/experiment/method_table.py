@@ -1,0 +1,126 @@
+"""From the table ``[identify]`` of an experiment file to methods.
+
+A ready method takes the shared options that concern it, and then those of its own table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from pivident.errors import ExperimentError
+from pivident.estimation.methods import (
+    METHODS,
+    Arma,
+    AutoRegressive,
+    Bandpass,
+    InstrumentalVariables,
+    LeastSquares,
+    Method,
+    PrefilteredIV,
+    RandomWalk,
+)
+from pivident.estimation.repetition import Repetition
+from pivident.experiment.method_keys import IdentifyEntry, MethodEntry
+from pivident.robot.mdh_schema import Entry
+
+_ITERATION = {"tolerance", "max_iterations"}
+
+#: Options that make the noise model an ARMA one.
+_ARMA = {"ar_order", "ma_order", "largest_root"}
+
+#: Options of the noise model that the paper does not have.
+_NOT_PRINTED = {"on_unmasked", "motion_band", "repetition", "period"}
+
+
+def method_of(name: str, entry: IdentifyEntry) -> Method:
+    """One method with the file's options.
+
+    Args:
+        name: a key of ``METHODS``.
+        entry: the table ``[identify]``.
+
+    Raises:
+        ExperimentError: the method's own table has options that it does not know, or that
+            contradict each other.
+    """
+    own, ready = entry.of(name), METHODS[name]
+    _check_keys(name, ready, own)
+    if isinstance(ready, LeastSquares):
+        if own.signals == "random_walk":
+            return replace(ready, signals=_random_walk(entry, own))
+        return replace(ready, signals=_bandpass(entry, own))
+    options: dict[str, Any] = _given(entry, _ITERATION) | _given(own, _ITERATION)
+    if isinstance(ready, InstrumentalVariables):
+        signals = ready.signals
+        if isinstance(signals, Bandpass):
+            return replace(ready, signals=_bandpass(entry, own), **options)
+        return replace(ready, signals=_random_walk(entry, own), **options)
+    as_printed = ready.as_printed if own.as_printed is None else own.as_printed
+    noise = _noise(entry, own)
+    if as_printed:
+        return PrefilteredIV(noise=noise, as_printed=True, **options)
+    options |= _given(own, {"prefilter", "covariance", "start"}) | {"regressor": ready.regressor}
+    return PrefilteredIV(signals=_random_walk(entry, own), noise=noise, **options)
+
+
+def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
+    """Refuse keys that the method has no use for, and those that exclude each other."""
+    where = f"[identify.{name}]"
+    if isinstance(ready, LeastSquares):
+        known = {"signals", "bandpass", "random_walk"}
+    elif isinstance(ready, InstrumentalVariables):
+        known = {"bandpass" if isinstance(ready.signals, Bandpass) else "random_walk", *_ITERATION}
+    else:
+        known = {"random_walk", "noise", "prefilter", "covariance", "start", *_ITERATION}
+        known |= {"as_printed"} if ready.regressor == "measured" else set()
+    foreign = sorted(own.model_fields_set - known)
+    if foreign:
+        raise ExperimentError(
+            f"{where} the method {name!r} has no {', '.join(foreign)}; its keys are "
+            f"{', '.join(sorted(known))}"
+        )
+    as_printed = own.as_printed is not False and (own.as_printed or name == "piv-as-printed")
+    fixed = sorted({"random_walk", "prefilter", "covariance", "start"} & own.model_fields_set)
+    fixed += [f"noise.{k}" for k in sorted(_NOT_PRINTED & own.noise.model_fields_set)]
+    if as_printed and fixed:
+        raise ExperimentError(
+            f"{where} as_printed is the paper to the letter and fixes {', '.join(fixed)}; "
+            "remove one of the two"
+        )
+    if isinstance(ready, LeastSquares):
+        unused = "bandpass" if own.signals == "random_walk" else "random_walk"
+        if unused in own.model_fields_set:
+            used = own.signals or "bandpass"
+            raise ExperimentError(
+                f"{where} {unused} is given, but the signals are {used!r}; set "
+                f'signals = "{unused}" or remove the table'
+            )
+
+
+def _bandpass(entry: IdentifyEntry, own: MethodEntry) -> Bandpass:
+    shared, special = _given(entry.bandpass), _given(own.bandpass)
+    # A factor excludes a bandwidth; the method's own choice replaces the shared one.
+    for key, other in (("decimation", "bandwidth"), ("bandwidth", "decimation")):
+        if key in special:
+            shared.pop(other, None)
+    return replace(Bandpass(), **shared | special)
+
+
+def _random_walk(entry: IdentifyEntry, own: MethodEntry) -> RandomWalk:
+    return replace(RandomWalk(), **_given(entry.random_walk) | _given(own.random_walk))
+
+
+def _noise(entry: IdentifyEntry, own: MethodEntry) -> AutoRegressive | Arma:
+    given = _given(own.noise) if own.noise.model_fields_set & _ARMA else {}
+    given = given or _given(entry.noise) | _given(own.noise)
+    if given.keys() & _ARMA:
+        return Arma(**given)
+    repeated = given.pop("repetition", False)
+    return replace(Repetition() if repeated else AutoRegressive(), **given)
+
+
+def _given(table: Entry, keys: set[str] | None = None) -> dict[str, Any]:
+    """What the file says, without what it leaves to the defaults."""
+    wanted = table.model_fields_set if keys is None else table.model_fields_set & keys
+    return {key: getattr(table, key) for key in wanted}

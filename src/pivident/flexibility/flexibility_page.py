@@ -1,0 +1,147 @@
+"""The study of flexible joints as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from jinja2 import ChoiceLoader, PackageLoader
+from markupsafe import Markup
+
+from pivident.flexibility.compliance import Compliance
+from pivident.flexibility.flexibility_text import agreement_lines, of_kind, parts_of
+from pivident.flexibility.joint_study import JointFlexibility
+from pivident.flexibility.resonance import Resonance
+from pivident.report.audit.audit_figures import empty_plot
+from pivident.report.builder import page_environment
+from pivident.report.drawing_library import go
+from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
+from pivident.version import __version__
+
+#: Points of one trace.
+POINTS = 1500
+
+
+def render_page(found: Sequence[JointFlexibility]) -> str:
+    """The page as text.
+
+    Args:
+        found: joints of recordings.
+    """
+    environment = page_environment()
+    environment.loader = ChoiceLoader(
+        [PackageLoader("pivident.flexibility"), PackageLoader("pivident.report")]
+    )
+    summary = environment.get_template("flexibility_summary.html")
+    template = environment.get_template("flexibility_joint.html")
+    names = [f"{one.recording}: {one.joint}" for one in found]
+    body = summary.render(
+        joints=list(zip(names, found, strict=True)),
+        agreement=agreement_lines(found),
+        stiffness=_stiffness,
+    )
+    sections = []
+    for number, (name, one) in enumerate(zip(names, found, strict=True), start=1):
+        body_of_joint = template.render(parts=parts_of(one), figures=_figures(one))
+        sections.append((f"joint-{number}", name, Markup(body_of_joint)))
+    return environment.get_template("page.html").render(
+        title="Flexible joints",
+        head=("summary", "What was found", Markup(body)),
+        sections=sections,
+        version=__version__,
+    )
+
+
+def _stiffness(one: JointFlexibility) -> str:
+    """Stiffness of a joint from the best source there is."""
+    if one.two_mass is not None:
+        known = one.two_mass.measured("stiffness")
+    elif one.resonance is not None and one.resonance.stiffness is not None:
+        known = one.resonance.stiffness
+    elif one.compliance is not None:
+        known = one.compliance.stiffness
+    else:
+        return "not told"
+    return of_kind(str(known), one.sliding)
+
+
+def _figures(one: JointFlexibility) -> list[Figure]:
+    """What there is to draw."""
+    figures = []
+    if one.compliance is not None:
+        figures.append(deflection_figure(one.compliance, one.sliding))
+    if one.resonance is not None and one.resonance.response.size:
+        figures.append(response_figure(one.resonance, one.sliding))
+    return figures
+
+
+def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
+    """Deflection over the torque through the spring.
+
+    Args:
+        compliance: of one joint.
+        sliding: whether the joint is prismatic.
+    """
+    torque, measured, model = compliance.fitted
+    kept = np.arange(0, len(torque), max(1, len(torque) // POINTS))
+    plot = empty_plot(of_kind("motor less link [mrad]", sliding))
+    for values, name, colour in (
+        (measured, "recorded, without transmission error", MEASURED),
+        (model, "model", METHOD_COLOURS[0]),
+    ):
+        plot.add_scatter(
+            x=torque[kept].astype(np.float32),
+            y=(1e3 * values[kept]).astype(np.float32),
+            mode="markers",
+            name=name,
+            marker={"color": colour, "size": 3, "opacity": 0.6},
+        )
+    quantity = "force" if sliding else "torque"
+    plot.update_xaxes(title_text=of_kind(f"{quantity} through the spring [N m]", sliding))
+    _with_legend(plot)
+    stiffness = of_kind(str(compliance.stiffness), sliding)
+    note = f"stiffness {stiffness}; the encoders' lag and offset are still in it"
+    if not compliance.explained:
+        note = f"{100 * compliance.unexplained:.2g} % of it is unexplained: no stiffness is given"
+    return Figure(plot, 320, "Deflection", f"Deflection over {quantity}; {note}", note)
+
+
+def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
+    """Frequency response from torque to speed, measured and fitted.
+
+    Args:
+        resonance: of one joint.
+        sliding: whether the joint is prismatic.
+    """
+    frequency, measured, fitted = resonance.response
+    quantity = "force" if sliding else "torque"
+    conclusion = of_kind(resonance.conclusion, sliding)
+    plot = empty_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
+    plot.add_scatter(
+        x=frequency,
+        y=measured,
+        mode="markers",
+        name="measured",
+        marker={"color": MEASURED, "size": 3},
+    )
+    plot.add_scatter(
+        x=frequency,
+        y=fitted,
+        mode="lines",
+        name="fitted",
+        line={"color": METHOD_COLOURS[0], "width": 1.4},
+    )
+    plot.update_xaxes(title_text="frequency [Hz]", type="log")
+    plot.update_yaxes(type="log", exponentformat="power")
+    _with_legend(plot)
+    return Figure(
+        plot,
+        320,
+        "Frequency response",
+        f"Magnitude from {quantity} to speed; {conclusion}",
+        conclusion,
+    )
+
+
+def _with_legend(plot: go.Figure) -> None:
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})

@@ -1,0 +1,1 @@
+"""Friction laws: their shapes, and which one a joint has."""

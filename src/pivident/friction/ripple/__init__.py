@@ -1,0 +1,1 @@
+"""Torque ripple: lines over the position in the residual."""

@@ -1,0 +1,342 @@
+"""Torque ripple as lines over the position: what was found, what it belongs to, how to remove it.
+
+A line is a torque a cos(nφ) + b sin(nφ) = A cos(nφ - ψ) of an angle φ. For most joints φ is the
+joint's own position, and n [rad/rad, which is cycles per revolution; rad/m for a sliding joint] is
+the number that the friction term ``ripple(order)`` wants. A motor that turns with several joints
+(TX40: motor 6 with q5 + q6) has ripple over its own angle, in the rows of all these joints.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.friction.ripple.order_spectrum import OrderSpectrum
+from pivident.friction.ripple.ripple_orders import Angle, NamedOrder, Relation
+from pivident.recording.recording import Recording
+from pivident.signals.alignment import torque_shift
+from pivident.text.numbers import format_significant, plus_minus
+
+#: 95 % of a normal variable lie within so many deviations.
+TWO_SIDED = 1.96
+
+#: Log-likelihood, in floors, by which a line in time must be likelier to be taken for the cause;
+#: and twice as much must be left of a ripple beside it for the two to be told apart.
+TOLD_APART = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class RippleLine:
+    """One line.
+
+    Attributes:
+        joint: name of the joint in whose torque it is.
+        index: its number.
+        angle: what it is periodic in.
+        order: n [rad/rad = cycles per revolution, or rad/m], as ``ripple(order)`` wants it.
+        order_std: its standard deviation.
+        lag: by how much the torque follows the positions, φ being that of ``lag`` before [s]: a
+            log of torque that is late, or the answer of the position loop where the ripple is
+            faster than the loop.
+        cosine: a [N m or N].
+        sine: b [N m or N].
+        covariance: of a and b, beside all other lines, order known, shape (2, 2).
+        unit: N m or N.
+        p_value: chance of such a line among all orders tried on this joint, without ripple.
+        beside_time: log-likelihood over noise that is left of it where the likeliest line of
+            constant frequency is taken out; nothing is, where the speed hardly varies.
+        frequencies: 5th and 95th percentile of n|dφ/dt| over the rows [Hz].
+        share: of the residual's variance, 0 to 1.
+        relation: the revolution it belongs to, or None.
+        beside: order of a stronger line within a few resolutions, or None: strength or phase of
+            that ripple change along the record, and this line makes up for it.
+        load_slope: relative change of amplitude per relative change of load; 0 constant,
+            1 proportional to the load |Φθ|.
+        load_slope_std: its standard deviation.
+        load_p: probability if the amplitude did not depend on load.
+        forward: amplitude at positive speed [unit].
+        backward: amplitude at negative speed [unit].
+        direction_p: probability if amplitude and phase did not depend on direction.
+        smoothed: share of the rows on which the ripple is faster than the position smoother lets
+            through; there the torque that moves the joint itself is missing from the amplitude.
+    """
+
+    joint: str
+    index: int
+    angle: Angle
+    order: float
+    order_std: float
+    lag: float
+    cosine: float
+    sine: float
+    covariance: np.ndarray
+    unit: str
+    p_value: float
+    beside_time: float
+    frequencies: tuple[float, float]
+    share: float
+    relation: Relation | None
+    beside: float | None
+    load_slope: float
+    load_slope_std: float
+    load_p: float
+    forward: float
+    backward: float
+    direction_p: float
+    smoothed: float
+
+    @property
+    def amplitude(self) -> float:
+        """A = √(a² + b²) [unit]."""
+        return math.hypot(self.cosine, self.sine)
+
+    @property
+    def amplitude_std(self) -> float:
+        """Standard deviation of A [unit]."""
+        slope = np.array([self.cosine, self.sine]) / max(self.amplitude, 1e-300)
+        return float(np.sqrt(slope @ self.covariance @ slope))
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of A [unit]."""
+        reach = TWO_SIDED * self.amplitude_std
+        return max(self.amplitude - reach, 0.0), self.amplitude + reach
+
+    @property
+    def phase(self) -> float:
+        """ψ in A cos(nφ - ψ), order known [rad]."""
+        return math.atan2(self.sine, self.cosine)
+
+    @property
+    def phase_std(self) -> float:
+        """Standard deviation of ψ, order known [rad]."""
+        slope = np.array([-self.sine, self.cosine]) / max(self.amplitude, 1e-300) ** 2
+        return float(np.sqrt(slope @ self.covariance @ slope))
+
+    @property
+    def told_from_time(self) -> bool:
+        """Whether the record tells it from a line of constant frequency."""
+        return self.beside_time > 2.0 * TOLD_APART
+
+    @property
+    def depends_on_load(self) -> bool:
+        """Whether the amplitude changes with the load, at 1 %."""
+        return self.load_p < 0.01
+
+    @property
+    def depends_on_direction(self) -> bool:
+        """Whether amplitude or phase change with the direction, at 1 %."""
+        return self.direction_p < 0.01
+
+    def torque(self, q: np.ndarray) -> np.ndarray:
+        """A cos(nφ - ψ), shape (samples,) [unit].
+
+        Args:
+            q: positions of all joints, ``lag`` before, shape (samples, joints) [rad or m].
+        """
+        phase = self.order * (q @ self.angle.coefficients)
+        return self.cosine * np.cos(phase) + self.sine * np.sin(phase)
+
+    def __str__(self) -> str:
+        relation = self.relation.text if self.relation else "unrelated to known revolutions"
+        if self.beside is not None:
+            relation = f"beside {self.beside:.5g}, whose strength or phase changes"
+        p = "p < 0.001" if self.p_value < 1e-3 else f"p = {self.p_value:.2g}"
+        remarks = []
+        if not self.told_from_time:
+            remarks.append("speed varies too little to tell it from a line of constant frequency")
+        if self.depends_on_load:
+            reach = TWO_SIDED * self.load_slope_std
+            remarks.append(f"depends on load (slope {plus_minus(self.load_slope, reach)})")
+        if self.depends_on_direction:
+            remarks.append(
+                f"forward {format_significant(self.forward)}, backward "
+                f"{format_significant(self.backward)} "
+                f"{self.unit}"
+            )
+        if self.lag:
+            remarks.append(f"{1e3 * self.lag:.3g} ms behind the position")
+        if self.smoothed > 0.5:
+            remarks.append("mostly faster than the position smoother")
+        text = (
+            f"{self.joint}: order {plus_minus(self.order, TWO_SIDED * self.order_std)} of "
+            f"{self.angle.name} ({relation}), "
+            f"{plus_minus(self.amplitude, TWO_SIDED * self.amplitude_std)} {self.unit}, phase "
+            f"{self.phase:.2f} rad, {100 * self.share:.2g} % of the residual's variance, {p}, "
+            f"{self.frequencies[0]:.3g} to {self.frequencies[1]:.3g} Hz"
+        )
+        return "; ".join([text, *remarks])
+
+
+@dataclass(frozen=True)
+class TimeLine:
+    """A line of constant frequency, which is no ripple.
+
+    Attributes:
+        frequency: [Hz].
+        amplitude: largest of all recordings [N m or N].
+    """
+
+    frequency: float
+    amplitude: float
+
+
+@dataclass(frozen=True)
+class NamedFinding:
+    """What the record says about an order that was asked for.
+
+    Attributes:
+        order: what was asked for.
+        value: n [rad/rad or rad/m].
+        amplitude: at that order [N m or N]; NaN where it cannot be seen.
+        smallest_visible: amplitude that would have been found [N m or N]; NaN likewise.
+        p_value: chance of this amplitude at this one order, without ripple; NaN likewise.
+        unseen: why it cannot be seen, empty where it can.
+    """
+
+    order: NamedOrder
+    value: float
+    amplitude: float
+    smallest_visible: float
+    p_value: float
+    unseen: str
+
+
+@dataclass(frozen=True, eq=False)
+class JointRipple:
+    """Ripple of one joint.
+
+    Attributes:
+        name: joint.
+        unit: N m or N.
+        lines: found, the largest amplitude first.
+        time_lines: lines of constant frequency that were set apart.
+        angles: what was searched over.
+        spectra: of each angle, the lines still in the residual.
+        left: of each angle, without the lines; what the intervals and limits stand on.
+        named: what was asked for.
+        notes: what the record can and cannot show, whole sentences.
+    """
+
+    name: str
+    unit: str
+    lines: tuple[RippleLine, ...]
+    time_lines: tuple[TimeLine, ...]
+    angles: tuple[Angle, ...]
+    spectra: tuple[OrderSpectrum, ...]
+    left: tuple[OrderSpectrum, ...]
+    named: tuple[NamedFinding, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def orders(self) -> tuple[float, ...]:
+        """Orders over the joint's own position, for the friction term ``ripple(order)``.
+
+        Lines beside a stronger one are left out: they describe how the ripple changed along this
+        record, and do not predict another one.
+        """
+        return tuple(line.order for line in self.lines if line.angle.own and line.beside is None)
+
+
+@dataclass(frozen=True, eq=False)
+class Ripple:
+    """Ripple of all joints.
+
+    Attributes:
+        joints: one by one.
+        level: chance of a false alarm per joint that a line may have.
+    """
+
+    joints: tuple[JointRipple, ...]
+    level: float
+
+    @property
+    def lines(self) -> tuple[RippleLine, ...]:
+        """All lines, joint by joint."""
+        return tuple(line for joint in self.joints for line in joint.lines)
+
+    @property
+    def main_lines(self) -> tuple[RippleLine, ...]:
+        """The lines that predict other motion: those beside a stronger one are left out."""
+        return tuple(line for line in self.lines if line.beside is None)
+
+    @property
+    def orders(self) -> dict[str, tuple[float, ...]]:
+        """For each joint with ripple over its own position, the orders of its friction terms."""
+        return {joint.name: joint.orders for joint in self.joints if joint.orders}
+
+    def __str__(self) -> str:
+        out = []
+        for joint in self.joints:
+            out += [str(line) for line in joint.lines] or [f"{joint.name}: no ripple found"]
+            out += [
+                f"{joint.name}: line at {line.frequency:.4g} Hz, "
+                f"{format_significant(line.amplitude)} "
+                f"{joint.unit}, constant in time, no ripple"
+                for line in joint.time_lines
+            ]
+            out += [f"{joint.name}: {note}" for note in joint.notes]
+        return "\n".join(out)
+
+
+def ripple_torque(
+    lines: Sequence[RippleLine], q: np.ndarray, rate: float, shift: float = 0.0
+) -> np.ndarray:
+    """Torque of some lines as a known signal, shape (samples, joints) [N m or N].
+
+    Args:
+        lines: found by ``find_ripple``.
+        q: positions of all joints at equal intervals, shape (samples, joints) [rad or m].
+        rate: sampling rate [Hz].
+        shift: how much later than the positions' the instants of the torque are [samples].
+    """
+    torque, samples = np.zeros(np.shape(q)), np.arange(len(q))
+    for line in lines:
+        then = samples + shift - line.lag * rate
+        moved = np.column_stack([np.interp(then, samples, column) for column in np.transpose(q)])
+        torque[:, line.index] += line.torque(moved)
+    return torque
+
+
+def remove_ripple(recording: Recording, lines: Sequence[RippleLine]) -> Recording:
+    """The recording without the ripple of some lines.
+
+    The positions are taken at the instants of which the torque samples speak. Channels other than
+    the torque and the sources stay; the name says what was removed.
+
+    Args:
+        recording: the run.
+        lines: found by ``find_ripple``, from this run or another one of the same machine.
+
+    Raises:
+        ExperimentError: a line is of a joint that the recording does not have.
+    """
+    for line in lines:
+        own = recording.joint_names
+        if line.index >= len(own) or own[line.index] != line.joint:
+            raise ExperimentError(
+                f"ripple of joint {line.joint!r} (number {line.index + 1}) cannot be removed from "
+                f"recording {recording.name!r}, whose joints are {', '.join(own)}"
+            )
+    if not lines:
+        return recording
+    shift = torque_shift(
+        recording.rate,
+        recording.torque_timing,
+        control_rate=recording.control_rate,
+        delay=recording.delay,
+    )
+    removed = ", ".join(
+        f"{joint} order {' '.join(f'{li.order:.5g}' for li in lines if li.joint == joint)}"
+        for joint in dict.fromkeys(line.joint for line in lines)
+    )
+    return replace(
+        recording,
+        name=f"{recording.name} (ripple removed: {removed})",
+        tau=recording.tau - ripple_torque(lines, recording.q, recording.rate, shift),
+        saturation="allow",
+    )

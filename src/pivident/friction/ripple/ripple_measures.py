@@ -1,0 +1,250 @@
+"""What is said about a line that was found: relation, load, direction, and what cannot be seen."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.friction.ripple.order_spectrum import HIGHEST_FREQUENCY, MIN_SHARE, OrderSpectrum
+from pivident.friction.ripple.ripple_lines import NamedFinding, RippleLine
+from pivident.friction.ripple.ripple_orders import Angle, NamedOrder, named_bases, relate
+from pivident.friction.ripple.ripple_series import (
+    ResidualSeries,
+    Wave,
+    WaveFit,
+    settled_votes,
+    whitened,
+)
+from pivident.robot.description import Robot
+
+#: Cycles per motor revolution up to which ripple is searched unless told otherwise.
+PER_MOTOR_REVOLUTION = 16.0
+
+#: An order belongs to a revolution if it is so close, as a share of the record's resolution: a
+#: lag, or a strength that changes along the record, moves a line by as much.
+RESOLVED = 0.15
+
+#: Lines so close to a stronger one belong to it, in independent orders.
+BESIDE = 12.0
+
+
+@dataclass(frozen=True, eq=False)
+class _Modulation:
+    """A line's wave times something that changes, fitted beside it."""
+
+    vector: np.ndarray
+    covariance: np.ndarray
+    p_value: float
+
+
+def measured_line(
+    robot: Robot,
+    joint: int,
+    series: Sequence[ResidualSeries],
+    angle: Angle,
+    fit: WaveFit,
+    n: int,
+    left: OrderSpectrum,
+    named: Sequence[NamedOrder],
+    chosen: tuple[float, float],
+    unit: str,
+    lag: float,
+) -> RippleLine:
+    """Everything about line ``n``. Its deviations are scaled to the floor at its order."""
+    wave, (a, b) = fit.waves[n], fit.coefficients[n]
+    near = int(np.argmin(np.abs(left.orders - wave.order)))
+    excess = max(float(left.floor[near]), 1.0)
+    order_std = float(fit.order_std[n]) * math.sqrt(excess)
+    votes = [s.votes[:, joint] for s in series]
+    phases = np.concatenate(
+        [wave.order * wave.angle(s)[v] for s, v in zip(series, votes, strict=True)]
+    )
+    torque = a * np.cos(phases) + b * np.sin(phases)
+    error = np.concatenate([s.error[v, joint] for s, v in zip(series, votes, strict=True)])
+    speed = np.concatenate(
+        [np.abs(s.dq @ angle.coefficients)[v] for s, v in zip(series, votes, strict=True)]
+    )
+    frequency = wave.order * speed / (2.0 * math.pi)
+    loads = [s.load[:, joint] for s in series]
+    mean = float(np.mean(np.concatenate([x[v] for x, v in zip(loads, votes, strict=True)])))
+    by_load = _modulation(
+        series, joint, fit, wave, [x / max(mean, 1e-300) - 1.0 for x in loads], excess
+    )
+    signs = [np.sign(s.dq @ angle.coefficients) for s in series]
+    tilt = float(np.mean(np.concatenate([x[v] for x, v in zip(signs, votes, strict=True)])))
+    by_direction = _modulation(series, joint, fit, wave, [x - tilt for x in signs], excess)
+    size = max(math.hypot(a, b), 1e-300)
+    along = np.array([a, b]) / size**2
+    ends = [np.array([a, b]) + (sign - tilt) * by_direction.vector for sign in (1.0, -1.0)]
+    f50 = series[0].f50[joint]
+    return RippleLine(
+        joint=robot.joints[joint].name,
+        index=joint,
+        angle=angle,
+        order=wave.order,
+        order_std=order_std,
+        lag=lag,
+        cosine=float(a),
+        sine=float(b),
+        covariance=fit.covariance[n] * excess,
+        unit=unit,
+        p_value=chosen[0],
+        beside_time=chosen[1],
+        frequencies=(float(np.quantile(frequency, 0.05)), float(np.quantile(frequency, 0.95))),
+        share=float(np.var(torque) / max(np.var(error), 1e-300)),
+        relation=relate(
+            wave.order,
+            max(order_std, 0.5 * RESOLVED * left.resolution(near)),
+            angle,
+            robot.joints[joint].kind == "revolute",
+            named,
+        ),
+        beside=None,
+        load_slope=float(along @ by_load.vector),
+        load_slope_std=float(np.sqrt(along @ by_load.covariance @ along)),
+        load_p=by_load.p_value,
+        forward=float(np.linalg.norm(ends[0])),
+        backward=float(np.linalg.norm(ends[1])),
+        direction_p=by_direction.p_value,
+        smoothed=float(np.mean(frequency > f50)) if np.isfinite(f50) else 0.0,
+    )
+
+
+def _modulation(
+    series: Sequence[ResidualSeries],
+    joint: int,
+    fit: WaveFit,
+    wave: Wave,
+    factors: Sequence[np.ndarray],
+    excess: float,
+) -> _Modulation:
+    """Does the line change with a factor? Wald's test of two further columns, beside the line's.
+
+    Args:
+        series: residuals.
+        joint: whose.
+        fit: all waves, taken out.
+        wave: the line.
+        factors: of mean zero over the rows that vote, per recording.
+        excess: floor over white noise.
+    """
+    from scipy.stats import chi2
+
+    columns, right = [], []
+    for s, factor, left in zip(series, factors, fit.left, strict=True):
+        phase = wave.order * wave.angle(s)
+        plain = np.column_stack([np.cos(phase), np.sin(phase)])
+        stack = np.hstack([plain, factor[:, None] * plain])
+        votes = settled_votes(s.votes[:, joint], fit.noise.order)
+        columns.append(whitened(fit.filter, stack)[votes])
+        right.append(whitened(fit.filter, left - fit.noise.mean)[votes])
+    matrix, values = np.vstack(columns), np.concatenate(right)
+    spread = np.linalg.pinv(matrix.T @ matrix)
+    solution = spread @ (matrix.T @ values)
+    covariance = spread[2:, 2:] * excess
+    wald = float(solution[2:] @ np.linalg.pinv(covariance) @ solution[2:])
+    return _Modulation(solution[2:], covariance, float(chi2.sf(wald, 2)))
+
+
+def marked_beside(
+    line: RippleLine,
+    stronger: Sequence[RippleLine],
+    angles: Sequence[Angle],
+    spectra: Sequence[OrderSpectrum],
+) -> RippleLine:
+    """The line, with the order of the stronger one next to it if there is one."""
+    alike = [other for other in stronger if other.angle.name == line.angle.name]
+    if not alike:
+        return line
+    spectrum = next(s for a, s in zip(angles, spectra, strict=True) if a.name == line.angle.name)
+    near = int(np.argmin(np.abs(spectrum.orders - line.order)))
+    other = min(alike, key=lambda one: abs(one.order - line.order))
+    if abs(other.order - line.order) > BESIDE * spectrum.resolution(near):
+        return line
+    return replace(line, beside=other.beside or other.order, relation=None)
+
+
+def visibility_notes(
+    series: Sequence[ResidualSeries],
+    joint: int,
+    angle: Angle,
+    spectrum: OrderSpectrum,
+    top: float,
+    cycles: float,
+    unit: str,
+) -> list[str]:
+    """What the record can show over an angle."""
+    if not spectrum.searched.any():
+        return [
+            f"the record shows no order of {angle.name}: it visits fewer than {cycles:g} cycles of "
+            f"any order below {top:.4g}; move it further"
+        ]
+    where = np.flatnonzero(spectrum.searched)
+    low, high = spectrum.orders[where[0]], spectrum.orders[where[-1]]
+    visible = np.nanmedian(spectrum.smallest_visible())
+    rate = series[0].rate
+    bound = 0.5 * HIGHEST_FREQUENCY * rate
+    notes = [
+        f"orders {low:.4g} to {high:.4g} of {angle.name} searched, from {visible:.2g} {unit} on "
+        f"half of them are found; below, the record has fewer than {cycles:g} cycles"
+    ]
+    speed = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.votes[:, joint]] for s in series])
+    typical = float(np.median(speed))
+    gears = [(name, gear) for name, gear in angle.motors if gear != 1.0]
+    for name, gear in gears:
+        shown = 2.0 * math.pi * bound / max(typical, 1e-300) / gear
+        if shown < PER_MOTOR_REVOLUTION:
+            notes.append(
+                f"rows come at {rate:g} Hz: at median speed, more than {shown:.2g} cycles per "
+                f"revolution of the {name} are beyond {bound:.4g} Hz, shown by slower rows only"
+            )
+    f50 = series[0].f50[joint]
+    if np.isfinite(f50):
+        limit = 2.0 * math.pi * f50 / max(typical, 1e-300)
+        if limit < high:
+            notes.append(
+                f"the position smoother ends at {f50:.3g} Hz, order {limit:.3g} at median speed: "
+                "above it the amplitude is that of the logged torque alone"
+            )
+    return notes
+
+
+def named_findings(
+    robot: Robot,
+    joint: int,
+    angle: Angle,
+    spectrum: OrderSpectrum,
+    named: Sequence[NamedOrder],
+    cycles: float,
+) -> list[NamedFinding]:
+    """Each named order by itself, tried once and not picked from many."""
+    found = []
+    revolute = robot.joints[joint].kind == "revolute"
+    visible = spectrum.smallest_visible() if spectrum.orders.size else np.empty(0)
+    for wanted in named:
+        for _, order in named_bases(wanted, angle, revolute):
+            unseen = ""
+            if not spectrum.orders.size or order > spectrum.orders[-1]:
+                unseen = "too fast for the sampling on nearly all rows, or above the search"
+            else:
+                k = int(np.argmin(np.abs(spectrum.orders - order)))
+                if not spectrum.searched[k]:
+                    unseen = (
+                        "too fast for the sampling on nearly all rows"
+                        if spectrum.share[k] < MIN_SHARE
+                        else f"fewer than {cycles:g} cycles visited"
+                    )
+            if unseen:
+                nan = math.nan
+                found.append(NamedFinding(wanted, order, nan, nan, nan, unseen))
+                continue
+            found.append(
+                NamedFinding(
+                    wanted, order, float(spectrum.amplitude[k]), float(visible[k]),
+                    spectrum.single(k), "",
+                )
+            )  # fmt: skip
+    return found

@@ -1,0 +1,167 @@
+"""From log and robot to a first experiment file that runs as it is."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pivident.init.control_lines import control_lines
+from pivident.init.experiment_text import HEADING, experiment_text
+from pivident.init.guess import Answers, DraftError, Guess, Question
+from pivident.init.log_files import Run, read_runs
+from pivident.init.recording_lines import RecordingLines, recording_lines
+from pivident.init.robot_file import RobotFile, robot_file
+from pivident.init.trial import Findings, try_out
+from pivident.robot.naming import nearest
+
+
+@dataclass(frozen=True, eq=False)
+class Draft:
+    """A first experiment file.
+
+    Attributes:
+        text: the file.
+        guesses: its lines, those of the first recording only.
+        troubles: what stands in the way of an identification, as sentences.
+        explained: relative error of a first least squares, by joint; empty where there was none.
+    """
+
+    text: str
+    guesses: tuple[Guess, ...]
+    troubles: tuple[str, ...]
+    explained: dict[str, float]
+
+    @property
+    def questions(self) -> tuple[Question, ...]:
+        """What only a person knows."""
+        return tuple(guess.question for guess in self.guesses if guess.question is not None)
+
+
+def draft_experiment(
+    logs: Sequence[str | Path],
+    robot: str | None = None,
+    *,
+    out: str | Path = "experiment.toml",
+    joints: Sequence[str] = (),
+    answers: Answers | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> Draft:
+    """Guess what an experiment file needs, and try whether it runs.
+
+    The file is not written. What it says is held against the log: its recordings are read as
+    `pivident identify` would read them, a control law is looked for where there is a reference,
+    and what does not work is left out, with the reason.
+
+    Args:
+        logs: files of one run side by side, or several runs of the same columns.
+        robot: gallery name, .toml, .urdf or .urdf.gz; None: the only URDF beside the logs.
+        out: where the file is going to be; its paths are relative to that folder.
+        joints: joints of a URDF that are to be identified; all that the log speaks of otherwise.
+        answers: what a person answered to `Draft.questions`, by what they are about.
+        progress: called with one line at each stage.
+
+    Returns:
+        The text of the file, every guess in it, and what only a person can answer.
+
+    Raises:
+        DraftError: no robot, no positions or no torques can be told.
+        FileFormatError: a log cannot be read.
+        RobotDescriptionError: the robot cannot be used.
+    """
+    say, out = progress or (lambda line: None), Path(out)
+    paths = [Path(log) for log in logs]
+    if not paths:
+        raise DraftError("no log is given; name at least one file")
+    machine = robot_file(robot, paths)
+    for name in joints:
+        if name not in machine.joint_names:
+            raise DraftError(f"there is no joint {name!r}; {nearest(name, machine.joint_names)}")
+    say("reading the log")
+    runs = read_runs(paths, machine.joint_names)
+    say("comparing log and robot")
+    found = recording_lines(runs[0], machine, tuple(joints), answers or {})
+    findings = Findings()
+    while True:
+        say("trying the file")
+        lines = [*_robot_lines(machine, found, out), *control_lines(found, findings)]
+        recordings = [_recording(run, found, findings, out) for run in runs]
+        heading = HEADING.format(
+            names=", ".join(f.shown for run in runs for f in run.files), file=out.name
+        )
+        text = experiment_text(recordings, lines, heading, findings.troubles)
+        if findings.settled:
+            break
+        findings = try_out(text, out, findings, say)
+    robot_part = [guess for guess in lines if guess.table == "robot"]
+    rest = [guess for guess in lines if guess.table != "robot"]
+    guesses = (*robot_part, *recordings[0], *rest)
+    return Draft(text, guesses, findings.troubles, findings.explained)
+
+
+def relative_path(path: Path, out: Path) -> str:
+    """A path as the file names it: relative where that is short, with forward slashes.
+
+    Args:
+        path: a file.
+        out: the experiment file.
+
+    Raises:
+        DraftError: the name holds bytes that no TOML file can.
+    """
+    folder = out.absolute().parent
+    try:
+        relative = os.path.relpath(path.absolute(), folder)
+    except ValueError:  # another drive
+        relative = str(path.absolute())
+    if relative.count("..") > 3:
+        relative = str(path.absolute())
+    try:
+        relative.encode("utf-8")
+    except UnicodeEncodeError:
+        raise DraftError(f"the name of {path!r} is no text; rename the file") from None
+    return relative.replace(os.sep, "/")
+
+
+def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[Guess]:
+    """The table ``[robot]``."""
+    is_file = machine.name.endswith((".toml", ".urdf", ".urdf.gz"))
+    model = relative_path(Path(machine.name), out) if is_file else machine.name
+    seen = "the only URDF beside the log" if machine.found else "as given"
+    sure = "likely" if machine.found else "certain"
+    lines = [Guess("robot", "model", model, sure, seen)]  # type: ignore[arg-type]
+    lines += found.robot
+    law = found.machine.joints[0].friction
+    lines.append(
+        Guess(
+            "robot", "friction", None, "likely",
+            f"friction of every joint is {law}, as of the robot's description or by default; "
+            "`pivident laws` compares others",
+            example='["viscous", "coulomb", "offset"]',
+        )
+    )  # fmt: skip
+    if not np.any(found.machine.rotor_inertia):
+        lines.append(
+            Guess(
+                "robot", "rotor_inertia", None, "likely",
+                "rotor inertias are not in the description; they are estimated (ia1 …), starting "
+                "at zero. Nominal values on the joint side, in kg m², help where they are known",
+                example=f"[{', '.join(['0.0'] * found.machine.size)}]",
+            )
+        )  # fmt: skip
+    return lines
+
+
+def _recording(run: Run, found: RecordingLines, findings: Findings, out: Path) -> list[Guess]:
+    """The tables of one recording."""
+    files = {key: relative_path(run.files[k].path, out) for key, k in found.file_keys.items()}
+    single = len(files) == 1 and not any(c in next(iter(files.values())) for c in "*?")
+    value = next(iter(files.values())) if single else files
+    seen = "as given" if len(files) == 1 else "one run in files side by side, with the same rows"
+    lines = [Guess("recording", "files", value, "certain", seen)]
+    tried = {line.key for line in findings.recording}
+    guessed = [g for g in found.recording if g.table != "recording" or g.key not in tried]
+    return [*lines, *findings.recording, *guessed]

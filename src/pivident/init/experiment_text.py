@@ -1,0 +1,152 @@
+"""Guesses as the text of an experiment file: every line below a comment that says why."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from pivident.init.guess import Guess
+from pivident.text.printable import escaped
+
+#: Width of the comments, in characters.
+WIDTH = 98
+
+#: What stands in front of the first table.
+HEADING = """\
+First draft by pivident init: {names}.
+Every line was guessed from the log and the robot's description; the comment above it says how
+sure it is and what was seen. Correct it here, then:
+    pivident check {file}       what is wrong with file, robot and log
+    pivident identify {file}    the parameters
+All keys: docs/experiment_file.md
+"""
+
+#: What follows the way from the log to the result, table by table.
+ORDER = (
+    "robot",
+    "recording",
+    "recording.columns",
+    "recording.units",
+    "controller",
+    "identify",
+    "validation",
+)
+
+#: How sure a line is, as its comment says it.
+SURE = {"certain": "seen", "likely": "likely", "guess": "GUESSED, please check"}
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def experiment_text(
+    runs: Sequence[Sequence[Guess]], rest: Iterable[Guess], heading: str, troubles: Sequence[str]
+) -> str:
+    """The whole file.
+
+    Args:
+        runs: lines of each recording; those of the first have comments.
+        rest: lines of all other tables.
+        heading: what it is about, as lines.
+        troubles: what stands in the way of an identification, as sentences.
+    """
+    parts = [comment(line) for line in heading.splitlines()]
+    for trouble in troubles:
+        parts += ["#", comment(f"TO DO: {trouble}")]
+    rest = list(rest)
+    for table in ORDER:
+        if not table.startswith("recording"):
+            own = [guess for guess in rest if guess.table == table]
+            parts += _table(table, own, commented=True) if own else []
+        elif table == "recording":
+            several = len(runs) > 1
+            for number, guesses in enumerate(runs):
+                for name in ("recording", "recording.columns", "recording.units"):
+                    own = [guess for guess in guesses if guess.table == name]
+                    head = f"[[{name}]]" if several and name == "recording" else f"[{name}]"
+                    parts += _table(name, own, commented=number == 0, head=head) if own else []
+    return "\n".join(parts) + "\n"
+
+
+def _table(
+    name: str, guesses: Sequence[Guess], *, commented: bool, head: str | None = None
+) -> list[str]:
+    """One table with its comments."""
+    head = head or f"[{name}]"
+    if all(guess.value is None for guess in guesses):
+        head = f"# {head}"
+    lines = ["", head]
+    for guess in guesses:
+        if commented:
+            seen = guess.seen[:1].upper() + guess.seen[1:]
+            said = f"{SURE[guess.sure]}: {guess.seen}" if guess.value is not None else seen
+            lines.append(comment(f"{said.rstrip('.')}. {guess.correct}".rstrip()))
+        if guess.value is not None:
+            lines.append(f"{key_text(guess.key)} = {value_text(guess.value)}")
+        elif commented:
+            lines.append(f"# {guess.key} = {guess.example}")
+    return lines
+
+
+def comment(text: str) -> str:
+    """Text as comment lines that nothing in it can break out of.
+
+    Args:
+        text: may hold anything that a file or a column is called.
+    """
+    clean = escaped(text.replace("\n", " ").replace("\r", " ").replace("\t", " "))
+    clean = clean.encode("utf-8", "backslashreplace").decode()
+    if text.startswith("    ") or not clean:
+        return f"# {clean}".rstrip()
+    lines = textwrap.wrap(clean, WIDTH, break_long_words=False, break_on_hyphens=False)
+    return "\n".join(f"# {line}" for line in lines)
+
+
+def key_text(key: str) -> str:
+    """A key of TOML, quoted where it has to be."""
+    return key if _BARE_KEY.fullmatch(key) else string_text(key)
+
+
+def string_text(text: str) -> str:
+    """A string of TOML in quotation marks.
+
+    Args:
+        text: may hold quotation marks, line ends and control characters.
+    """
+    out = []
+    for character in text:
+        code = ord(character)
+        if character in '"\\':
+            out.append(f"\\{character}")
+        elif code < 0x20 or 0x7F <= code < 0xA0 or code in (0x2028, 0x2029):
+            out.append(f"\\u{code:04X}")
+        else:
+            out.append(character)
+    return f'"{"".join(out)}"'
+
+
+def value_text(value: Any, width: int = WIDTH) -> str:
+    """A value of TOML; long lists take a line for each entry.
+
+    Args:
+        value: text, number, truth value, list, or table with text keys.
+        width: longest value that is kept on one line, in characters.
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return string_text(value)
+    if isinstance(value, (int, float)):
+        return repr(value)
+    if isinstance(value, dict):  # TOML 1.0 keeps an inline table on one line
+        return (
+            "{"
+            + ", ".join(f"{key_text(k)} = {value_text(v, 10**9)}" for k, v in value.items())
+            + "}"
+        )
+    entries = [value_text(entry, 10**9) for entry in value]
+    line = "[" + ", ".join(entries) + "]"
+    if len(line) <= width:
+        return line
+    return "[\n" + "".join(f"    {entry},\n" for entry in entries) + "]"

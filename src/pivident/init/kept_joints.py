@@ -1,0 +1,97 @@
+"""Which joints are identified, and where the others stand."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.init.channel_guess import STILL, JointMap, is_informative
+from pivident.init.guess import DraftError
+from pivident.init.log_files import Run
+from pivident.init.robot_file import RobotFile
+
+
+@dataclass(frozen=True, eq=False)
+class KeptJoints:
+    """The joints of the experiment.
+
+    Attributes:
+        names: those that are identified, parents first.
+        left_out: why each of the others that the log speaks of is not, by name.
+        logged: all joints with a column of positions.
+    """
+
+    names: tuple[str, ...]
+    left_out: dict[str, str]
+    logged: tuple[str, ...]
+
+
+def kept_joints(
+    run: Run, joints: JointMap, machine: RobotFile, wanted: Sequence[str]
+) -> KeptJoints:
+    """Choose the joints that move and whose torque is a signal.
+
+    Args:
+        run: the log.
+        joints: columns by joint.
+        machine: the robot.
+        wanted: joints that somebody asked for; empty: all that can be used.
+
+    Raises:
+        DraftError: no joint can be used, or a robot that is no URDF misses a joint.
+    """
+    q, tau = joints.channels["q"], joints.channels["tau"]
+    left_out: dict[str, str] = {}
+    names = []
+    for name in machine.joint_names:
+        if name not in q.columns:
+            continue
+        position = q.values(run, [name])[:, 0]
+        reason = _reason(run, joints, name, position, list(q.columns))
+        if wanted and name not in wanted:
+            reason = "not asked for"
+        if reason:
+            left_out[name] = reason
+        else:
+            names.append(name)
+    missing = [name for name in wanted if name not in names]
+    if missing:
+        why = left_out.get(missing[0], "the log has no position of it")
+        raise DraftError(f"joint {missing[0]!r} cannot be identified: {why}; leave it out")
+    if not machine.is_urdf:
+        names = [n for n in machine.joint_names if n in q.columns and n in tau.columns]
+        if len(names) < len(machine.joint_names):
+            lacking = next(n for n in machine.joint_names if n not in names)
+            raise DraftError(
+                f"the log has no position or no torque of joint {lacking!r}; only a URDF can be "
+                f"cut down to some joints, {machine.name} cannot"
+            )
+        left_out = {}
+    if not names:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
+        raise DraftError(
+            f"no joint both moves and has a torque signal ({reasons or 'no joint is in the log'});"
+            " check the files, or name the columns in an experiment file by hand"
+        )
+    return KeptJoints(tuple(names), left_out, tuple(q.columns))
+
+
+def _reason(
+    run: Run, joints: JointMap, name: str, position: np.ndarray, logged: Sequence[str]
+) -> str:
+    """Why a joint cannot be identified, or nothing."""
+    tau = joints.channels["tau"]
+    if name not in tau.columns:
+        return "it has no torque column"
+    ranges = [
+        float(np.nanmax(v) - np.nanmin(v))
+        for other in logged
+        if np.isfinite(v := joints.channels["q"].values(run, [other])[:, 0]).any()
+    ]
+    finite = position[np.isfinite(position)]
+    if not finite.size or np.ptp(finite) <= STILL * max(ranges):
+        return "it does not move"
+    useful, why = is_informative(tau.values(run, [name])[:, 0])
+    return "" if useful else f"its torque is {why}"

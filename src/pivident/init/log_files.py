@@ -1,0 +1,113 @@
+"""The files of a log: several runs of the same columns, or one run in files side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from pivident.audit.clocked_reading import shown
+from pivident.audit.file_columns import read_columns
+from pivident.init.bag_topics import OwnClock, bag_table
+from pivident.init.guess import DraftError
+from pivident.logs.bags.read_bag import is_bag
+from pivident.recording.channel_words import Reading, read_words, words_of
+from pivident.recording.column_series import JOINT, Series, column_series
+
+#: Endings that say nothing about a log.
+ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
+
+
+@dataclass(frozen=True, eq=False)
+class LogFile:
+    """One file.
+
+    Attributes:
+        path: where it is.
+        columns: every numeric column, shape (samples,), in the units of the file.
+        series: columns that belong together.
+        own_clocks: clocks of the columns that have one of their own, by name; these columns are
+            taken at the instants of the others, NaN where they say nothing.
+    """
+
+    path: Path
+    columns: dict[str, np.ndarray]
+    series: tuple[Series, ...]
+    own_clocks: Mapping[str, OwnClock] = field(default_factory=dict)
+
+    @property
+    def samples(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def shown(self) -> str:
+        """Its name as it can be printed."""
+        return shown(self.path)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of the robot: its files side by side."""
+
+    files: tuple[LogFile, ...]
+
+
+def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
+    """Read the files and tell runs from parts of one run.
+
+    Files with the same columns and names that speak of no different quantities are runs; all
+    others lie side by side.
+
+    Args:
+        paths: the files.
+        joint_names: names of the robot's joints.
+
+    Raises:
+        FileFormatError: a file cannot be read.
+        DraftError: files side by side have different numbers of rows.
+    """
+    files = [_read(path, joint_names) for path in paths]
+    kinds = {reading.channel for f in files if (reading := file_reading(f.path)).channel}
+    alike = len({tuple(n for n in f.columns if n not in f.own_clocks) for f in files}) == 1
+    if len(files) > 1 and alike and len(kinds) < 2:
+        return [Run((file,)) for file in files]
+    rows = {file.samples for file in files}
+    if len(rows) > 1:
+        listed = ", ".join(f"{file.shown} has {file.samples}" for file in files)
+        raise DraftError(
+            f"the files of one run must have the same rows, but {listed}; join them by their time "
+            "stamps first, or give runs of the same columns"
+        )
+    return [Run(tuple(files))]
+
+
+def file_reading(path: Path) -> Reading:
+    """What the name of a file says about its columns: ``arm_effort.csv``.
+
+    Args:
+        path: the file.
+    """
+    name = path.name
+    for ending in ENDINGS:
+        name = name.removesuffix(ending)
+    return read_words([word for word in words_of(name) if len(word) > 2 or word in ("q", "dq")])
+
+
+def _read(path: Path, joint_names: Sequence[str]) -> LogFile:
+    clocks: dict[str, OwnClock] = {}
+    if is_bag(path):
+        columns, clocks = bag_table(path, tuple(joint_names))
+    else:
+        columns = read_columns(path)
+    own = file_reading(path)
+    series = []
+    for found in column_series(list(columns), joint_names):
+        bare = found.channel is None and not found.reading.foreign and JOINT in found.words
+        if bare and own.channel is not None:
+            # Only the file's name says what columns called after joints hold.
+            found = replace(found, reading=replace(own, unit=found.reading.unit))
+        series.append(found)
+    return LogFile(path, columns, tuple(series), clocks)

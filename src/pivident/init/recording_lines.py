@@ -1,0 +1,274 @@
+"""The table ``[recording]`` and the joints of ``[robot]``: columns, units, clock, useful window."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pivident.init.channel_guess import JointMap, joint_map
+from pivident.init.clock_guess import Clock, read_clock, speed_rate
+from pivident.init.clock_lines import clock_lines
+from pivident.init.column_lines import MARGIN, column_lines, side_line, unit_lines, window_line
+from pivident.init.guess import Answers, DraftError, Guess
+from pivident.init.kept_joints import KeptJoints, kept_joints
+from pivident.init.log_files import Run
+from pivident.init.position_units import (
+    UnitGuess,
+    following_unit,
+    motion_window,
+    position_unit,
+    speeds,
+)
+from pivident.init.robot_file import RobotFile
+from pivident.init.torque_scale_guess import Comparison, compare, torque_unit
+from pivident.recording.units import POSITION, SPEED, TORQUE
+from pivident.robot.description import Robot
+
+#: Standstill at the ends that is worth cutting off [s].
+WORTH_CUTTING = 1.0
+
+#: Rows with positions of all joints, at least; fewer are no log.
+FEWEST = 10
+
+#: Tracking error below which a reference is only a copy of the measurement, relative.
+COPY = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class RecordingLines:
+    """What was found out about one log.
+
+    Attributes:
+        machine: the robot with the joints that are identified.
+        robot: lines of ``[robot]`` that follow from the log.
+        recording: lines of ``[recording]`` and its tables, but for the files.
+        file_keys: number of each file in the run, by its key.
+        has_reference: whether a reference of the positions was found.
+        rate: sampling rate [Hz].
+        comparison: torque and motion against the description.
+    """
+
+    machine: Robot
+    robot: tuple[Guess, ...]
+    recording: tuple[Guess, ...]
+    file_keys: dict[str, int]
+    has_reference: bool
+    rate: float
+    comparison: Comparison
+
+
+def recording_lines(
+    run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
+) -> RecordingLines:
+    """Guess everything about one log.
+
+    Args:
+        run: its files.
+        machine: the robot.
+        wanted: joints that are to be identified; empty: all that can be.
+        answers: what a person said.
+
+    Raises:
+        DraftError: positions, torques or joints cannot be told.
+    """
+    joints = joint_map(run, machine.joint_names)
+    kept = kept_joints(run, joints, machine, wanted)
+    clock = _clock(run, joints, kept, answers)
+    q = joints.channels["q"]
+    logged = machine.robot(kept.logged if machine.is_urdf else None)
+    raw = q.values(run, logged.joint_names)
+    own = [logged.joint_names.index(name) for name in kept.names]
+    rows = np.isfinite(raw[:, own]).all(axis=1)
+    if rows.sum() < FEWEST:
+        raise DraftError(
+            f"{int(rows.sum())} of {len(rows)} rows of {run.files[q.file].shown} have a position "
+            f"of every joint ({', '.join(kept.names)}); export the joints on one clock without "
+            "empty cells, or a longer log"
+        )
+    unit = position_unit(logged, raw[rows], q.unit, answers.get("unit of q"))
+    si = raw * unit.factors(POSITION)
+    first, last, still = motion_window(si[rows][:, own], clock.seconds[rows])
+    frozen = _frozen(machine, logged, kept, si, clock, (first, last))
+    robot = machine.robot(kept.names, {n: v for n, (v, _) in frozen.items()})
+    window = _window(clock, first, last)
+    tau = joints.channels["tau"].values(run, kept.names)
+    named = joints.channels["tau"].unit
+    tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
+    rows = rows & np.isfinite(tau).all(axis=1)
+    rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
+    found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
+    if found.angle_unit and unit.sure != "certain":
+        unit = _other_angle(unit)
+        si = raw * unit.factors(POSITION)
+        found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
+    channel = joints.channels["tau"]
+    torque = torque_unit(robot, found, channel.unit, channel.is_current, answers.get("unit of tau"))
+    keys = _file_keys(run, joints)
+    references = _references(run, joints, kept, si[:, own], clock, unit, own)
+    used = ("tau", *references)
+    others = {n: c for n in used if (c := joints.channels[n].own_clock(run)) is not None}
+    lines = [
+        *clock_lines(clock, others),
+        *window_line(clock, window, still, (first, last)),
+        *side_line(torque),
+        *column_lines(joints, kept, clock, others, references, keys),
+        *unit_lines(clock, unit, own, torque, references),
+    ]
+    return RecordingLines(
+        robot,
+        tuple(_joint_lines(machine, joints, kept, frozen)),
+        tuple(lines),
+        keys,
+        "q_ref" in references,
+        clock.rate,
+        found,
+    )
+
+
+def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> Clock:
+    """Clock of the file with the positions; those of other files must agree with it."""
+    q, dq = joints.channels["q"], joints.channels.get("dq")
+    hint = None
+    names = [n for n in kept.names if dq is not None and n in dq.columns]
+    if dq is not None and names:
+        hint = speed_rate(q.values(run, names), dq.values(run, names))
+    given = float(answers["rate"]) if "rate" in answers else None
+    clock = read_clock(run.files[q.file].columns, hint, given)
+    for file in run.files:
+        other = file.columns.get(clock.column or "")
+        if other is None or file is run.files[q.file]:
+            continue
+        worst = float(np.max(np.abs(other - run.files[q.file].columns[clock.column or ""])))
+        if not worst <= 0.5 * float(
+            np.median(np.diff(run.files[q.file].columns[clock.column or ""]))
+        ):
+            raise DraftError(
+                f"the time stamps of {file.shown} differ from those of "
+                f"{run.files[q.file].shown} by up to {worst:.4g} {clock.unit}; join the files by "
+                "their stamps first"
+            )
+    return clock
+
+
+def _window(clock: Clock, first: float, last: float) -> tuple[float, float]:
+    """The motion with a margin; the whole log where little would be cut off."""
+    start, end = float(clock.seconds[0]), float(clock.seconds[-1])
+    low, high = max(start, first - MARGIN), min(end, last + MARGIN)
+    if (low - start) + (end - high) < WORTH_CUTTING:
+        return start, end
+    return low, high
+
+
+def _frozen(
+    machine: RobotFile,
+    logged: Robot,
+    kept: KeptJoints,
+    si: np.ndarray,
+    clock: Clock,
+    motion: tuple[float, float],
+) -> dict[str, tuple[float, float]]:
+    """Median position of logged joints that are not identified, and their range [rad or m]."""
+    if not machine.is_urdf:
+        return {}
+    inside = (clock.seconds >= motion[0]) & (clock.seconds <= motion[1])
+    found = {}
+    for j, name in enumerate(logged.joint_names):
+        values = si[inside, j][np.isfinite(si[inside, j])]
+        if name not in kept.names and values.size:
+            found[name] = (float(f"{np.median(values):.5g}"), float(np.ptp(values)))
+    return found
+
+
+def _joint_lines(
+    machine: RobotFile,
+    joints: JointMap,
+    kept: KeptJoints,
+    frozen: Mapping[str, tuple[float, float]],
+) -> list[Guess]:
+    """Which joints are identified."""
+    if not machine.is_urdf:
+        return []
+    seen = f"{joints.seen}; {len(kept.names)} of {len(machine.joint_names)} joints move and have a "
+    seen += "torque signal"
+    if kept.left_out:
+        seen += ". Left out: " + ", ".join(f"{n} ({why})" for n, why in kept.left_out.items())
+    correct = "The order is that of the columns below; a joint that goes has to go in both places."
+    lines = [Guess("robot", "joints", list(kept.names), joints.sure, seen, correct)]
+    if frozen:
+        moving = [f"{n} by {span:.3g}" for n, (_, span) in frozen.items() if span > 0.05]
+        seen = "joints that are logged but not identified stand at their median position"
+        if moving:
+            seen += (
+                f", although they move ({', '.join(moving)} rad or m): their motion is model error"
+            )
+        values = {name: value for name, (value, _) in frozen.items()}
+        sure = "guess" if moving else "likely"
+        lines.append(
+            Guess("robot", "frozen", values, sure, f"{seen}. All others stand at zero")  # type: ignore[arg-type]
+        )
+    elif len(kept.names) < len(machine.joint_names) + len(machine.fixed):
+        seen = "joints that the log does not speak of stand at zero; name those that do not"
+        lines.append(
+            Guess("robot", "frozen", None, "likely", seen, example="{gripper_joint = 0.02}")
+        )
+    return lines
+
+
+def _file_keys(run: Run, joints: JointMap) -> dict[str, int]:
+    """A key for each file that is used: the first channel that it holds."""
+    keys: dict[str, int] = {}
+    for name in ("q", "tau", "q_ref", "dq_ref"):
+        channel = joints.channels.get(name)
+        if channel is not None and channel.file not in keys.values():
+            keys[name] = channel.file
+    return {"log": next(iter(keys.values()))} if len(keys) == 1 else keys
+
+
+def _references(
+    run: Run,
+    joints: JointMap,
+    kept: KeptJoints,
+    si: np.ndarray,
+    clock: Clock,
+    unit: UnitGuess,
+    own: list[int],
+) -> dict[str, tuple[Any, str]]:
+    """References that follow the measurement, with their unit and what was seen."""
+    found: dict[str, tuple[Any, str]] = {}
+    channel = joints.channels.get("q_ref")
+    if channel is None or not set(kept.names) <= set(channel.columns):
+        return found
+    values = channel.values(run, kept.names)
+    rows = np.full(len(si), True)
+    if channel.own_clock(run) is not None:  # it begins later, ends earlier, has gaps of its own
+        rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
+        values, si = values[rows], si[rows]
+    turning = [k for k, j in enumerate(own) if unit.units[j] not in ("m", "mm")]
+    judged = turning or list(range(len(own)))
+    names = ("rad", "deg", "rev") if turning else ("m", "mm")
+    match = following_unit(values[:, judged], si[:, judged], names, POSITION)
+    if match is None or match[1] < COPY:
+        return found
+    units = [match[0] if k in judged else unit.units[j] for k, j in enumerate(own)]
+    value = units[0] if len(set(units)) == 1 else units
+    found["q_ref"] = (value, f"the position follows it to {100 * match[1]:.2g} % of the motion")
+    speed = joints.channels.get("dq_ref")
+    if speed is None or not set(kept.names) <= set(speed.columns) or len(judged) < len(own):
+        return found
+    slope = speeds(values * POSITION[match[0]], clock.seconds[rows])
+    tried = tuple(SPEED) if turning else ("m/s", "mm/s")
+    fits = following_unit(speed.values(run, kept.names)[rows], slope, tried, SPEED)
+    if fits is not None:
+        found["dq_ref"] = (fits[0], f"the derivative of q_ref up to {100 * fits[1]:.2g} %")
+    return found
+
+
+def _other_angle(unit: UnitGuess) -> UnitGuess:
+    """Degrees for radians or the reverse, as the inverse model has it."""
+    other = {"rad": "deg", "deg": "rad"}
+    units = tuple(other.get(u, u) for u in unit.units)
+    seen = f"{unit.seen}; torque and gravity fit twice as well or better with {units[0]}"
+    return UnitGuess(units, "likely", seen)

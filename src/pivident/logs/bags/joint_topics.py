@@ -1,0 +1,273 @@
+"""From the messages of a topic to columns by joint.
+
+Messages are kept as bytes for a moment, a few thousand at a time, and then read together: those of
+the same structure are rows of one array. A column that is not in every message, because the topic
+has several publishers or its joints come in turns, keeps the rows in which it is.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from pivident.errors import FileFormatError
+from pivident.logs.bags.bag_containers import MAX_MESSAGE, Topic
+from pivident.logs.bags.message_definitions import (
+    KNOWN,
+    Definitions,
+    parse_definition,
+    short_name,
+)
+from pivident.logs.bags.message_layout import MAX_VISITS, Layout, layout_of
+from pivident.logs.source_files import refuse_bomb
+from pivident.scratch import working_array
+
+#: Messages that are read together, and the bytes that they may have.
+TOGETHER, BYTES_TOGETHER = 4096, 2**24
+
+#: Structures that are remembered for the next messages of a topic.
+REMEMBERED = 16
+
+#: Structures that may appear once before messages are no longer compared with the next ones.
+LONELY = 8
+
+#: Most columns of a topic.
+MAX_COLUMNS = 2_000
+
+#: Fields that may be visited in search of structures, in one bag and in one of its topics. Bags
+#: from recorders need some hundreds; one whose every message is built differently ends here.
+VISITS_OF_BAG, VISITS_OF_TOPIC = 2**23, 2**22
+
+#: What one walk costs beside its fields, in visits, and characters of a definition for one visit.
+WALK, READ_IN_A_VISIT = 40, 20
+
+
+@dataclass(frozen=True, eq=False)
+class TopicTable:
+    """A topic as columns.
+
+    Attributes:
+        name: name of the topic.
+        received: when each message was received, shape (messages,) [ns].
+        stamps: time stamps of the headers, shape (messages,) [ns], or None where there are none.
+        columns: values by field and joint (``position/elbow``), NaN where a message lacks them.
+        rows: messages that hold a column, by its name; not given for those that are in all.
+    """
+
+    name: str
+    received: np.ndarray
+    stamps: np.ndarray | None
+    columns: dict[str, np.ndarray]
+    rows: dict[str, np.ndarray]
+
+    def rows_of(self, column: str) -> np.ndarray:
+        """Indices of the messages that hold a column."""
+        rows = self.rows.get(column)
+        return np.arange(len(self.received)) if rows is None else rows
+
+
+@dataclass
+class WorkBudget:
+    """How much work the structures of a bag's messages may still make; shared by its topics.
+
+    Attributes:
+        left: visits of fields.
+    """
+
+    left: int = VISITS_OF_BAG
+
+    def spend(self, visits: int) -> None:
+        """Take some of it; what is owed may go below zero."""
+        self.left -= visits
+
+
+@dataclass
+class TopicReader:
+    """Takes the messages of one topic, one by one.
+
+    Attributes:
+        topic: the topic.
+        patience: what all topics of the bag share.
+        why_not: why its messages cannot be read, empty as long as they can.
+    """
+
+    topic: Topic
+    patience: WorkBudget = field(default_factory=WorkBudget)
+    why_not: str = ""
+    _versions: list[Definitions] = field(default_factory=list)
+    _waiting: list[bytes] = field(default_factory=list)
+    _bytes: int = 0
+    _received: list[int] = field(default_factory=list)
+    _layouts: deque[Layout] = field(default_factory=lambda: deque(maxlen=REMEMBERED))
+    _parts: list[tuple[tuple[str, ...], np.ndarray, np.ndarray, np.ndarray | None]] = field(
+        default_factory=list
+    )
+    _names: set[str] = field(default_factory=set)
+    _read: int = 0
+    _visits: int = 0
+
+    def __post_init__(self) -> None:
+        known = KNOWN.get(short_name(self.topic.type), ())
+        texts = (self.topic.definition,) if self.topic.definition.strip() else known
+        if not self.topic.readable or not texts:
+            self.why_not = "its encoding or type is not known"
+            return
+        if self.patience.left <= 0:
+            self.why_not = "the messages before it are built in too many ways"
+            return
+        self.patience.spend(sum(map(len, texts)) // READ_IN_A_VISIT)
+        try:
+            self._versions = [parse_definition(self.topic.type, text) for text in texts]
+        except FileFormatError as error:
+            self.why_not = str(error)
+
+    def take(self, received: int, message: bytes) -> None:
+        """Keep a message until enough have come together.
+
+        Args:
+            received: when it was received [ns].
+            message: its bytes.
+        """
+        if len(message) > MAX_MESSAGE:
+            self.give_up("its messages are larger than those of joints")
+            return
+        self._waiting.append(message)
+        self._received.append(received)
+        self._bytes += len(message)
+        if len(self._waiting) >= TOGETHER or self._bytes >= BYTES_TOGETHER:
+            self._read_waiting()
+
+    def give_up(self, reason: str) -> None:
+        """Pass the topic over from here on, and forget what it said."""
+        self.why_not = reason
+        for kept in (self._waiting, self._received, self._parts, self._layouts):
+            kept.clear()
+
+    def table(self, path: Path) -> TopicTable | None:
+        """All columns, or None where the topic cannot be read or holds no floats.
+
+        Args:
+            path: the bag, for messages.
+
+        Raises:
+            FileFormatError: columns that are mostly empty would take far more than the file.
+        """
+        self._read_waiting()
+        if self.why_not or not self._names:
+            return None
+        names = list(dict.fromkeys(name for part in self._parts for name in part[0]))
+        samples = len(self._received)
+        refuse_bomb(path, 8 * len(names) * samples)
+        place = {name: k for k, name in enumerate(names)}
+        values = working_array((len(names), samples))
+        every = set(names)
+        together = all(set(part[0]) == every for part in self._parts)
+        present = np.zeros((0 if together else len(names), samples), dtype=bool)
+        stamps = np.zeros(samples, dtype=np.int64)
+        if not together:
+            values[:] = np.nan
+        for own, rows, numbers, stamped in self._parts:
+            for k, name in enumerate(own):
+                values[place[name], rows] = numbers[:, k]
+                if not together:
+                    present[place[name], rows] = True
+            if stamped is not None:
+                stamps[rows] = stamped
+        self._parts.clear()
+        received = np.array(self._received, dtype=np.int64)
+        order = np.argsort(received, kind="stable")
+        if (order[1:] < order[:-1]).any():  # chunks of a bag may overlap in time
+            values, received, stamps = values[:, order], received[order], stamps[order]
+            present = present[:, order]
+        values.flags.writeable = False  # it is kept for whoever asks next
+        return TopicTable(
+            self.topic.name,
+            received,
+            stamps if stamps.any() else None,
+            dict(zip(names, values, strict=True)),
+            {n: np.flatnonzero(p) for n, p in zip(names, present, strict=False) if not p.all()},
+        )
+
+    def _read_waiting(self) -> None:
+        """Read the messages that wait, those of the same size together."""
+        waiting, self._waiting, self._bytes = self._waiting, [], 0
+        if not waiting or self.why_not:
+            return
+        sizes = np.array([len(message) for message in waiting])
+        try:
+            for size in np.unique(sizes):
+                places = np.flatnonzero(sizes == size)
+                content = b"".join(waiting[k] for k in places)
+                stack = np.frombuffer(content, np.uint8).reshape(len(places), size)
+                self._read_stack(stack, self._read + places)
+        except FileFormatError as error:
+            self.give_up(str(error))
+        self._read += len(waiting)
+
+    def _read_stack(self, stack: np.ndarray, rows: np.ndarray) -> None:
+        """Read messages of one size: by structures met before, then by new ones."""
+        for layout in tuple(self._layouts):
+            if layout.size == stack.shape[1] and len(stack):
+                stack, rows = self._keep(layout, stack, rows)
+        lonely = 0
+        while len(stack):
+            layout = self._layout(stack[0].tobytes())
+            if lonely < LONELY:
+                before = len(stack)
+                self._layouts.append(layout)
+                stack, rows = self._keep(layout, stack, rows)
+                lonely = lonely + 1 if before - len(stack) == 1 else 0
+            else:
+                self._store(layout, stack[:1], rows[:1])
+                stack, rows = stack[1:], rows[1:]
+
+    def _keep(
+        self, layout: Layout, stack: np.ndarray, rows: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Store the messages of a structure; the others come back."""
+        fits = layout.fits(stack)
+        if fits.all():
+            self._store(layout, stack, rows)
+            return stack[:0], rows[:0]
+        if fits.any():
+            self._store(layout, stack[fits], rows[fits])
+        return stack[~fits], rows[~fits]
+
+    def _store(self, layout: Layout, stack: np.ndarray, rows: np.ndarray) -> None:
+        """Keep the numbers of messages of one structure."""
+        names = layout.columns
+        if len(set(names)) < len(names):
+            raise FileFormatError("a message names the same joint twice")
+        self._names.update(names)
+        if len(self._names) > MAX_COLUMNS:
+            raise FileFormatError(f"it has more than {MAX_COLUMNS} columns")
+        self._parts.append((names, rows, layout.values(stack), layout.stamps(stack)))
+
+    def _layout(self, message: bytes) -> Layout:
+        """The structure of a message; the first one settles the version of its type.
+
+        Raises:
+            FileFormatError: it is not what its type says, or there were too many structures.
+        """
+        if self._visits > VISITS_OF_TOPIC or self.patience.left <= 0:
+            raise FileFormatError("its messages are built in too many ways")
+        for version in tuple(self._versions):
+            try:
+                layout = layout_of(message, short_name(self.topic.type), version, self.topic.cdr)
+            except FileFormatError:
+                self._spend(MAX_VISITS)  # how far the walk came is not known
+                if version is self._versions[-1]:
+                    raise
+                continue
+            self._spend(layout.visits)
+            self._versions = [version]
+            return layout
+        raise FileFormatError("its type has no definition")
+
+    def _spend(self, visits: int) -> None:
+        """Count the work of one walk."""
+        self._visits += visits + WALK
+        self.patience.spend(visits + WALK)

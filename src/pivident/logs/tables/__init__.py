@@ -1,0 +1,1 @@
+"""Tables of every file format, one way to read them."""

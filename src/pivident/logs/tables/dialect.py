@@ -1,0 +1,202 @@
+"""How a text table was written, told from its first lines.
+
+sep=;                                   a title or a hint to a spreadsheet: passed over
+Zeit;A1_Ist;A2_Ist                      the header
+s;Grad;Grad                             units: passed over
+0,004;12,5;-90,0                        numbers with a decimal comma
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from pivident.errors import FileFormatError
+from pivident.robot.naming import repeated
+
+SEPARATORS = ",;\t"
+COMMENT = "#"
+
+#: Longest header, in characters; a file without line ends is not read into memory to find out.
+MAX_LINE = 2**20
+
+#: Most columns. Each costs the parser some kilobytes, and no log of a robot has so many.
+MAX_COLUMNS = 10_000
+
+#: Longest line or cell that a message repeats, in characters.
+MAX_QUOTE = 80
+
+#: Lines that are looked at.
+LOOKED_AT = 40
+
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+(?:,\d*)?")
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a table was written.
+
+    Attributes:
+        names: names of the columns.
+        separator: what stands between cells; a tab where runs of blanks do.
+        present: whether there is a header.
+        above: lines above it, or above the first numbers, that are no part of the table.
+        units: whether a line of units follows the header.
+        decimal_comma: whether numbers have a decimal comma.
+        blanks: whether cells are separated by blanks, one or more.
+    """
+
+    names: tuple[str, ...]
+    separator: str
+    present: bool
+    above: int = 0
+    units: bool = False
+    decimal_comma: bool = False
+    blanks: bool = False
+
+
+def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
+    """Tell how a table was written.
+
+    Args:
+        file: name of the file, for messages.
+        lines: its lines from the beginning, with their ends.
+
+    Raises:
+        FileFormatError: no table, or one with columns of the same name.
+    """
+    looked_at: list[tuple[int, str]] = []
+    for number, line in enumerate(lines):
+        if "\0" in line:
+            raise FileFormatError(f"{file} is a binary file, not a text table")
+        if len(line) >= MAX_LINE:
+            if not looked_at:
+                raise FileFormatError(
+                    f"{file} has a first line of {MAX_LINE} characters or more; is it a table?"
+                )
+            break
+        if line.strip() and not line.startswith(COMMENT):
+            looked_at.append((number, line))
+            if len(looked_at) >= LOOKED_AT:
+                break
+    if not looked_at:
+        raise FileFormatError(f"{file} holds no table; export the log again")
+    title = _title(looked_at)
+    rows = looked_at[title:]
+    first = rows[0][1]
+    separator = _separator([line for _, line in rows])
+    blanks = not first.count(separator) and _by_blanks([line for _, line in rows])
+    if first.count(separator) >= MAX_COLUMNS or (blanks and len(first.split()) > MAX_COLUMNS):
+        raise FileFormatError(
+            f"{file} has more than {MAX_COLUMNS} columns; transpose the table, or export "
+            "only those of the robot"
+        )
+    cells = [line.split() if blanks else cells_of(line, separator) for _, line in rows]
+    comma = (separator != "," or blanks) and any(
+        _DECIMAL_COMMA.fullmatch(cell) for row in cells for cell in row
+    )
+    thousands = [c for row in cells for c in row if comma and _THOUSANDS.fullmatch(c)]
+    if thousands:
+        raise FileFormatError(
+            f"{file} has decimal commas, and a number {quoted(thousands[0])} that may be a "
+            "thousand; export it without marks between thousands"
+        )
+    above = rows[0][0] if title else 0
+    separator = "\t" if blanks else separator
+    if all(is_number(cell, comma) for cell in cells[0]):
+        numbered = tuple(f"column_{i + 1}" for i in range(len(cells[0])))
+        return Dialect(numbered, separator, False, above, False, comma, blanks)
+    twice = repeated(cells[0])
+    if twice:
+        raise FileFormatError(
+            f"{file} has more than one column {quoted(twice[0])}; rename them in its header"
+        )
+    return Dialect(tuple(cells[0]), separator, True, above, _has_units(cells, comma), comma, blanks)
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of one line, without blanks around them and quotes.
+
+    Args:
+        line: the line, with its end or without.
+        separator: what stands between cells.
+    """
+    reader = csv.reader([line.rstrip("\r\n")], delimiter=separator, skipinitialspace=True)
+    try:
+        cells = next(reader, [])
+    except csv.Error:  # a quote that does not end, before a cell longer than the module takes
+        cells = line.split(separator)
+    return [cell.strip() for cell in cells]
+
+
+def quoted(cell: str) -> str:
+    """A cell as a message repeats it."""
+    return repr(cell if len(cell) <= MAX_QUOTE else f"{cell[: MAX_QUOTE - 1]}…")
+
+
+def is_number(cell: str, decimal_comma: bool = False) -> bool:
+    """Whether a cell reads as a number, NaN and infinity included.
+
+    Args:
+        cell: without blanks around it.
+        decimal_comma: whether numbers have a decimal comma.
+    """
+    if decimal_comma:
+        cell = cell.replace(",", ".", 1)
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _separator(lines: Sequence[str]) -> str:
+    """What stands between cells.
+
+    A semicolon or a tab that every line has alike does: commas beside it, be they ever so many,
+    belong to numbers or to names. Else it is what the first line has most of.
+    """
+    for separator in SEPARATORS[1:]:
+        counts = {line.count(separator) for line in lines}
+        if len(counts) == 1 and counts.pop():
+            return separator
+    return max(SEPARATORS, key=lines[0].count)
+
+
+def _title(lines: Sequence[tuple[int, str]]) -> int:
+    """Number of lines that stand above the header: hints to spreadsheets, titles without cells."""
+
+    def has_cells(line: str) -> bool:
+        return any(separator in line for separator in SEPARATORS)
+
+    if lines[0][1].lower().startswith("sep=") and len(lines) > 1:
+        return 1
+    if has_cells(lines[0][1]) or is_number(lines[0][1].strip()):
+        return 0
+    for k, (_, line) in enumerate(lines):
+        if has_cells(line):
+            # Every line from the header on has cells; of a column of text with one comma, not.
+            return (
+                k if all(has_cells(later) for _, later in lines[k:]) and len(lines) > k + 1 else 0
+            )
+        if is_number(line.split()[0]):
+            return 0
+    return 0
+
+
+def _by_blanks(lines: Sequence[str]) -> bool:
+    """Whether all lines have the same number of words, more than one."""
+    counts = {len(line.split()) for line in lines}
+    return len(counts) == 1 and counts.pop() > 1
+
+
+def _has_units(cells: Sequence[Sequence[str]], comma: bool) -> bool:
+    """Whether the line below the header holds no number, while the next one does."""
+    if len(cells) < 3 or not any(cells[1]) or len(cells[1]) != len(cells[0]):
+        return False
+    second, third = (any(is_number(cell, comma) for cell in row) for row in cells[1:3])
+    return third and not second

@@ -1,0 +1,334 @@
+"""Results on disk: a manifest, and Parquet shards that only ever get more.
+
+A shard is written under another name, forced to disk and then renamed, so that it is either there
+as a whole or not at all. Which tasks are done is read from the shards themselves; there is no other
+list that could disagree with them.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import secrets
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, ClassVar
+
+from pivident.extras import require
+from pivident.files import regular_file
+from pivident.many.batch.batch_errors import OtherContents, ResultsFolderError
+from pivident.many.batch.fingerprint import fingerprint
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: A row of a shard by column.
+Row = dict[str, Any]
+
+#: Version of the layout of the folder.
+LAYOUT = 1
+
+MANIFEST, LOCK = "manifest.json", "lock"
+
+#: Largest manifest that is read [bytes].
+MAX_MANIFEST = 2**22
+
+#: Names of files that are being written.
+UNFINISHED = ".unfinished-"
+
+
+class ResultsFolder:
+    """The folder that keeps the results of many tasks of one kind.
+
+    Args:
+        folder: the folder.
+
+    Attributes:
+        shards_name: folder of the shards in it.
+        owner: what the results belong to; the key of its tables in the manifest.
+        work: what writes to the folder, in words.
+        rows_name: what the results are called.
+        error: class of its errors.
+        other: class of the error for results of something else.
+    """
+
+    shards_name: ClassVar[str] = "results"
+    owner: ClassVar[str] = "task"
+    work: ClassVar[str] = "command"
+    rows_name: ClassVar[str] = "results"
+    error: ClassVar[type[ResultsFolderError]] = ResultsFolderError
+    other: ClassVar[type[OtherContents]] = OtherContents
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = Path(folder)
+        self.shards = self.folder / self.shards_name
+
+    def schema(self) -> dict[str, Any]:
+        """Columns of a shard."""
+        raise NotImplementedError
+
+    @contextmanager
+    def taken(self, wanted: Mapping[str, Any]) -> Iterator[None]:
+        """Take the folder for a while: make it, or check that it belongs to this owner.
+
+        Args:
+            wanted: the manifest: ``hash``, the owner's tables, and what else is to be known.
+
+        Raises:
+            OtherContents: it holds results of something else; nothing is changed.
+            ResultsFolderError: it cannot be written to, another process is writing to it, or it
+                is not a folder of results.
+            MissingExtra: polars is not installed.
+        """
+        require("polars", extra="tables", purpose="a folder of many results")
+        with self._errors():
+            if self.folder.exists() and not self.folder.is_dir():
+                raise self.error(self.folder, "it is a file", "choose another --out")
+            manifest = self.manifest() if self.folder.exists() else None
+            if manifest is not None:
+                self._check(manifest, wanted)
+            elif self.folder.exists() and any(self.folder.iterdir()):
+                others = {p.name for p in self.folder.iterdir()} - {LOCK, self.shards_name}
+                if {o for o in others if not o.startswith(UNFINISHED)}:
+                    raise self.error(
+                        self.folder,
+                        "it holds other files and no manifest.json",
+                        "choose a new folder for --out",
+                    )
+            self.shards.mkdir(parents=True, exist_ok=True)
+            with self._locked():
+                for left in (
+                    *self.folder.glob(f"{UNFINISHED}*"),
+                    *self.shards.glob(f"{UNFINISHED}*"),
+                ):
+                    left.unlink()
+                self._write_manifest(manifest, wanted)
+                yield
+
+    def manifest(self) -> dict[str, Any] | None:
+        """The manifest, None where there is none.
+
+        Raises:
+            ResultsFolderError: it cannot be read.
+        """
+        path = self.folder / MANIFEST
+        try:
+            if regular_file(path).stat().st_size > MAX_MANIFEST:
+                raise ValueError("it is too large")
+            content = json.loads(path.read_text("utf-8"))
+            self._check_kinds(content)
+            return content
+        except FileNotFoundError:
+            return None
+        except (OSError, ValueError, RecursionError) as error:
+            raise self.error(
+                self.folder, f"{MANIFEST} cannot be read ({error})", "choose another folder"
+            ) from error
+
+    def programs(self) -> tuple[str, ...]:
+        """Every state of the program that has written to the folder."""
+        return tuple((self.manifest() or {}).get("programs", ()))
+
+    def append(self, rows: Sequence[Row]) -> None:
+        """Write rows as one more shard.
+
+        Args:
+            rows: all rows of some tasks.
+
+        Raises:
+            ResultsFolderError: the disk is full, or the folder cannot be written to. What was
+                there before is as it was.
+        """
+        pl = require("polars", extra="tables", purpose="a folder of many results")
+        if not rows:
+            return
+        buffer = io.BytesIO()
+        pl.DataFrame(rows, schema=self.schema()).write_parquet(buffer)
+        name = f"{self.shard_name(rows)}-{secrets.token_hex(4)}.parquet"
+        self.write(f"{self.shards_name}/{name}", buffer.getvalue())
+
+    def shard_name(self, rows: Sequence[Row]) -> str:
+        """What the name of a shard begins with."""
+        return f"{len(rows):06d}"
+
+    def write(self, name: str, content: bytes | str) -> None:
+        """Write a file of the folder: as a whole, or not at all.
+
+        Args:
+            name: path inside the folder.
+            content: bytes or text.
+
+        Raises:
+            ResultsFolderError: it cannot be written.
+        """
+        path = self.folder / name
+        unfinished = path.parent / f"{UNFINISHED}{secrets.token_hex(4)}"
+        data = content.encode() if isinstance(content, str) else content
+        with self._errors():
+            try:
+                with unfinished.open("wb") as file:
+                    file.write(data)
+                    file.flush()
+                    os.fsync(file.fileno())
+                os.replace(unfinished, path)
+                _sync_folder(path.parent)
+            except BaseException:
+                unfinished.unlink(missing_ok=True)
+                raise
+
+    def read(self, columns: Sequence[str] | None = None) -> pl.DataFrame:
+        """All rows of all shards, in the order of their names.
+
+        Args:
+            columns: those wanted; None: all.
+
+        Raises:
+            ResultsFolderError: a shard cannot be read.
+        """
+        pl = require("polars", extra="tables", purpose="a folder of many results")
+        frames = []
+        for shard in self._shard_files():
+            try:
+                wanted = None if columns is None else list(columns)
+                frames.append(pl.read_parquet(shard, columns=wanted))
+            except Exception as error:
+                raise self.error(
+                    shard,
+                    f"this shard cannot be read ({type(error).__name__})",
+                    f"delete it: its {self.rows_name} are then computed again",
+                ) from error
+        if frames:
+            return pl.concat(frames)
+        schema = self.schema()
+        return pl.DataFrame(schema={name: schema[name] for name in columns or schema})
+
+    def _shard_files(self) -> list[Path]:
+        return sorted(p for p in self.shards.glob("*.parquet") if not p.name.startswith("."))
+
+    def _check(self, manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
+        from pivident.version import __version__
+
+        if manifest.get("layout") != LAYOUT or self.owner not in manifest:
+            raise self.error(
+                self.folder,
+                f"its manifest.json is not that of a {self.work}",
+                "choose another folder",
+            )
+        if manifest["hash"] != wanted["hash"]:
+            raise self.other(self.folder, differences(wanted[self.owner], manifest[self.owner]))
+        if manifest["version"] != __version__:
+            raise self.error(
+                self.folder,
+                f"its {self.rows_name} were made by pivident {manifest['version']}, this is "
+                f"{__version__}",
+                f"choose another folder: {self.rows_name} of two versions do not belong together",
+            )
+
+    def _write_manifest(
+        self, manifest: Mapping[str, Any] | None, wanted: Mapping[str, Any]
+    ) -> None:
+        import numpy as np
+
+        from pivident.version import __version__
+
+        programs = list((manifest or {}).get("programs", []))
+        programs += [fingerprint()] * (fingerprint() not in programs)
+        complete = {
+            "layout": LAYOUT,
+            **wanted,
+            "version": __version__,
+            "programs": programs,
+            "numpy": np.__version__,
+        }
+        if manifest != complete:
+            self.write(MANIFEST, json.dumps(complete, indent=1, default=str))
+
+    def _check_kinds(self, content: Any) -> None:
+        """Refuse what was not written here, whether or not its layout is known.
+
+        Raises:
+            ValueError: it is no table, or a key holds a value of another kind.
+        """
+        if not isinstance(content, dict):
+            raise ValueError("it is not a table")
+        kinds = {self.owner: dict, "hash": str, "version": str, "programs": list}
+        for key, kind in (kinds | self.manifest_kinds()).items():
+            if key in content and not isinstance(content[key], kind):
+                raise ValueError(f"{key} is of another kind")
+            if key not in content and "layout" in content:
+                raise ValueError(f"{key} is missing")
+        if not all(isinstance(program, str) for program in content.get("programs", ())):
+            raise ValueError("programs are of another kind")
+
+    def manifest_kinds(self) -> dict[str, type]:
+        """Further keys of the manifest that are read again, with their types."""
+        return {}
+
+    @contextmanager
+    def _locked(self) -> Iterator[None]:
+        """Keep a second process out of the folder; the lock ends with the first one."""
+        try:
+            import fcntl
+        except ImportError:  # no such locks here: unique names still keep shards whole
+            yield
+            return
+        with (self.folder / LOCK).open("w") as file:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError as error:
+                raise self.error(
+                    self.folder,
+                    f"another {self.work} is writing to it",
+                    "wait until it has ended, or choose another --out",
+                ) from error
+            yield
+
+    @contextmanager
+    def _errors(self) -> Iterator[None]:
+        """Problems with the disk in words."""
+        try:
+            yield
+        except OSError as error:
+            raise self.error(
+                self.folder,
+                f"cannot be written to ({error.strerror or error})",
+                "free some space, change its permissions or choose another --out; the "
+                f"{self.rows_name} that are in it are as they were, and the same command goes on "
+                "from there",
+            ) from error
+
+
+def differences(here: Any, there: Any, key: str = "") -> list[str]:
+    """What differs between two sets of tables, as ``table.key: here / there``.
+
+    Args:
+        here: plain values.
+        there: likewise.
+        key: what they are called.
+    """
+    if isinstance(here, Mapping) and isinstance(there, Mapping):
+        found = []
+        for name in dict.fromkeys([*here, *there]):
+            inner = f"{key}.{name}" if key else str(name)
+            found += differences(here.get(name), there.get(name), inner)
+        return found
+    return [] if here == there else [f"{key}: {_short(here)} here, {_short(there)} there"]
+
+
+def _short(value: Any) -> str:
+    text = "not given" if value is None else repr(value)
+    return text if len(text) <= 40 else f"{text[:37]}…"
+
+
+def _sync_folder(folder: Path) -> None:
+    """Force a rename to disk, where folders can be opened."""
+    try:
+        handle = os.open(folder, os.O_RDONLY)
+    except OSError:
+        return
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)

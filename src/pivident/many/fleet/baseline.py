@@ -1,0 +1,320 @@
+"""What a parameter was before anything changed, and how much records differ without a change.
+
+Of record i of robot r, taken at the temperature T_i, the baseline says
+
+    y_i = μ_r + b (T_i - T₀) + u_i + e_i,      u_i ~ N(0, τ²),   e_i ~ N(0, s_i²)
+
+with the estimate's own deviation s_i, and a scatter τ between records that no interval of one
+record knows of: another warmth, another grease, model error that depends on the motion. This is
+the random-effects model of meta-analysis. Level μ_r belongs to the robot, slope b and scatter τ to
+all robots of the fleet. τ² is that of Paule and Mandel (1982): with w_i = 1/(τ² + s_i²), the
+weighted sum of squares about the fit,
+
+    Q(τ²) = Σ w_i (y_i - μ̂_r - b̂ (T_i - T₀))² = ν,      ν = records - robots - 1
+
+equals its degrees of freedom ν; τ² = 0 where Q(0) is below. The error d_i = y_i - ŷ_i of a later
+record of robot r has the covariance
+
+    C = diag(τ² + s²) + 11ᵀ/W_r + var(b̂) g gᵀ,      W_r = Σ w,   g_i = T_i - T̄_r
+
+and d/√C is compared with Student's t of ν degrees of freedom. For records that are equally good
+that is exact, or on the safe side where τ² = 0.
+
+Friction changes by so many percent per kelvin, and scatters by so many percent. Where a parameter
+is clear of zero in all robots, y is therefore divided by the robot's level at T₀, which is found in
+a few passes; its own error, of second order, is neglected. What is given out has the unit of the
+parameter again.
+
+``baseline = "fleet"`` compares a robot with the others: its level is the mean of theirs, and the
+scatter σ² between robots (Paule and Mandel again, of their levels) comes on top of it for all its
+records in common. ν is then the number of other robots less one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pivident.many.fleet.series import Series
+
+#: A level is clear of zero where it exceeds so many deviations of every record behind it.
+CLEAR = 10.0
+
+#: Passes that find the levels by which values are divided.
+PASSES = 4
+
+#: Relative accuracy of τ².
+TOLERANCE = 1e-12
+
+
+@dataclass(frozen=True)
+class Temperature:
+    """Change of a parameter with temperature, the same for all robots.
+
+    Attributes:
+        slope: b [unit of the scaled parameter per unit of the temperature].
+        std: its standard deviation.
+        reference: T₀.
+    """
+
+    slope: float
+    std: float
+    reference: float
+
+
+@dataclass(frozen=True, eq=False)
+class Expectation:
+    """What the baseline expects of the later records of one robot.
+
+    Attributes:
+        first: index of the first record that is judged.
+        baseline_values: records before it at T₀, shape (first,).
+        level: level of the robot at T₀.
+        level_std: its standard deviation.
+        difference: d, records less expectation, shape (judged,).
+        covariance: C, shape (judged, judged).
+    """
+
+    first: int
+    baseline_values: np.ndarray
+    level: float
+    level_std: float
+    difference: np.ndarray
+    covariance: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """The baseline of one parameter over all robots.
+
+    Attributes:
+        series: of each robot.
+        scales: what values and deviations of each robot were divided by, shape (robots,); scatter,
+            slope, levels and weights are those of the scaled values.
+        kind: ``robot`` or ``fleet``.
+        scatter: τ, deviation between records of one robot.
+        degrees: ν of that scatter.
+        temperature: change with temperature; None where it is not known or did not change.
+        levels: μ̂ at T₀ of each robot, NaN without a baseline, shape (robots,).
+        weights: W_r, likewise.
+        centres: T̄_r, likewise.
+    """
+
+    series: tuple[Series, ...]
+    scales: np.ndarray
+    kind: str
+    scatter: float
+    degrees: int
+    temperature: Temperature | None
+    levels: np.ndarray
+    weights: np.ndarray
+    centres: np.ndarray
+
+    @cached_property
+    def scaled(self) -> tuple[Series, ...]:
+        """The series divided by their scales."""
+        return _scaled(self.series, self.scales)
+
+    @property
+    def typical_scale(self) -> float:
+        """Mean of the scales, which turns scatter and slope into the unit of the parameter."""
+        return float(np.mean(self.scales))
+
+    def expectation(self, number: int) -> Expectation | None:
+        """Errors of a robot's later records in the unit of the parameter, None without any.
+
+        Args:
+            number: which robot.
+        """
+        found = self._among_others(number) if self.kind == "fleet" else self._by_itself(number)
+        if found is None:
+            return None
+        scale = float(self.scales[number])
+        return Expectation(
+            found.first,
+            scale * found.baseline_values,
+            scale * found.level,
+            scale * found.level_std,
+            scale * found.difference,
+            scale**2 * found.covariance,
+        )
+
+    def _by_itself(self, number: int) -> Expectation | None:
+        own = self.scaled[number]
+        first = own.baseline
+        if own.records <= first or self.degrees < 1:
+            return None
+        slope, variance = self._slope
+        warmth = self._temperature(own)
+        gap = warmth[first:] - self.centres[number]
+        plain = own.value - slope * (warmth - self._reference)  # at T₀
+        inner = self.scatter**2 + own.std[first:] ** 2
+        covariance = np.diag(inner) + 1.0 / self.weights[number] + variance * np.outer(gap, gap)
+        shift = self.centres[number] - self._reference
+        level_std = float(np.sqrt(1.0 / self.weights[number] + variance * shift**2))
+        level = float(self.levels[number])
+        return Expectation(
+            first, plain[:first], level, level_std, plain[first:] - level, covariance
+        )
+
+    def degrees_of(self, number: int) -> int:
+        """Degrees of freedom of the errors of a robot's records."""
+        if self.kind == "robot":
+            return self.degrees
+        others = int(np.isfinite(np.delete(self.levels, number)).sum()) - 1
+        return min(others, self.degrees) if self.degrees > 0 else others
+
+    def _among_others(self, number: int) -> Expectation | None:
+        levels, weights = np.delete(self.levels, number), np.delete(self.weights, number)
+        usable = np.isfinite(levels)
+        levels, variances = levels[usable], 1.0 / weights[usable]
+        if levels.size < 2 or self.degrees_of(number) < 1:
+            return None
+
+        def excess(between: float) -> float:
+            w = 1.0 / (between + variances)
+            return float(w @ (levels - w @ levels / w.sum()) ** 2) - (levels.size - 1)
+
+        between = paule_mandel(excess, float(levels.var()))
+        w = 1.0 / (between + variances)
+        level, own = float(w @ levels / w.sum()), self.scaled[number]
+        slope, variance = self._slope
+        gap = self._temperature(own) - self._reference
+        inner = self.scatter**2 + own.std**2
+        covariance = np.diag(inner) + between + 1.0 / float(w.sum()) + variance * np.outer(gap, gap)
+        level_std = float(np.sqrt(between + 1.0 / w.sum()))
+        difference = own.value - level - slope * gap
+        return Expectation(0, difference[:0], level, level_std, difference, covariance)
+
+    def _temperature(self, own: Series) -> np.ndarray:
+        return np.zeros(own.records) if self.temperature is None else own.temperature
+
+    @property
+    def _reference(self) -> float:
+        return 0.0 if self.temperature is None else self.temperature.reference
+
+    @property
+    def _slope(self) -> tuple[float, float]:
+        """b̂ and its variance."""
+        t = self.temperature
+        return (0.0, 0.0) if t is None else (t.slope, t.std**2)
+
+
+def fit_baseline(
+    series: Sequence[Series], kind: str = "robot", relative: bool | None = None
+) -> Baseline:
+    """The baseline of one parameter.
+
+    Args:
+        series: the parameter of each robot.
+        kind: ``robot``: each has its own level; ``fleet``: it is compared with the others.
+        relative: whether values are divided by the robot's level; None: where each robot has its
+            own and all are clear of zero.
+    """
+    scales = np.ones(len(series))
+    found = _fitted(series, scales, kind)
+    if relative is None:
+        relative = kind == "robot" and all(
+            abs(level) > CLEAR * own.std[: own.baseline].max()
+            for level, own in zip(found.levels, series, strict=True)
+        )
+    for _ in range(PASSES if relative else 0):
+        scales = scales * np.abs(found.levels)
+        found = _fitted(series, scales, kind)
+    return found
+
+
+def _scaled(series: Sequence[Series], scales: np.ndarray) -> tuple[Series, ...]:
+    return tuple(
+        replace(own, value=own.value / scale, std=own.std / scale)
+        for own, scale in zip(series, scales, strict=True)
+    )
+
+
+def _fitted(original: Sequence[Series], scales: np.ndarray, kind: str) -> Baseline:
+    """The baseline of values that are divided by given scales."""
+    series = _scaled(original, scales)
+    first = [min(s.baseline, s.records) for s in series]
+    robot = np.repeat(np.arange(len(series)), first)
+    y, s, t = (
+        np.concatenate([getattr(own, key)[:k] for own, k in zip(series, first, strict=True)])
+        for key in ("value", "std", "temperature")
+    )
+    known = all(np.isfinite(own.temperature).all() for own in series)
+    fit = _Regression(robot, len(series), y, s, t if known else None)
+    scatter = 0.0
+    if fit.degrees > 0:
+        scatter = paule_mandel(fit.excess, float(np.var(y - fit.means(y, np.ones_like(y))[robot])))
+    weights, centres, levels, slope, variance = fit.solved(scatter)
+    temperature = None
+    if fit.warm:
+        reference = float(np.mean(t))
+        temperature = Temperature(slope, float(np.sqrt(variance)), reference)
+        levels = levels - slope * (centres - reference)
+    return Baseline(
+        tuple(original), scales, kind, float(np.sqrt(scatter)), fit.degrees, temperature, levels,
+        weights, centres,
+    )  # fmt: skip
+
+
+def paule_mandel(excess: Callable[[float], float], scale: float) -> float:
+    """The variance τ² at which Q(τ²) - ν is zero; zero where it is negative already there.
+
+    Args:
+        excess: Q - ν, falling with τ².
+        scale: a variance of that size, where the search begins.
+    """
+    from scipy.optimize import brentq
+
+    if excess(0.0) <= 0.0:
+        return 0.0
+    high = scale or 1e-300
+    while excess(high) > 0.0:
+        high *= 4.0
+    return float(brentq(excess, 0.0, high, xtol=TOLERANCE * high, rtol=TOLERANCE))
+
+
+class _Regression:
+    """Levels of all robots and one slope, for any τ²."""
+
+    def __init__(
+        self, robot: np.ndarray, robots: int, y: np.ndarray, s: np.ndarray, t: np.ndarray | None
+    ) -> None:
+        self.robot, self.robots, self.y, self.s = robot, robots, y, s
+        self.t = np.zeros_like(y) if t is None else t
+        ones = np.ones_like(y)
+        within = self.t - self.means(self.t, ones)[robot]
+        present = int((np.bincount(robot, minlength=robots) > 0).sum())
+        # a slope needs temperatures that differ within a robot, and a degree of freedom to spare
+        self.warm = t is not None and bool(np.ptp(within) > 0.0) and y.size - present > 1
+        if not self.warm:
+            self.t = np.zeros_like(y)
+        self.degrees = y.size - present - int(self.warm)
+
+    def means(self, x: np.ndarray, w: np.ndarray) -> np.ndarray:
+        """Weighted mean of each robot, NaN without records."""
+        total = np.bincount(self.robot, weights=w, minlength=self.robots)
+        with np.errstate(invalid="ignore"):
+            return np.bincount(self.robot, weights=w * x, minlength=self.robots) / total
+
+    def solved(self, scatter: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float]:
+        """W_r, T̄_r, ȳ_r, b̂ and var(b̂) for τ²."""
+        w = 1.0 / (scatter + self.s**2)
+        weights = np.bincount(self.robot, weights=w, minlength=self.robots)
+        centres, levels = self.means(self.t, w), self.means(self.y, w)
+        if not self.warm:
+            return weights, centres, levels, 0.0, 0.0
+        g = self.t - centres[self.robot]
+        information = float(w @ g**2)
+        slope = float(w @ (g * (self.y - levels[self.robot]))) / information
+        return weights, centres, levels, slope, 1.0 / information
+
+    def excess(self, scatter: float) -> float:
+        """Q(τ²) - ν."""
+        w = 1.0 / (scatter + self.s**2)
+        _, centres, levels, slope, _ = self.solved(scatter)
+        error = self.y - levels[self.robot] - slope * (self.t - centres[self.robot])
+        return float(w @ error**2) - self.degrees

@@ -1,0 +1,212 @@
+"""Control charts: which record of a series leaves what its baseline allows.
+
+Each record after the baseline is judged twice (d and C are those of `baseline`):
+
+    Shewhart   z_i = d_i / √C_ii                                      a sudden change
+    EWMA       m_i = Σ a_j d_j,   z_i = m_i / √(aᵀ C a)               a slow one
+
+where a_j ∝ (1 - λ)^(i - j) / C_jj over the records up to i, and Σ a_j = 1: an exponentially
+weighted mean that trusts good records more. Both are Student's t with ν degrees of freedom where
+nothing has changed; the baseline's own error is in C.
+
+With m tests in all (two for each record, parameter and robot), an alarm needs |z| above the
+quantile t(1 - level/(2m)). By Bonferroni's inequality the probability of one false alarm or more,
+anywhere in the fleet and the period, is at most the level, however the tests depend on each other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.many.fleet.baseline import Baseline, Expectation
+from pivident.many.fleet.series import Series
+
+#: λ, the weight of the newest record among equally good ones.
+FORGETTING = 0.3
+
+#: Tests of one record.
+TESTS = 2
+
+#: Probability that the intervals of changes and slopes cover.
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True, eq=False)
+class Chart:
+    """The chart of one parameter of one robot; arrays over the judged records.
+
+    Attributes:
+        series: the estimates.
+        first: index of the first record that is judged.
+        baseline_values: records before it, at the reference temperature, shape (first,).
+        level: level of the baseline [unit of the parameter], at the reference temperature.
+        level_std: its standard deviation.
+        degrees: degrees of freedom.
+        difference: d, record less expectation.
+        std: √C_ii.
+        mean: exponentially weighted mean of d.
+        mean_std: its standard deviation.
+        covariance: C.
+        limit: |z| that gives an alarm.
+        tests: m, number of tests in the family.
+    """
+
+    series: Series
+    first: int
+    baseline_values: np.ndarray
+    level: float
+    level_std: float
+    degrees: int
+    difference: np.ndarray
+    std: np.ndarray
+    mean: np.ndarray
+    mean_std: np.ndarray
+    covariance: np.ndarray
+    limit: float
+    tests: int
+
+    @property
+    def sudden(self) -> np.ndarray:
+        """Shewhart's z."""
+        return self.difference / self.std
+
+    @property
+    def slow(self) -> np.ndarray:
+        """The z of the exponentially weighted mean."""
+        return self.mean / self.mean_std
+
+    @property
+    def outside(self) -> np.ndarray:
+        """Which records give an alarm."""
+        return (np.abs(self.sudden) > self.limit) | (np.abs(self.slow) > self.limit)
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """A parameter that has left what its baseline allows.
+
+    Attributes:
+        robot: whose.
+        joint: joint that the parameter belongs to.
+        parameter: its name.
+        unit: of change and level.
+        log: the first record outside.
+        time: when that was taken.
+        charts: ``shewhart``, ``ewma`` or both, at that record.
+        change: mean change from that record on.
+        low: lower end of its interval of 95 %.
+        high: upper end.
+        level: of the baseline.
+        records: number of records behind the change.
+        p_value: probability of so large a z somewhere in the fleet without any change, at most.
+    """
+
+    robot: str
+    joint: str
+    parameter: str
+    unit: str
+    log: str
+    time: str
+    charts: tuple[str, ...]
+    change: float
+    low: float
+    high: float
+    level: float
+    records: int
+    p_value: float
+
+    @property
+    def relative(self) -> tuple[float, float, float]:
+        """Change and its interval as shares of the level."""
+        size = abs(self.level) or np.nan
+        return self.change / size, self.low / size, self.high / size
+
+
+def draw_charts(
+    baselines: Sequence[Baseline], level: float, planned: int | None = None
+) -> list[Chart]:
+    """Charts of all parameters and robots that have records to be judged.
+
+    Args:
+        baselines: of each parameter.
+        level: probability of one false alarm or more in the whole fleet and period, at most.
+        planned: judged records of each robot in the whole period; None: those that are there.
+    """
+    from scipy.stats import t
+
+    expected: list[tuple[Series, Expectation, int]] = []
+    for baseline in baselines:
+        for number, series in enumerate(baseline.series):
+            expectation = baseline.expectation(number)
+            if expectation is not None:
+                expected.append((series, expectation, baseline.degrees_of(number)))
+    tests = number_of_tests(baselines, [e.difference.size for _, e, _ in expected], planned)
+    limits = {
+        degrees: float(t.isf(level / (2.0 * tests), degrees))
+        for degrees in {degrees for *_, degrees in expected}
+    }
+    return [_chart(s, e, degrees, limits[degrees], tests) for s, e, degrees in expected]
+
+
+def number_of_tests(
+    baselines: Sequence[Baseline], judged: Sequence[int], planned: int | None
+) -> int:
+    """m: two tests for each judged record of each parameter and robot.
+
+    Args:
+        baselines: of each parameter.
+        judged: records judged in each chart.
+        planned: records of each robot in the period; None: those that are there.
+    """
+    if planned is None:
+        return TESTS * max(1, sum(judged))
+    return TESTS * sum(len(b.series) for b in baselines) * max([planned, *judged])
+
+
+def find_alarms(charts: Sequence[Chart]) -> list[Alarm]:
+    """One alarm for each chart with records outside, the clearest first.
+
+    Args:
+        charts: of the fleet.
+    """
+    found = [_alarm(chart) for chart in charts if chart.outside.any()]
+    return sorted(found, key=lambda a: (a.p_value, a.robot, a.parameter))
+
+
+def _chart(series: Series, expected: Expectation, degrees: int, limit: float, tests: int) -> Chart:
+    d, c = expected.difference, expected.covariance
+    age = np.subtract.outer(np.arange(d.size), np.arange(d.size))
+    weights = np.where(age >= 0, (1.0 - FORGETTING) ** np.maximum(age, 0), 0.0) / np.diag(c)
+    weights /= weights.sum(axis=1, keepdims=True)
+    mean_std = np.sqrt(np.einsum("ij,jk,ik->i", weights, c, weights))
+    return Chart(
+        series, expected.first, expected.baseline_values, expected.level, expected.level_std,
+        degrees, d, np.sqrt(np.diag(c)), weights @ d, mean_std, c, limit, tests,
+    )  # fmt: skip
+
+
+def _alarm(chart: Chart) -> Alarm:
+    """The first record outside, and the mean change from there on."""
+    from scipy.stats import t
+
+    start = int(np.argmax(chart.outside))
+    charts = tuple(
+        name
+        for name, z in (("shewhart", chart.sudden), ("ewma", chart.slow))
+        if abs(z[start]) > chart.limit
+    )
+    c = chart.covariance[start:, start:]
+    weights = 1.0 / np.diag(c)
+    weights /= weights.sum()
+    change = float(weights @ chart.difference[start:])
+    half = float(np.sqrt(weights @ c @ weights) * t.ppf(0.5 + CONFIDENCE / 2.0, chart.degrees))
+    largest = float(np.max(np.abs([chart.sudden, chart.slow])))
+    series, record = chart.series, chart.first + start
+    return Alarm(
+        series.robot, series.joint, series.parameter, series.unit, series.logs[record],
+        series.times[record], charts, change, change - half, change + half, chart.level,
+        weights.size, min(1.0, chart.tests * 2.0 * float(t.sf(largest, chart.degrees))),
+    )  # fmt: skip

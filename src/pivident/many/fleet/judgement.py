@@ -1,0 +1,249 @@
+"""What the estimates of a fleet say: charts, alarms, wear; and the files that say it."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from pivident.extras import require
+from pivident.many.fleet.baseline import Baseline, fit_baseline
+from pivident.many.fleet.control_chart import Alarm, Chart, draw_charts, find_alarms
+from pivident.many.fleet.identify_fleet import Fleet
+from pivident.many.fleet.series import Series, watched_series
+from pivident.many.fleet.wear import Rate, Wear, separate_wear
+from pivident.text.plain_values import plain
+
+if TYPE_CHECKING:
+    import polars as pl
+
+PARAMETERS, ALARMS, PAGE = "parameters.parquet", "alarms.json", "fleet.html"
+
+
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """A fleet with everything that was found out about it.
+
+    Attributes:
+        fleet: the estimates.
+        baselines: of each watched parameter.
+        charts: of each parameter and robot with records after the baseline.
+        alarms: one for each chart that was left, the clearest first.
+        wear: of each watched parameter.
+        notes: what must be known to read the rest, whole sentences.
+    """
+
+    fleet: Fleet
+    baselines: tuple[Baseline, ...]
+    charts: tuple[Chart, ...]
+    alarms: tuple[Alarm, ...]
+    wear: tuple[Wear, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def level(self) -> float:
+        """Probability of one false alarm or more, at most."""
+        return self.fleet.template.fleet.level
+
+    @property
+    def tests(self) -> int:
+        """Number of tests that share the level."""
+        return self.charts[0].tests if self.charts else 0
+
+
+def judge(fleet: Fleet) -> Judgement:
+    """Charts, alarms and wear of all watched parameters.
+
+    Args:
+        fleet: the estimates.
+
+    Raises:
+        FleetError: a watched parameter was not estimated.
+    """
+    entry = fleet.template.fleet
+    series = watched_series(fleet.rows, fleet.logs, entry.watch, entry.baseline_records)
+    groups: dict[str, list[Series]] = {}
+    for one in series:
+        groups.setdefault(one.parameter, []).append(one)
+    baselines = [fit_baseline(own, entry.baseline) for own in groups.values()]
+    charts = draw_charts(baselines, entry.level, entry.planned_records)
+    return Judgement(
+        fleet,
+        tuple(baselines),
+        tuple(charts),
+        tuple(find_alarms(charts)),
+        tuple(separate_wear(b) for b in baselines),
+        tuple(_notes(fleet, baselines, charts)),
+    )
+
+
+def conclude(fleet: Fleet, say: Callable[[str], None] | None = None) -> Judgement:
+    """Judge a fleet and write its table, its alarms and its page into the results folder.
+
+    Args:
+        fleet: the estimates.
+        say: progress.
+
+    Raises:
+        FleetError: a watched parameter was not estimated.
+        FleetFolderError: the folder cannot be written to.
+    """
+    from pivident.many.fleet.fleet_page import render_page
+
+    say = say or (lambda line: None)
+    buffer = io.BytesIO()
+    parameter_table(fleet).write_parquet(buffer)
+    fleet.store.write(PARAMETERS, buffer.getvalue())
+    say("judging what has changed")
+    judgement = judge(fleet)
+    fleet.store.write(ALARMS, alarms_json(judgement))
+    fleet.store.write(PAGE, render_page(judgement))
+    return judgement
+
+
+def parameter_table(fleet: Fleet) -> pl.DataFrame:
+    """One row for each log and parameter, and one for each log that failed.
+
+    Columns are the parts of the pattern (``robot``, ``day`` …), ``time``, ``log`` and the results;
+    ``std`` is that of the method, ``relative_error`` that of the whole fit.
+
+    Args:
+        fleet: the estimates.
+    """
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
+    names = [name for name, _ in fleet.logs[0].captures]
+    logs = pl.DataFrame(
+        {
+            "task": [log.name for log in fleet.logs],
+            **{_column(name): [dict(log.captures)[name] for log in fleet.logs] for name in names},
+            "time": [log.time or None for log in fleet.logs],
+            "position": [log.position for log in fleet.logs],
+            "log": [", ".join(p.rpartition("/")[2] for p in log.paths) for log in fleet.logs],
+        },
+        schema_overrides={"time": pl.String},
+    ).with_row_index("order")
+    table = fleet.rows.with_columns(pl.int_range(pl.len()).alias("row"))
+    joined = logs.join(table, on="task", how="inner").sort("order", "row")
+    return joined.drop("order", "row")
+
+
+def alarms_json(judgement: Judgement) -> str:
+    """Alarms with what they promise, as strict JSON: numbers that are not finite are null.
+
+    Args:
+        judgement: of a fleet.
+    """
+    fleet, entry = judgement.fleet, judgement.fleet.template.fleet
+    content: dict[str, Any] = {
+        "schema": 1,
+        "level": judgement.level,
+        "promise": promise(judgement),
+        "tests": judgement.tests,
+        "robots": len(fleet.robots),
+        "logs": len(fleet.logs),
+        "failed": len(fleet.failures),
+        "method": fleet.template.method_name,
+        "baseline": entry.baseline,
+        "baseline_records": entry.baseline_records,
+        "alarms": [
+            asdict(a)
+            | {
+                f"relative_{k}": v
+                for k, v in zip(("change", "low", "high"), a.relative, strict=True)
+            }
+            for a in judgement.alarms
+        ],
+        "parameters": {
+            w.parameter: {
+                "unit": w.unit,
+                "level": w.level,
+                "scatter": b.scatter * b.typical_scale,
+                "degrees": b.degrees,
+                "temperature_per_unit": _rate(w.temperature),
+                "wear_per": fleet.axis.unit,
+                "wear": {robot: _rate(rate) for robot, rate in w.robots.items()},
+            }
+            for b, w in zip(judgement.baselines, judgement.wear, strict=True)
+        },
+        "notes": list(judgement.notes),
+    }
+    return json.dumps(plain(content), indent=1, allow_nan=False)
+
+
+def promise(judgement: Judgement) -> str:
+    """What the level means, in one sentence.
+
+    Args:
+        judgement: of a fleet.
+    """
+    entry = judgement.fleet.template.fleet
+    period = (
+        "in this report (a report on more records has tests of its own)"
+        if entry.planned_records is None
+        else f"in all reports until a robot has {entry.planned_records} judged records"
+    )
+    return (
+        f"If no parameter has changed, the probability of one alarm or more, over all robots, "
+        f"parameters and records {period}, is at most {100 * judgement.level:g} %."
+    )
+
+
+def _notes(fleet: Fleet, baselines: list[Baseline], charts: list[Chart]) -> list[str]:
+    """What a reader has to know, and could not see from the charts."""
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
+    entry, notes = fleet.template.fleet, []
+    failed = fleet.failures
+    if len(failed):
+        notes.append(
+            f"{len(failed)} of {len(fleet.logs)} logs gave no estimate; they are listed below."
+        )
+    lazy = fleet.rows.filter(pl.col("converged").not_())["task"].n_unique()
+    if lazy:
+        notes.append(f"{lazy} estimate(s) did not converge and are in no chart.")
+    judged = {c.series.robot for c in charts}
+    early = [robot for robot in fleet.robots if robot not in judged]
+    if early:
+        shown = ", ".join(early[:3]) + (f" and {len(early) - 3} more" if len(early) > 3 else "")
+        notes.append(
+            f"{len(early)} robot(s) have no record that could be judged ({shown}): "
+            + (
+                f"the first {entry.baseline_records} records of each are its baseline."
+                if entry.baseline == "robot"
+                else "a robot is compared with two others at least."
+            )
+        )
+    few = [b for b in baselines if 0 < b.degrees < 8] if entry.baseline == "robot" else []
+    if few:
+        notes.append(
+            f"The scatter between records rests on {few[0].degrees} degree(s) of freedom only, so "
+            "that limits are wide; more baseline records or more robots narrow them."
+        )
+    if entry.temperature is not None and any(b.temperature is None for b in baselines):
+        notes.append(
+            "Temperature is not separated: it is missing in some records, or did not change "
+            "within the baselines."
+        )
+    if entry.planned_records is not None and charts:
+        most = max(c.difference.size for c in charts)
+        if most > entry.planned_records:
+            notes.append(
+                f"There are {most} judged records of a robot, more than planned_records = "
+                f"{entry.planned_records}; the level holds for this report alone."
+            )
+    return notes
+
+
+def _column(name: str) -> str:
+    """Column of a part of the pattern; own columns keep their names."""
+    own = {"task", "time", "position", "log", "order", "row", "sha256", "method", "computed",
+           "converged", "iterations", "samples", "relative_error", "condition", "seconds", "joint",
+           "parameter", "unit", "value", "std", "robust_std", "friction", "temperature", "error",
+           "message"}  # fmt: skip
+    return f"{name}_part" if name in own else name
+
+
+def _rate(rate: Rate | None) -> list[float] | None:
+    """Value and interval."""
+    return None if rate is None else [rate.value, rate.low, rate.high]

@@ -1,0 +1,105 @@
+"""Patterns of the paths of logs, and what their parts capture.
+
+A pattern is a path below the folder in which ``{name}`` stands for a part without ``/`` that tells
+logs apart, and ``*`` for a part that does not:
+
+    {robot}/{day}.csv                         arm_03/2026-03-01.csv
+    {robot}_{day}.csv                         arm_03_2026-03-01.csv: the first part takes most
+    {robot}/{day}/{run}.parquet               with together = ["robot", "day"]: runs of one problem
+    {q = "{robot}/{day}/q.csv", tau = "{robot}/{day}/tau.csv"}      files of one record
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+
+from pivident.errors import ExperimentError
+
+#: Most parts of one folder's or file's name that a pattern may tell apart.
+MAX_PARTS = 4
+
+#: The capture that says whose record it is.
+ROBOT = "robot"
+
+_CAPTURE = re.compile(r"\{([^{}]*)\}|(\*)")
+
+#: Names and values of what a path captures.
+Captures = tuple[tuple[str, str], ...]
+
+
+class Pattern:
+    """One pattern of paths.
+
+    Args:
+        key: whose files it finds.
+        text: the pattern.
+
+    Raises:
+        ExperimentError: a capture has no usable name, two touch each other, or there is none.
+    """
+
+    def __init__(self, key: str, text: str) -> None:
+        self.text = text
+        self.names: tuple[str, ...] = ()
+        where = f"pattern {text!r}"
+        expression, end = "", 0
+        for found in _CAPTURE.finditer(text):
+            if end == found.start() and end > 0:
+                raise ExperimentError(
+                    f"{where}: {found.group()} follows another part directly, so that nobody knows "
+                    "where one ends; put a character such as _ or / between them"
+                )
+            expression += re.escape(text[end : found.start()])
+            end = found.end()
+            name = found[1]
+            if name is None:
+                expression += "[^/]*"
+                continue
+            if not re.fullmatch(r"[A-Za-z]\w{0,31}", name):
+                raise ExperimentError(
+                    f"{where}: {{{name}}} is no name; use letters, digits and _, such as {{robot}}"
+                )
+            if name in self.names:
+                expression += f"(?P={name})"
+            else:
+                expression += f"(?P<{name}>[^/]+)"
+                self.names += (name,)
+        if max(len(_CAPTURE.findall(part)) for part in text.split("/")) > MAX_PARTS:
+            raise ExperimentError(
+                f"{where} has more than {MAX_PARTS} parts in braces or * between two slashes, so "
+                "that names could be read in very many ways; use folders or fewer parts"
+            )
+        rest = text[end:]
+        if "{" in rest or "}" in rest or not self.names:
+            raise ExperimentError(
+                f"{where} of {key!r} needs parts in braces that tell logs apart, such as "
+                "'{robot}/{day}.csv'"
+            )
+        self.expression = re.compile(expression + re.escape(rest), re.DOTALL)
+
+    def matches(self, files: Sequence[str], robot: str) -> dict[Captures, str]:
+        """Files by what they capture.
+
+        Args:
+            files: paths below the folder.
+            robot: whose they are, where the pattern does not say.
+
+        Raises:
+            ExperimentError: two files capture the same.
+        """
+        found: dict[Captures, str] = {}
+        for file in files:
+            match = self.expression.fullmatch(file)
+            if match is None:
+                continue
+            captures = tuple(match.groupdict().items())
+            if ROBOT not in self.names:
+                captures = ((ROBOT, robot), *captures)
+            if captures in found:
+                raise ExperimentError(
+                    f"pattern {self.text!r} finds {found[captures]!r} and {file!r} for the same "
+                    f"{', '.join(f'{k} {v}' for k, v in captures)}; add a part such as {{run}}"
+                )
+            found[captures] = file
+        return found

@@ -1,0 +1,155 @@
+"""One log of a fleet: read it, identify it, one row for each parameter.
+
+Whatever goes wrong with a log is a row too: error class and message in place of estimates.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import PividentError
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.problem import Problem
+from pivident.experiment.temperature import TEMPERATURE, without_temperature
+from pivident.many.batch.failure import failure
+from pivident.many.batch.results_folder import Row
+from pivident.many.fleet.logs import Log
+from pivident.many.fleet.template import Template
+from pivident.recording.recording import Recording
+
+#: Friction of a motor that also turns with a second joint.
+COUPLED_FRICTION = ("fvm", "fcm")
+
+#: The template that this process used last: robot and options are the same for all logs.
+_last_template: dict[str, Template] = {}
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a worker needs to know of a fleet; small, and the same for all logs.
+
+    Attributes:
+        key: tells fleets apart.
+        payload: file, tables and robot, pickled.
+    """
+
+    key: str
+    payload: bytes
+
+    @classmethod
+    def of(cls, template: Template) -> Task:
+        """The task of a template.
+
+        Args:
+            template: the checked experiment file.
+        """
+        parts = (str(template.path), template.content, template.experiment.robot)
+        return cls(template.hash, pickle.dumps(parts))
+
+    @property
+    def template(self) -> Template:
+        """The template, made once per process."""
+        if self.key not in _last_template:
+            path, content, robot = pickle.loads(self.payload)
+            made = Template(Path(path), content)
+            vars(made.experiment)["robot"] = robot  # its file need not be where the worker is
+            _last_template.clear()
+            _last_template[self.key] = made
+        return _last_template[self.key]
+
+
+def identify_log(task: Task, log: Log) -> list[Row]:
+    """All rows of a log, one for each parameter.
+
+    Args:
+        task: the fleet.
+        log: the log.
+    """
+    begin = time.perf_counter()
+    common: Row = {"task": log.name, "sha256": None}
+    try:
+        template = task.template
+        common["method"] = template.method_name
+        if log.fault:
+            raise PividentError(log.fault)
+        common["sha256"] = log.digest()
+        problem, temperatures = _problem(template, log)
+        found = identify(problem, template.method)
+    except Exception as error:
+        seconds = time.perf_counter() - begin
+        return [common | {"computed": time.time()} | failure(error, seconds)]
+    common |= {
+        "computed": time.time(),
+        "converged": bool(found.converged),
+        "iterations": found.iterations,
+        "samples": sum(r.samples for r in problem.recordings),
+        "relative_error": found.relative_error,
+        "condition": found.condition,
+        "seconds": time.perf_counter() - begin,
+    }
+    return [common | row for row in _parameters(found, temperatures)]
+
+
+def identify_log_alone(task: Task, log: Log) -> list[Row]:
+    """``identify_log`` in a worker process, which takes one thread: workers share the cores."""
+    os.environ["PIVIDENT_THREADS"] = "1"
+    return identify_log(task, log)
+
+
+def lost_log(task: Task, log: Log, times: int) -> list[Row]:
+    """The row of a log whose worker died each time it was tried; it is tried again next time.
+
+    Args:
+        task: the fleet.
+        log: the log.
+        times: how often.
+    """
+    message = f"the worker died {times} times while it read this log; is there enough memory?"
+    common: Row = {"task": log.name, "sha256": None, "method": task.template.method_name}
+    return [common | {"computed": time.time(), "error": "WorkerLost", "message": message}]
+
+
+def _problem(template: Template, log: Log) -> tuple[Problem, np.ndarray | None]:
+    """The problem of a log, and the mean temperature of each joint where the log has it."""
+    experiment = template.experiment_of(log)
+    recordings = experiment.recordings()
+    temperatures = None
+    if template.fleet.temperature is not None:
+        temperatures = _mean_temperatures(recordings)
+        recordings = tuple(without_temperature(r) for r in recordings)
+    return experiment.problem(recordings=recordings), temperatures
+
+
+def _mean_temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
+    """Mean over all samples, shape (joints,), in the unit of the log."""
+    every = np.concatenate([r.inputs[TEMPERATURE] for r in recordings])
+    return every.mean(axis=0)
+
+
+def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[Row]:
+    """Names, values and deviations."""
+    names = found.robot.joint_names
+    rows: list[dict[str, Any]] = []
+    for k, (name, p) in enumerate(zip(found.names, found.parameters, strict=True)):
+        dissipates = p.friction is not None and p.friction.is_dissipative
+        rows.append(
+            {
+                "joint": names[p.joint],
+                "parameter": name,
+                "unit": p.unit,
+                "value": float(found.theta[k]),
+                "std": float(found.std[k]),
+                "robust_std": float(found.robust_std[k]),
+                "friction": dissipates or p.stem in COUPLED_FRICTION,
+                "temperature": None if temperatures is None else float(temperatures[p.joint]),
+            }
+        )
+    return rows

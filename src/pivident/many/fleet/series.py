@@ -1,0 +1,148 @@
+"""One parameter of one robot over time: what a control chart is drawn of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from pivident.extras import require
+from pivident.many.fleet.fleet_errors import FleetError
+from pivident.many.fleet.logs import Log
+from pivident.robot.naming import nearest
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Stands for all friction levels and slopes under ``watch``.
+FRICTION = "friction"
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """Estimates of one parameter of one robot, in the order of time.
+
+    Attributes:
+        robot: whose.
+        parameter: name of the parameter.
+        joint: joint that it belongs to.
+        unit: unit of the values.
+        logs: the records, shape (records,).
+        times: when they were taken, as text, likewise.
+        position: place on the time axis, likewise.
+        value: estimates, likewise.
+        std: their standard deviations, likewise.
+        temperature: mean temperature of the joint, NaN where it is not known, likewise.
+        baseline: how many records of the robot come first and set the level.
+    """
+
+    robot: str
+    parameter: str
+    joint: str
+    unit: str
+    logs: tuple[str, ...]
+    times: tuple[str, ...]
+    position: np.ndarray
+    value: np.ndarray
+    std: np.ndarray
+    temperature: np.ndarray
+    baseline: int
+
+    @property
+    def records(self) -> int:
+        """Number of records."""
+        return self.value.size
+
+
+def watched_series(
+    rows: pl.DataFrame, logs: Sequence[Log], watch: Sequence[str], baseline: int
+) -> list[Series]:
+    """The series that are watched; estimates that did not converge are not in them.
+
+    The baseline are the first records of each robot that gave an estimate.
+
+    Args:
+        rows: as the store has them.
+        logs: all logs, in the order of robots and time.
+        watch: names of parameters, or ``friction`` for every friction level and slope.
+        baseline: records of each robot that set its level.
+
+    Raises:
+        FleetError: a name is none of the parameters, or there is no friction.
+    """
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
+    good = rows.filter(pl.col("error").is_null() & pl.col("converged"))
+    if good.is_empty():
+        return []
+    deviation = "std" if good["method"][0] in OWN_INTERVALS else "robust_std"
+    chosen = _chosen(good, watch)
+    place = {log.name: k for k, log in enumerate(logs)}
+    table: Mapping[str, list[Any]] = (
+        good.filter(
+            pl.col("parameter").is_in(chosen)
+            & (pl.col(deviation) > 0)
+            & pl.col(deviation).is_finite()
+        )
+        .with_columns(pl.col("task").replace_strict(place, return_dtype=pl.Int64).alias("place"))
+        .sort("place")
+        .to_dict(as_series=False)
+    )
+    groups: dict[tuple[str, str], list[int]] = {}
+    for i, (k, parameter) in enumerate(zip(table["place"], table["parameter"], strict=True)):
+        groups.setdefault((logs[k].robot, parameter), []).append(i)
+
+    def column(name: str, own: Sequence[int]) -> np.ndarray:
+        values = table[name]
+        return np.array([np.nan if values[i] is None else values[i] for i in own], dtype=float)
+
+    made = []
+    for (robot, parameter), own in groups.items():
+        theirs = [logs[table["place"][i]] for i in own]
+        made.append(
+            Series(
+                robot,
+                parameter,
+                table["joint"][own[0]],
+                table["unit"][own[0]],
+                tuple(log.name for log in theirs),
+                tuple(log.time or f"{log.position:g}" for log in theirs),
+                np.array([log.position for log in theirs]),
+                column("value", own),
+                column(deviation, own),
+                column("temperature", own),
+                baseline,
+            )
+        )
+    order = {name: k for k, name in enumerate(chosen)}
+    return sorted(made, key=lambda s: (order[s.parameter], s.robot))
+
+
+#: Methods whose own intervals are true on simulated records; the others take the robust ones.
+OWN_INTERVALS = ("piv", "didim")
+
+
+def _chosen(good: pl.DataFrame, watch: Sequence[str]) -> list[str]:
+    """Names of the watched parameters, in the order of the model."""
+    known = good.unique("parameter", keep="first", maintain_order=True)
+    names = known["parameter"].to_list()
+    friction = [n for n, f in zip(names, known["friction"], strict=True) if f]
+    wanted: set[str] = set()
+    for name in watch:
+        if name == FRICTION:
+            if not friction:
+                raise FleetError(
+                    "[fleet] watch: no friction was estimated; name parameters, such as "
+                    f"{', '.join(names[:3])}"
+                )
+            wanted |= set(friction)
+            continue
+        meant = [n for n in names if name.lower() in (n.lower(), n.lower().removesuffix("r"))]
+        if not meant:
+            raise FleetError(
+                f"[fleet] watch: no parameter {name!r} was estimated; "
+                f"{nearest(name, [FRICTION, *names])}"
+            )
+        wanted |= set(meant)
+    return [n for n in names if n in wanted]

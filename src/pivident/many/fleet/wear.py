@@ -1,0 +1,140 @@
+"""Wear apart from warmth: how fast a parameter changes with time at a constant temperature.
+
+Over all records, those of the baseline included,
+
+    y_i = μ_r + w_r t_i + b (T_i - T₀) + u_i + e_i
+
+with a level μ_r and a rate of wear w_r of each robot, and one slope b of temperature for the fleet.
+Scatter of u and scale of y are those of the baseline. A cold winter and a worn gear are told apart
+as far as temperature and time do not go together; where they do, both intervals are wide.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.many.fleet.baseline import Baseline
+from pivident.many.fleet.control_chart import CONFIDENCE
+from pivident.many.fleet.series import Series
+
+#: Share of a variable's spread that must be its own for it to count as separate.
+SEPARATE = 1e-9
+
+
+@dataclass(frozen=True)
+class Rate:
+    """A slope with its interval of 95 %.
+
+    Attributes:
+        value: the slope.
+        low: lower end.
+        high: upper end.
+    """
+
+    value: float
+    low: float
+    high: float
+
+    def times(self, scale: float) -> Rate:
+        """The same in another unit; ``scale`` is positive."""
+        return Rate(scale * self.value, scale * self.low, scale * self.high)
+
+    @property
+    def clear(self) -> bool:
+        """Whether it tells itself from zero."""
+        return self.low > 0.0 or self.high < 0.0
+
+
+@dataclass(frozen=True)
+class Wear:
+    """Slopes of one parameter.
+
+    Attributes:
+        parameter: its name.
+        unit: its unit.
+        temperature: b over the fleet [unit per unit of temperature]; None where it is not known.
+        robots: w of each robot [unit per unit of time]; None where its times do not differ.
+        level: mean level of the robots.
+        degrees: ν of the intervals.
+    """
+
+    parameter: str
+    unit: str
+    temperature: Rate | None
+    robots: dict[str, Rate | None]
+    level: float
+    degrees: int
+
+
+def separate_wear(baseline: Baseline) -> Wear:
+    """Rates of wear and the slope of temperature of one parameter.
+
+    Args:
+        baseline: gives series, scatter and degrees of freedom.
+    """
+    from scipy.stats import t
+
+    degrees = max(baseline.degrees, 1)
+    quantile = float(t.ppf(0.5 + CONFIDENCE / 2.0, degrees))
+    warm = baseline.temperature is not None
+    parts = [_Part.of(s, baseline.scatter, warm) for s in baseline.scaled]
+    typical = baseline.typical_scale
+    information = sum(p.warmth @ (p.weight * p.warmth) for p in parts)
+    spread = sum(p.total for p in parts)
+    slope, variance, temperature = 0.0, 0.0, None
+    if warm and information > SEPARATE * spread:
+        slope = float(sum(p.warmth @ (p.weight * p.value) for p in parts)) / float(information)
+        variance = 1.0 / float(information)
+        half = quantile * float(np.sqrt(variance))
+        temperature = Rate(slope, slope - half, slope + half).times(typical)
+    robots: dict[str, Rate | None] = {}
+    for series, part, scale in zip(baseline.series, parts, baseline.scales, strict=True):
+        if part.rate is None:
+            robots[series.robot] = None
+            continue
+        rate = part.rate - slope * part.coupling
+        half = quantile * float(np.sqrt(part.variance + variance * part.coupling**2))
+        robots[series.robot] = Rate(rate, rate - half, rate + half).times(float(scale))
+    first = baseline.series[0]
+    level = float(np.nanmean(baseline.levels * baseline.scales))
+    return Wear(first.parameter, first.unit, temperature, robots, level, degrees)
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """One robot after level and time are taken off temperature and values.
+
+    Attributes:
+        weight: w, shape (records,).
+        warmth: temperature without what level and time explain.
+        value: values likewise.
+        total: weighted spread of the temperature.
+        rate: slope of the values over time alone; None where times do not differ.
+        variance: of that slope.
+        coupling: slope of temperature over time.
+    """
+
+    weight: np.ndarray
+    warmth: np.ndarray
+    value: np.ndarray
+    total: float
+    rate: float | None
+    variance: float
+    coupling: float
+
+    @classmethod
+    def of(cls, series: Series, scatter: float, warm: bool) -> _Part:
+        w = 1.0 / (scatter**2 + series.std**2)
+        share = w / w.sum()
+        y = series.value - share @ series.value
+        warmth = series.temperature - share @ series.temperature if warm else np.zeros_like(y)
+        time = series.position - share @ series.position
+        total, spread = float(w @ warmth**2), float(w @ time**2)
+        if np.ptp(series.position) <= 0.0:
+            return cls(w, warmth, y, total, None, 0.0, 0.0)
+        rate, coupling = float(w @ (time * y)) / spread, float(w @ (time * warmth)) / spread
+        return cls(
+            w, warmth - coupling * time, y - rate * time, total, rate, 1.0 / spread, coupling
+        )

@@ -1,0 +1,317 @@
+"""The simulated test bench of a scenario: true robot, control loop, motion and noise.
+
+A run is known by its number. Its noise comes from (run, scenario seed) and nothing else, so that
+any worker makes the same record at any time.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import Parameter, nominal_values
+from pivident.dynamics.regressor import Regressor
+from pivident.errors import ExperimentError
+from pivident.estimation.problem import Loop, Problem
+from pivident.many.study.motion import per_joint, reference_of
+from pivident.many.study.scenario import Scenario
+from pivident.many.study.starts import deviating_values
+from pivident.recording.recording import Recording
+from pivident.robot.naming import nearest
+from pivident.simulation.closed_loop import Trajectory
+from pivident.simulation.controllers import Controller
+from pivident.simulation.counted_law import counted
+from pivident.simulation.excitation import FourierSeries
+from pivident.simulation.feed_forward import with_measured_gravity
+from pivident.simulation.noise import Deviation, Noise, stream
+from pivident.simulation.simulated_record import loop_motion
+
+#: Stream of random numbers that draws the starts, beside those of the noise.
+STARTS = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """Everything of a scenario that its runs share.
+
+    Attributes:
+        scenario: the scenario, or one condition of it.
+        series: optimised Fourier motion of the scenario, where it asks for one.
+    """
+
+    scenario: Scenario
+    series: FourierSeries | None = None
+
+    @cached_property
+    def base(self) -> BaseParameters:
+        """Base parameters of the robot."""
+        return base_parameters(self.scenario.robot)
+
+    @cached_property
+    def heads(self) -> tuple[Parameter, ...]:
+        """Heads of the groups that are not zero in truth."""
+        return tuple(self.base.parameters[k] for k in self._selected)
+
+    @cached_property
+    def true_values(self) -> np.ndarray:
+        """Their values, shape (parameters,)."""
+        values = self.base.values(nominal_values(self.scenario.robot, self.base.standard))
+        for name, value in self.scenario.content.truth.values.items():
+            values[self._index(name)] = value
+        return values[self._selected]
+
+    @property
+    def truth(self) -> dict[str, float]:
+        """True values by the name of the group's head."""
+        return {p.name: float(v) for p, v in zip(self.heads, self.true_values, strict=True)}
+
+    @cached_property
+    def estimated(self) -> tuple[str, ...]:
+        """Names of the estimated base parameters, as results have them."""
+        names = self.scenario.content.identify.parameters
+        chosen = self._selected if names is None else sorted(self._index(n) for n in names)
+        return tuple(self.base.names[k] for k in chosen)
+
+    @cached_property
+    def expected(self) -> np.ndarray:
+        """True values of the estimated parameters, zero where the truth has none."""
+        known = {self.base.index(name): value for name, value in self.truth.items()}
+        return np.array([known.get(self.base.index(name), 0.0) for name in self.estimated])
+
+    @cached_property
+    def regressor(self) -> Regressor:
+        """Observation matrix of the estimated parameters."""
+        heads = [self.base.parameters[self.base.index(name)] for name in self.estimated]
+        return Regressor.build(self.scenario.robot, heads)
+
+    @cached_property
+    def controller(self) -> Controller:
+        """The control law as the estimators know it."""
+        from pivident.experiment.recording_tables import control_law
+
+        return control_law(self.scenario.content.controller, self.scenario.robot.size)
+
+    @cached_property
+    def loop(self) -> Loop:
+        """The loop as the estimators know it."""
+        entry, n = self.scenario.content.controller, self.scenario.robot.size
+        return Loop(
+            self.controller,
+            per_joint("controller.drive_gain", entry.drive_gain, n),
+            np.full(n, np.inf)
+            if entry.limit is None
+            else per_joint("controller.limit", entry.limit, n),
+            feed_forward=entry.feed_forward,
+        )
+
+    @cached_property
+    def noise(self) -> Noise:
+        """Noise of all runs."""
+        entry, n = self.scenario.content.noise, self.scenario.robot.size
+        coloured: dict[str, Any] = {}
+        if entry.coloured is not None:
+            coloured = {
+                "coloured": _deviation("noise.coloured.std", entry.coloured.std, n),
+                "frequency": entry.coloured.frequency,
+                "radius": entry.coloured.radius,
+            }
+        rate = self.scenario.content.record.law_rate
+        coloured.setdefault("frequency", rate / 4.0)  # of no effect without a deviation
+        return Noise(
+            encoder=_deviation("noise.encoder", entry.encoder, n),
+            torque=_deviation("noise.torque", entry.torque, n),
+            counts=entry.counts,
+            rate=rate,
+            where=entry.where,
+            rounding=entry.rounding,
+            **coloured,
+        )
+
+    @cached_property
+    def reference(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Reference q, dq, ddq at the control rate, each (samples, joints)."""
+        return reference_of(self.scenario, self.scenario.content.trajectory, self.series)
+
+    @cached_property
+    def second_reference(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Reference of the motion that nobody identifies from."""
+        entry = self.scenario.content.validation
+        if entry is None:
+            first = self.scenario.content.trajectory
+            changes: dict[str, Any] = {"seed": first.seed + 1}
+            if first.type == "fourier":
+                changes["optimise"] = False
+            entry = first.model_copy(update=changes)
+        return reference_of(self.scenario, entry)
+
+    @cached_property
+    def noise_free(self) -> Trajectory:
+        """The true motion without any noise, at the control rate."""
+        return self.simulated(self.heads, self.true_values, self.reference)
+
+    @cached_property
+    def second_motion(self) -> Trajectory:
+        """The true motion along the second reference, without noise."""
+        return self.simulated(self.heads, self.true_values, self.second_reference)
+
+    def record_of(self, run: int) -> int:
+        """Number of the record that a run uses; runs of different starts may share one."""
+        return run % self._records
+
+    def start_of(self, run: int) -> int:
+        """Number of the start that a run begins at: all pairs with the records are met once."""
+        count = self.scenario.content.start.count
+        return (run + run // math.lcm(count, self._records)) % count
+
+    def problem(self, run: int) -> Problem:
+        """What the estimators of a run are given.
+
+        Args:
+            run: number of the run.
+
+        Raises:
+            SimulationDiverged: the true robot does not follow its reference.
+        """
+        content = self.scenario.content
+        parameters = content.identify.parameters or [p.name for p in self.heads]
+        return Problem(
+            self.scenario.robot,
+            (self.recording(self.record_of(run)),),
+            self.loop,
+            tuple(parameters),
+            mask=content.identify.mask,
+            initial=self.start(self.start_of(run)),
+        )
+
+    def recording(self, record: int) -> Recording:
+        """A simulated record.
+
+        Args:
+            record: its number, from which its noise comes.
+        """
+        entry, noise = self.scenario.content.record, self.noise
+        seed = (record, self.scenario.content.seed)
+        q_ref, dq_ref, ddq_ref = self.reference
+        added = noise.in_loop(seed, q_ref.shape)
+        made = self.simulated(
+            self.heads,
+            self.true_values,
+            self.reference,
+            added if noise.where == "loop" else None,
+            rounded=noise.counts > 0 and noise.rounding == "loop",
+        )
+        q, tau = (made.q + added)[:: entry.step], made.tau[:: entry.step]
+        return Recording(
+            f"{self.scenario.title}-{record}",
+            self.scenario.robot.joint_names,
+            noise.quantised(q),
+            tau + noise.of_torque(seed, tau.shape),
+            entry.rate,
+            q_ref=q_ref[:: entry.step],
+            dq_ref=dq_ref[:: entry.step],
+            ddq_ref=ddq_ref[:: entry.step],
+            control_rate=entry.law_rate,
+            torque_timing=entry.torque_timing,
+            simulated=True,
+            saturation="refuse" if np.isinf(self.loop.limit).all() else "allow",
+        )
+
+    def simulated(
+        self,
+        parameters: tuple[Parameter, ...],
+        theta: np.ndarray,
+        reference: tuple[np.ndarray, np.ndarray, np.ndarray],
+        noise: np.ndarray | None = None,
+        clip: bool = False,
+        rounded: bool = False,
+    ) -> Trajectory:
+        """The closed loop with given parameters along a reference, at the control rate.
+
+        Args:
+            parameters: heads of base groups; the others are zero.
+            theta: their values.
+            reference: q, dq, ddq.
+            noise: position noise that the control law reads.
+            clip: whether negative friction levels count as zero.
+            rounded: whether the control law reads rounded positions.
+
+        Raises:
+            SimulationDiverged: names the joint and the time.
+        """
+        scenario, loop, rate = self.scenario, self.loop, self.scenario.content.record.law_rate
+        controller = with_measured_gravity(
+            self.controller, scenario.robot, loop.drive_gain, loop.feed_forward
+        )
+        if rounded:
+            controller = counted(controller, self.noise, rate, *reference[:2])
+        return loop_motion(
+            scenario.robot,
+            loop,
+            rate,
+            reference,
+            parameters,
+            theta,
+            controller=controller,
+            noise=noise,
+            clip=clip,
+        )
+
+    def start(self, number: int) -> dict[str, float]:
+        """Initial values of the iteration by parameter name.
+
+        True values times ``start.inertia`` or ``start.friction``; with a spread, those of a robot
+        whose standard parameters deviate by so much, normally distributed, and are physical.
+
+        Args:
+            number: of the start.
+        """
+        entry = self.scenario.content.start
+        values = self.true_values
+        if entry.spread:
+            values = self._deviating(number, entry.spread)
+        return {
+            p.name: float(value * (entry.friction if p.friction or p.coupling else entry.inertia))
+            for p, value in zip(self.heads, values, strict=True)
+        }
+
+    def _deviating(self, number: int, spread: float) -> np.ndarray:
+        """Values of the true parameters on a robot that deviates from its description."""
+        rng = stream((number, self.scenario.content.seed), STARTS)
+        values = deviating_values(self.base, spread, rng)
+        for name, value in self.scenario.content.truth.values.items():
+            values[self._index(name)] = value * (1.0 + spread * rng.standard_normal())
+        return values[self._selected]
+
+    @cached_property
+    def _selected(self) -> list[int]:
+        """Indices of the base parameters that are not zero in truth."""
+        names = self.scenario.content.truth.parameters
+        chosen = range(len(self.base)) if names is None else [self._index(n) for n in names]
+        return sorted({*chosen, *map(self._index, self.scenario.content.truth.values)})
+
+    @property
+    def _records(self) -> int:
+        """Number of different records; as many as runs unless the scenario says otherwise."""
+        return self.scenario.content.record.records or 2**40
+
+    def _index(self, name: str) -> int:
+        try:
+            return self.base.index(name)
+        except KeyError:
+            known = [p.name for p in self.base.parameters]
+            raise ExperimentError(
+                f"robot {self.scenario.robot.name!r} has no base parameter {name!r}; "
+                f"{nearest(name.removesuffix('r'), known)}"
+            ) from None
+
+
+def _deviation(key: str, value: Any, joints: int) -> Deviation:
+    """One number for all joints, or a tuple."""
+    if np.ndim(value) == 0:
+        return float(value)
+    return tuple(per_joint(key, value, joints).tolist())

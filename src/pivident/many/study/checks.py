@@ -1,0 +1,67 @@
+"""What is wrong with a scenario, found before anything is simulated."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.many.study.bench import Bench
+from pivident.many.study.motion import reach_of
+from pivident.many.study.scenario import Scenario
+
+#: Samples that a record needs so that all methods can work with it.
+MIN_RECORD = 200
+
+#: Samples of a record that nobody simulates many times: two days at 5 kHz.
+MAX_RECORD = 1_000_000_000
+
+
+def check_scenario(scenario: Scenario) -> None:
+    """Refuse a scenario whose tables do not fit its robot.
+
+    Args:
+        scenario: the scenario, or one condition of it.
+
+    Raises:
+        ExperimentError: names table, key, value and what was expected.
+    """
+    bench = Bench(scenario)
+    scenario.methods, bench.estimated, bench.noise, bench.loop  # noqa: B018 - making them checks
+    bench.controller.check(scenario.robot.size)
+    _check_motion(scenario)
+    if bench.noise.counts and bench.noise.rounding == "loop":
+        _check_counted_law(scenario)
+
+
+def _check_motion(scenario: Scenario) -> None:
+    entry, rate = scenario.content.trajectory, scenario.content.record.rate
+    if entry.type == "point_to_point":
+        reach_of(entry, scenario.robot.size)
+    speeds = scenario.robot.rated_speeds
+    if not np.isfinite(speeds).all():
+        missing = scenario.robot.joint_names[int(np.flatnonzero(np.isnan(speeds))[0])]
+        raise ExperimentError(
+            f"[trajectory] the robot has no rated speed of joint {missing!r}, which the motion "
+            "is made for; add rated_speed to its description"
+        )
+    if entry.duration * rate > MAX_RECORD:
+        raise ExperimentError(
+            f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of more than "
+            f"{MAX_RECORD:,} samples at {rate:g} Hz; shorten it"
+        )
+    samples = round(entry.duration * rate)
+    if samples < MIN_RECORD:
+        raise ExperimentError(
+            f"[trajectory] key 'duration' = {entry.duration:g} s gives a record of {samples} "
+            f"samples at {rate:g} Hz; at least {MIN_RECORD} are needed"
+        )
+
+
+def _check_counted_law(scenario: Scenario) -> None:
+    """An integrator behind an encoder that is rounded in the loop does not know the limit."""
+    entry = scenario.content.controller
+    if entry.limit is not None and np.any(entry.ki):
+        raise ExperimentError(
+            '[noise] rounding = "loop" cannot be simulated with an integrator (ki) and a limit; '
+            'leave one of them out, or use rounding = "record"'
+        )

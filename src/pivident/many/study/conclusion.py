@@ -1,0 +1,57 @@
+"""From runs on disk to summary and page."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+from pivident.many.study.bench import Bench
+from pivident.many.study.motion import optimised_series
+from pivident.many.study.scenario import Scenario
+from pivident.many.study.study_errors import StudyFolderError
+from pivident.many.study.study_store import Store
+from pivident.many.study.summary import Summary, summarise
+
+SUMMARY, PAGE = "summary.json", "report.html"
+
+
+def conclude(
+    scenario: Scenario, folder: str | Path, say: Callable[[str], None] | None = None
+) -> Summary:
+    """Judge the runs of a folder and write ``summary.json`` and ``report.html`` beside them.
+
+    Args:
+        scenario: the scenario that the folder belongs to.
+        folder: results folder.
+        say: progress.
+
+    Raises:
+        StudyFolderError: there are no runs, or the folder cannot be written to.
+    """
+    from pivident.many.study.study_page import render_page
+
+    say = say or (lambda line: None)
+    store = Store(Path(folder))
+    rows = store.rows()
+    if rows.is_empty():
+        raise StudyFolderError(folder, "there are no runs in it", "let the study finish some first")
+    say(f"{scenario.title}: summary of {rows['run'].n_unique()} runs")
+    bench = Bench(scenario, optimised_series(scenario, store.folder, say))
+    summary = summarise(bench, rows)
+    store.write(SUMMARY, summary.to_json())
+    store.write(PAGE, render_page(summary, bench, rows, store.programs()))
+    return summary
+
+
+def write_index(summaries: dict[str, Summary], folder: str | Path) -> None:
+    """``summary.json`` of a scenario with conditions: the summary of each one.
+
+    Args:
+        summaries: by the name of the condition.
+        folder: the folder that holds one folder for each.
+    """
+    content = {
+        "conditions": {name: json.loads(summary.to_json()) for name, summary in summaries.items()}
+    }
+    Store(Path(folder)).write(SUMMARY, json.dumps(content, indent=1))

@@ -1,0 +1,233 @@
+"""The summary of a study as one HTML page that needs nothing else."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jinja2 import ChoiceLoader, PackageLoader
+from markupsafe import Markup
+
+from pivident.many.study.bench import Bench
+from pivident.many.study.study_text import number, percent
+from pivident.many.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
+from pivident.report.builder import page_environment
+from pivident.report.drawing_library import go
+from pivident.report.plotly_figures import ERROR, SHADE, Figure, colour
+from pivident.report.plotly_figures import empty_plot as empty_plot
+from pivident.text.numbers import percent as two_digits
+from pivident.text.toml import toml_lines
+from pivident.version import __version__
+
+if TYPE_CHECKING:
+    import polars as pl
+
+#: Most runs whose normalised errors are drawn; more would only make the page heavy.
+MAX_DRAWN = 400
+
+
+def render_page(
+    summary: Summary, bench: Bench, rows: pl.DataFrame, programs: Sequence[str] = ()
+) -> str:
+    """The page as text.
+
+    Args:
+        summary: of the study.
+        bench: gives truth and units.
+        rows: all rows of the study, for the figures.
+        programs: states of the program that computed them.
+    """
+    environment = page_environment()
+    environment.loader = ChoiceLoader(
+        [PackageLoader("pivident.many.study"), PackageLoader("pivident.report")]
+    )
+    environment.globals |= {"share": percent, "short": number, "share_of": _share}
+    content: dict[str, Any] = {
+        "summary": summary,
+        "methods": list(summary.methods.items()),
+        "nominal": NOMINAL_COVERAGE,
+        "programs": programs,
+        "identity": toml_lines(bench.scenario.identity),
+        "bounded": any(math.isfinite(m.efficiency) for m in summary.methods.values()),
+        "sensed": any(math.isfinite(m.spread_over_sensor_bound) for m in summary.methods.values()),
+    }
+    figures = {
+        "result": [],
+        "intervals": [coverage_figure(summary), ratio_figure(summary)],
+        "accuracy": [deviation_figure(summary), bias_figure(summary)],
+        "runs": errors_figures(summary, bench, rows),
+        "parameters": [],
+        "merit": [],
+        "provenance": [],
+    }
+    headings = {
+        "result": "Result",
+        "intervals": "Are the intervals true?",
+        "accuracy": "Are the estimates right?",
+        "runs": "Run by run",
+        "parameters": "Parameter by parameter",
+        "merit": "Figures of merit on a second motion",
+        "provenance": "Provenance",
+    }
+    sections = []
+    for key, heading in headings.items():
+        template = environment.get_template(f"study_{key}.html")
+        sections.append((key, heading, Markup(template.render(figures=figures[key], **content))))
+    return environment.get_template("page.html").render(
+        title=f"Study {summary.scenario}: {summary.runs} runs",
+        head=sections[0],
+        sections=sections[1:],
+        version=__version__,
+    )
+
+
+def coverage_figure(summary: Summary) -> Figure:
+    """Coverage of every parameter with its Wilson interval."""
+    plot = empty_plot("covered [%]")
+    for k, (name, method) in enumerate(summary.methods.items()):
+        share = np.array([p.coverage for p in method.parameters])
+        ends = np.array([p.coverage_interval for p in method.parameters]).reshape(-1, 2)
+        _points(plot, method, name, k, 100 * share, 100 * ends)
+    plot.add_hline(100 * NOMINAL_COVERAGE, line={"color": ERROR, "width": 1, "dash": "dash"})
+    return Figure(
+        plot,
+        height=300,
+        title="2σ coverage",
+        label="Coverage of the 2σ interval of every parameter by every method",
+        note=f"Wilson intervals of 95 %; the dashed line is {100 * NOMINAL_COVERAGE:.1f} %, where "
+        "they should lie",
+    )
+
+
+def ratio_figure(summary: Summary) -> Figure:
+    """Reported over empirical deviation of every parameter."""
+    plot = empty_plot("reported/found")
+    for k, (name, method) in enumerate(summary.methods.items()):
+        _points(plot, method, name, k, [p.predicted_over_empirical for p in method.parameters])
+    plot.add_hline(1.0, line={"color": ERROR, "width": 1, "dash": "dash"})
+    plot.update_yaxes(type="log")
+    return Figure(
+        plot,
+        height=300,
+        title="Reported over empirical deviation",
+        label="Mean reported deviation over the deviation of the estimates, by parameter",
+        note="above the dashed line intervals are too wide, below too narrow",
+    )
+
+
+def deviation_figure(summary: Summary) -> Figure:
+    """Empirical deviations beside the bound."""
+    plot = empty_plot("deviation/|truth| [%]")
+    first = next(iter(summary.methods.values()))
+    for k, (name, method) in enumerate(summary.methods.items()):
+        _points(plot, method, name, k, [_relative(p.spread, p.truth) for p in method.parameters])
+    names = [html.escape(p.name) for p in first.parameters]
+    for label, key, dash in (("bound (P-23)", "bound", "solid"), ("sensor", "sensor_bound", "dot")):
+        bound = [_relative(getattr(p, key), p.truth) for p in first.parameters]
+        if any(map(math.isfinite, bound)):
+            plot.add_scatter(
+                x=names, y=bound, name=label, mode="lines",
+                line={"color": ERROR, "width": 1.2, "dash": dash, "shape": "hvh"},
+            )  # fmt: skip
+    plot.update_yaxes(type="log", exponentformat="power")
+    return Figure(
+        plot,
+        height=320,
+        title="Deviation of the estimates",
+        label="Empirical relative deviation of every parameter by every method, with the bound",
+        note="the line is the bound (P-23); dotted: from the torque sensor's noise alone",
+    )
+
+
+def _share(share: float) -> str:
+    """A share with two digits as percentage, or a dash."""
+    return two_digits(100.0 * share) if math.isfinite(share) else "–"
+
+
+def bias_figure(summary: Summary) -> Figure:
+    """Bias in deviations of the estimate, with its standard error."""
+    plot = empty_plot("bias/deviation")
+    for k, (name, method) in enumerate(summary.methods.items()):
+        spread = np.array([p.spread for p in method.parameters])
+        with np.errstate(divide="ignore", invalid="ignore"):
+            bias = np.array([p.bias for p in method.parameters]) / spread
+            error = 2 * np.array([p.bias_std for p in method.parameters]) / spread
+        _points(plot, method, name, k, bias, np.stack([bias - error, bias + error], axis=1))
+    plot.add_hrect(-0.5, 0.5, line_width=0, fillcolor=SHADE)
+    plot.update_yaxes(autorangeoptions={"include": [-1.0, 1.0]})  # the band is always seen
+    return Figure(
+        plot,
+        height=320,
+        title="Bias",
+        label="Mean error of every parameter over the deviation of the estimate",
+        note="±2 standard errors; within the grey band the bias is below half a deviation",
+    )
+
+
+def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[Figure]:
+    """Errors over reported deviations of each method, one box per parameter."""
+    drawn = []
+    for k, name in enumerate(summary.methods):
+        own = rows.filter((rows["method"] == name) & rows["error"].is_null()).head(MAX_DRAWN)
+        if own.is_empty():
+            continue
+        theta, std = (np.array(own[key].to_list()) for key in ("theta", "std"))
+        errors = (theta - bench.expected) / std
+        plot = empty_plot("error/reported σ")
+        for j, parameter in enumerate(bench.estimated):
+            low, first, middle, third, high = np.percentile(errors[:, j], [2.3, 25, 50, 75, 97.7])
+            plot.add_box(
+                name=html.escape(parameter), x=[html.escape(parameter)], lowerfence=[low],
+                q1=[first], median=[middle], q3=[third], upperfence=[high],
+                marker_color=colour(k), showlegend=False,
+            )  # fmt: skip
+        for line in (-2.0, 2.0):
+            plot.add_hline(line, line={"color": ERROR, "width": 1, "dash": "dash"})
+        drawn.append(
+            Figure(
+                plot,
+                height=280,
+                title=name,
+                label=f"Errors of {name} over their reported deviations, by parameter",
+                note="box: half of the runs; whiskers: 95.4 %, which should reach the dashed lines",
+            )
+        )
+    return drawn
+
+
+def _points(
+    plot: go.Figure,
+    method: MethodSummary,
+    name: str,
+    k: int,
+    y: Any,
+    ends: np.ndarray | None = None,
+) -> None:
+    """One point per parameter, with an interval where there is one."""
+    y = np.asarray(y, dtype=float)
+    bars = None
+    if ends is not None:
+        bars = {
+            "type": "data",
+            "symmetric": False,
+            "array": ends[:, 1] - y,
+            "arrayminus": y - ends[:, 0],
+            "thickness": 1,
+            "width": 0,
+        }
+    plot.add_scatter(
+        x=[html.escape(p.name) for p in method.parameters],
+        y=y,
+        error_y=bars,
+        name=html.escape(name),
+        mode="markers",
+        marker={"color": colour(k), "size": 6},
+    )
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+
+
+def _relative(value: float, truth: float) -> float:
+    return 100.0 * value / abs(truth) if truth else math.nan

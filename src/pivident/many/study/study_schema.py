@@ -1,0 +1,194 @@
+"""Keys of a scenario file, their types and defaults, and what contradicts each other.
+
+Robot, control law and methods have the tables of an experiment file; where that describes a
+record, a scenario describes how one is made. This module needs pydantic and is imported only when
+a scenario is read.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field, NonNegativeFloat, PositiveFloat, PositiveInt, model_validator
+
+from pivident.experiment.method_keys import IdentifyEntry
+from pivident.experiment.schema import ControllerEntry, RobotEntry
+from pivident.experiment.table_values import Numbers
+from pivident.recording.recording import TorqueTiming
+from pivident.robot.mdh_schema import Entry
+
+#: Keys that only one kind of trajectory has.
+OF_KIND = {
+    "point_to_point": {"reach", "speed", "dwell"},
+    "fourier": {"harmonics", "frequency", "speed", "acceleration", "optimise"},
+}
+
+Share = Annotated[float, Field(gt=0, le=1)]
+
+
+class TruthEntry(Entry):
+    """The true parameters: nominal values of the robot, unless values say otherwise."""
+
+    parameters: Annotated[list[str], Field(min_length=1)] | None = None
+    values: dict[str, float] = Field(default_factory=dict)
+
+
+class StartEntry(Entry):
+    """Where the iteration starts, relative to the truth."""
+
+    inertia: float = 1.1
+    friction: float = 0.0
+    spread: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    count: PositiveInt = 1
+
+    @model_validator(mode="after")
+    def _spread_needs_starts(self) -> StartEntry:
+        if self.count > 1 and self.spread == 0.0:
+            raise ValueError(
+                f"count = {self.count} starts without a spread are all the same; give spread = 0.15"
+            )
+        return self
+
+
+class RecordEntry(Entry):
+    """How the loop is sampled and recorded."""
+
+    rate: PositiveFloat = 5000.0
+    control_rate: PositiveFloat | None = None
+    torque_timing: TorqueTiming = "held"
+    records: PositiveInt | None = None
+
+    @model_validator(mode="after")
+    def _whole_ratio(self) -> RecordEntry:
+        ratio = self.law_rate / self.rate
+        if abs(ratio - round(ratio)) > 1e-9 or ratio < 1:
+            raise ValueError(
+                f"control_rate = {self.law_rate:g} must be a whole multiple of rate = {self.rate:g}"
+            )
+        if self.torque_timing == "averaged":
+            raise ValueError(
+                'torque_timing = "averaged" cannot be simulated; use "held" or "sampled"'
+            )
+        return self
+
+    @property
+    def law_rate(self) -> float:
+        """Rate of the control law [Hz]."""
+        return self.control_rate or self.rate
+
+    @property
+    def step(self) -> int:
+        """Control periods per sample of the record."""
+        return round(self.law_rate / self.rate)
+
+
+class TrajectoryEntry(Entry):
+    """The reference motion."""
+
+    type: Literal["point_to_point", "fourier"] = "point_to_point"
+    duration: PositiveFloat = 6.9
+    seed: Annotated[int, Field(ge=0)] = 0
+    speed: Share = 0.8
+    reach: Numbers | None = None
+    dwell: NonNegativeFloat = 0.05
+    harmonics: PositiveInt = 5
+    frequency: PositiveFloat = 0.1
+    acceleration: PositiveFloat | None = None
+    optimise: bool = True
+
+    @model_validator(mode="after")
+    def _keys_belong_to_type(self) -> TrajectoryEntry:
+        others = set().union(*OF_KIND.values()) - OF_KIND[self.type]
+        foreign = sorted(self.model_fields_set & others)
+        if foreign:
+            raise ValueError(
+                f"a {self.type} trajectory has no {', '.join(foreign)}; its keys are "
+                f"duration, seed, {', '.join(sorted(OF_KIND[self.type]))}"
+            )
+        return self
+
+
+class ColouredEntry(Entry):
+    """Position noise with a peak in its spectrum, AR(2)."""
+
+    std: Numbers
+    frequency: PositiveFloat
+    radius: Annotated[float, Field(ge=0, lt=1)] = 0.998
+
+
+class NoiseEntry(Entry):
+    """Noise of encoders and torque sensors."""
+
+    encoder: Numbers = 0.0
+    torque: Numbers = 0.0
+    coloured: ColouredEntry | None = None
+    counts: NonNegativeFloat = 0.0
+    where: Literal["loop", "record"] = "loop"
+    rounding: Literal["record", "loop"] = "record"
+
+    @model_validator(mode="after")
+    def _some_noise(self) -> NoiseEntry:
+        for key in ("encoder", "torque"):
+            value = getattr(self, key)
+            if min(value) < 0 if isinstance(value, list) else value < 0:
+                raise ValueError(f"{key} = {value} is a standard deviation and cannot be negative")
+        if "rounding" in self.model_fields_set and not self.counts:
+            raise ValueError(
+                "rounding is given, but no counts to round to; add counts or remove it"
+            )
+        if not (self.counts or self.coloured or _positive(self.encoder) or _positive(self.torque)):
+            raise ValueError(
+                "there is no noise at all, so all runs would be the same; give encoder, torque, "
+                "coloured or counts"
+            )
+        return self
+
+
+def _positive(value: float | list[float]) -> bool:
+    return max(value) > 0 if isinstance(value, list) else value > 0
+
+
+class ScenarioFile(Entry):
+    """The whole file, its short forms written out."""
+
+    description: str = ""
+    runs: Annotated[int, Field(gt=0, le=10_000_000)] = 100
+    seed: Annotated[int, Field(ge=0)] = 0
+    robot: RobotEntry
+    truth: TruthEntry = TruthEntry()
+    start: StartEntry = StartEntry()
+    controller: ControllerEntry
+    record: RecordEntry = RecordEntry()
+    trajectory: TrajectoryEntry = TrajectoryEntry()
+    validation: TrajectoryEntry | None = None
+    noise: NoiseEntry
+    identify: IdentifyEntry = Field(default_factory=lambda: IdentifyEntry.model_validate({}))
+    vary: dict[str, dict[str, dict[str, Any]]] = Field(default_factory=dict)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> ScenarioFile:
+        if self.controller.type not in ("pd", "pid", "cascade"):
+            raise ValueError(
+                f'controller.type = "{self.controller.type}" is no law that can be simulated; '
+                "use pd, pid or cascade with its gains"
+            )
+        if self.controller.source != "recorded":
+            raise ValueError(
+                "controller.reference is always the recorded one in a scenario; remove the key"
+            )
+        if self.identify.initial:
+            raise ValueError("identify.initial contradicts the table [start]; keep that one")
+        if self.noise.coloured and self.noise.coloured.frequency >= self.record.law_rate / 2:
+            raise ValueError(
+                f"noise.coloured.frequency = {self.noise.coloured.frequency:g} Hz is not below "
+                f"half the control rate of {self.record.law_rate:g} Hz"
+            )
+        if self.record.records is not None:
+            different = self.record.records * self.start.count
+            if self.runs > different:
+                raise ValueError(
+                    f"{self.runs} runs on {self.record.records} records from {self.start.count} "
+                    f"start(s) would repeat themselves after {different}; lower runs, raise "
+                    "record.records, or give start.count and start.spread"
+                )
+        return self

@@ -1,0 +1,358 @@
+"""What the runs of a study say: are estimates right, intervals true, and how much is given away.
+
+Shares and relative errors are fractions of one; deviations, biases and bounds have the unit of
+their parameter; figures of merit are percentages, as in the literature.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.extras import require
+from pivident.many.study.bench import Bench
+from pivident.many.study.bound import Bounds, efficiency_bounds
+from pivident.many.study.merit import Merit, figures_of_merit
+from pivident.text.plain_values import plain
+
+if TYPE_CHECKING:
+    import polars as pl
+
+Interval = tuple[float, float]
+
+#: Share of the cases in which two deviations of a normal distribution should cover the truth.
+NOMINAL_COVERAGE = math.erf(2.0 / math.sqrt(2.0))
+
+#: Probability of the intervals of the summary itself.
+CONFIDENCE = 0.95
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True)
+class ParameterSummary:
+    """One parameter by one method.
+
+    Attributes:
+        name: base parameter.
+        unit: its unit.
+        truth: true value.
+        mean: mean estimate.
+        bias: mean less truth.
+        bias_std: standard error of the bias, over the records.
+        spread: empirical standard deviation of the estimates.
+        predicted: mean of the reported deviations.
+        predicted_over_empirical: predicted over spread.
+        robust_over_empirical: mean of the robust deviations over spread.
+        coverage: share of runs whose truth lies within two reported deviations.
+        coverage_interval: its Wilson interval.
+        median_relative_error: median of |θ̂ - θ|/|θ|; NaN where the truth is zero.
+        bound: smallest deviation by (P-23), NaN without one.
+        efficiency: (bound/spread)².
+        sensor_bound: smallest deviation from the torque sensor's noise alone, NaN without one.
+        runs: number of estimates.
+    """
+
+    name: str
+    unit: str
+    truth: float
+    mean: float
+    bias: float
+    bias_std: float
+    spread: float
+    predicted: float
+    predicted_over_empirical: float
+    robust_over_empirical: float
+    coverage: float
+    coverage_interval: Interval
+    median_relative_error: float
+    bound: float
+    efficiency: float
+    sensor_bound: float
+    runs: int
+
+    @property
+    def bias_in_deviations(self) -> float:
+        """|bias| over spread."""
+        return abs(self.bias) / self.spread if self.spread > 0 else NAN
+
+
+@dataclass(frozen=True)
+class MethodSummary:
+    """One method over all parameters; means over parameters are geometric.
+
+    Attributes:
+        coverage: share of runs and parameters whose truth lies within two reported deviations.
+        coverage_interval: its interval, clustered by record.
+        robust_coverage: the same with the robust deviations.
+        median_relative_error: over all runs and parameters.
+        relative_spread: mean of spread/|truth|.
+        predicted_over_empirical: mean over parameters.
+        robust_over_empirical: likewise.
+        efficiency: mean of (bound/spread)², NaN without a bound.
+        spread_over_sensor_bound: mean of spread over the bound from the torque sensor alone.
+        variance_ratio: mean variance over that of each other method.
+        largest_bias: largest |bias|/spread of a parameter, and whose it is.
+        runs: number of estimates.
+        records: number of different records among them.
+        failed: number of runs without an estimate.
+        not_converged: number of estimates whose iteration did not converge.
+        errors: how often each class of error ended a run.
+        messages: first message of each class.
+        iterations: median and largest number.
+        seconds: median time of an identification [s].
+        merit: medians over the runs of the figures of merit [%].
+        simulations_diverged: estimates with which the second motion cannot be simulated.
+        merit_of_mean: figures of merit of the mean estimate [%], None without runs.
+        parameters: parameter by parameter.
+    """
+
+    coverage: float
+    coverage_interval: Interval
+    robust_coverage: float
+    median_relative_error: float
+    relative_spread: float
+    predicted_over_empirical: float
+    robust_over_empirical: float
+    efficiency: float
+    spread_over_sensor_bound: float
+    variance_ratio: dict[str, float]
+    largest_bias: tuple[float, str]
+    runs: int
+    records: int
+    failed: int
+    not_converged: int
+    errors: dict[str, int]
+    messages: dict[str, str]
+    iterations: tuple[float, int]
+    seconds: float
+    merit: Merit
+    simulations_diverged: int
+    merit_of_mean: Merit | None
+    parameters: tuple[ParameterSummary, ...]
+
+
+@dataclass(frozen=True)
+class Summary:
+    """A whole study.
+
+    Attributes:
+        scenario: its name, with the condition.
+        description: in words.
+        hash: SHA-256 of the scenario.
+        version: version of pivident.
+        runs: number of runs with rows.
+        methods: method by method.
+    """
+
+    scenario: str
+    description: str
+    hash: str
+    version: str
+    runs: int
+    methods: dict[str, MethodSummary]
+
+    def to_json(self) -> str:
+        """As strict JSON: numbers that are not finite are null, parameters are by name."""
+        content = plain(self)
+        for method in content["methods"].values():
+            method["parameters"] = {p.pop("name"): p for p in method["parameters"]}
+        content["nominal_coverage"] = NOMINAL_COVERAGE
+        return json.dumps(content, indent=1, allow_nan=False)
+
+
+def summarise(bench: Bench, rows: pl.DataFrame) -> Summary:
+    """Judge all rows of a study.
+
+    Args:
+        bench: knows the truth.
+        rows: as the store has them.
+    """
+    from pivident.version import __version__
+
+    try:
+        bounds = efficiency_bounds(bench)
+    except IdentificationError:  # the true robot does not follow its reference: no run did
+        bounds = Bounds(None, None)
+    tables = {
+        name: _Table(bench, rows.filter(rows["method"] == name)) for name in bench.scenario.methods
+    }
+    return Summary(
+        bench.scenario.title,
+        bench.scenario.content.description,
+        bench.scenario.hash,
+        __version__,
+        rows["run"].n_unique(),
+        {name: _method(bench, table, bounds, tables) for name, table in tables.items()},
+    )
+
+
+class _Table:
+    """The rows of one method as arrays."""
+
+    def __init__(self, bench: Bench, rows: pl.DataFrame) -> None:
+        pl = require("polars", extra="tables", purpose="a Monte Carlo study")
+        self.failures = rows.filter(pl.col("error").is_not_null())
+        self.rows = rows.filter(pl.col("error").is_null())
+        size = len(bench.estimated)
+        self.theta, self.std, self.robust = (
+            np.array(self.rows[key].to_list(), dtype=float).reshape(-1, size)
+            for key in ("theta", "std", "robust_std")
+        )
+        self.record = self.rows["record"].to_numpy()
+        self.error = self.theta - bench.expected
+        with np.errstate(divide="ignore", invalid="ignore"):
+            relative = np.abs(self.error / bench.expected)
+        self.relative = np.where(np.isfinite(relative), relative, np.nan)
+        several = len(self.theta) > 1
+        self.spread = self.theta.std(axis=0, ddof=1) if several else np.full(size, NAN)
+        self.covered = np.abs(self.error) < 2.0 * self.std
+
+
+def _method(
+    bench: Bench, table: _Table, bounds: Bounds, others: dict[str, _Table]
+) -> MethodSummary:
+    parameters = tuple(_parameter(bench, table, bounds, k) for k in range(len(bench.estimated)))
+    expected = np.abs(bench.expected)
+    failed = table.failures
+    errors = Counter(failed["error"].to_list())
+    first = {name: failed.filter(failed["error"] == name)["message"][0] for name in errors}
+    rows, count = table.rows, len(table.theta)
+    biases = [(p.bias_in_deviations, p.name) for p in parameters]
+    finite = [b for b in biases if math.isfinite(b[0])]
+    iterations = rows["iterations"].to_list()
+    medians = [_median(rows[key].drop_nulls().to_list()) for key in ("d_tau", "d_q", "d_beta")]
+    return MethodSummary(
+        coverage=_mean(table.covered),
+        coverage_interval=clustered_interval(table.covered.mean(axis=1), table.record),
+        robust_coverage=_mean(np.abs(table.error) < 2.0 * table.robust),
+        median_relative_error=_median(table.relative[np.isfinite(table.relative)]),
+        relative_spread=geometric_mean(table.spread[expected > 0] / expected[expected > 0]),
+        predicted_over_empirical=geometric_mean([p.predicted_over_empirical for p in parameters]),
+        robust_over_empirical=geometric_mean([p.robust_over_empirical for p in parameters]),
+        efficiency=geometric_mean([p.efficiency for p in parameters]),
+        spread_over_sensor_bound=geometric_mean(
+            [p.spread / p.sensor_bound if p.sensor_bound > 0 else NAN for p in parameters]
+        ),
+        variance_ratio={
+            name: geometric_mean((table.spread / other.spread) ** 2)
+            for name, other in others.items()
+            if other is not table
+        },
+        largest_bias=max(finite, default=(NAN, "")),
+        runs=count,
+        records=len(np.unique(table.record)),
+        failed=len(failed),
+        not_converged=count - int(rows["converged"].sum() or 0),
+        errors=dict(errors),
+        messages=first,
+        iterations=(_median(iterations), max(iterations, default=0)),
+        seconds=_median(rows["seconds"].to_list()),
+        merit=Merit(*medians),
+        simulations_diverged=int(rows["d_q"].null_count()),
+        merit_of_mean=figures_of_merit(bench, table.theta.mean(axis=0)) if count else None,
+        parameters=parameters,
+    )
+
+
+def _parameter(bench: Bench, table: _Table, bounds: Bounds, k: int) -> ParameterSummary:
+    error, covered, spread = table.error[:, k], table.covered[:, k], float(table.spread[k])
+    predicted, robust = _mean(table.std[:, k]), _mean(table.robust[:, k])
+    bound = NAN if bounds.equation is None else float(bounds.equation[k])
+    sensor = NAN if bounds.torque_sensor is None else float(bounds.torque_sensor[k])
+    means = record_means(error, table.record)
+    several = means.size > 1
+    relative = table.relative[:, k]
+    return ParameterSummary(
+        name=bench.estimated[k],
+        unit=bench.regressor.parameters[k].unit,
+        truth=float(bench.expected[k]),
+        mean=_mean(table.theta[:, k]),
+        bias=_mean(error),
+        bias_std=float(means.std(ddof=1) / math.sqrt(means.size)) if several else NAN,
+        spread=spread,
+        predicted=predicted,
+        predicted_over_empirical=predicted / spread if spread > 0 else NAN,
+        robust_over_empirical=robust / spread if spread > 0 else NAN,
+        coverage=_mean(covered),
+        coverage_interval=wilson_interval(_mean(covered), means.size),
+        median_relative_error=_median(relative[np.isfinite(relative)]),
+        bound=bound,
+        efficiency=(bound / spread) ** 2 if spread > 0 else NAN,
+        sensor_bound=sensor,
+        runs=error.size,
+    )
+
+
+def wilson_interval(share: float, count: int) -> Interval:
+    """Interval of a share of so many independent cases (Wilson 1927), NaN without any.
+
+    Args:
+        share: found, 0 to 1.
+        count: number of cases.
+    """
+    if count == 0 or math.isnan(share):
+        return NAN, NAN
+    z = _normal_quantile()
+    middle = share + z**2 / (2 * count)
+    half = z * math.sqrt(share * (1 - share) / count + z**2 / (4 * count**2))
+    scale = 1 + z**2 / count
+    return max(0.0, (middle - half) / scale), min(1.0, (middle + half) / scale)
+
+
+def clustered_interval(shares: np.ndarray, clusters: np.ndarray) -> Interval:
+    """Interval of the mean of shares that depend on each other within a cluster.
+
+    The parameters of a run share its noise, and runs of one record share the record, so that only
+    the means of records are independent: m ± t s/√R with their standard deviation s. Where all
+    are alike, Wilson's interval with one case per record.
+
+    Args:
+        shares: share of each run, 0 to 1.
+        clusters: record of each run.
+    """
+    from scipy.stats import t
+
+    means = record_means(shares, clusters)
+    if means.size < 2:
+        return NAN, NAN
+    if np.ptp(means) == 0.0:  # all alike: their spread says nothing about the next one
+        return wilson_interval(float(means[0]), means.size)
+    quantile = float(t.ppf(0.5 + CONFIDENCE / 2, means.size - 1))
+    half = quantile * float(means.std(ddof=1)) / math.sqrt(means.size)
+    middle = float(means.mean())
+    return max(0.0, middle - half), min(1.0, middle + half)
+
+
+def record_means(values: np.ndarray, records: np.ndarray) -> np.ndarray:
+    """Mean of the values of each record, shape (records,)."""
+    _, index, count = np.unique(records, return_inverse=True, return_counts=True)
+    return np.bincount(index, weights=values, minlength=count.size) / np.maximum(count, 1)
+
+
+def geometric_mean(values: Sequence[float] | np.ndarray) -> float:
+    """Geometric mean of the positive values, NaN without any."""
+    x = np.asarray(values, dtype=float)
+    x = x[np.isfinite(x) & (x > 0)]
+    return float(np.exp(np.mean(np.log(x)))) if x.size else NAN
+
+
+def _mean(values: np.ndarray) -> float:
+    return float(np.mean(values)) if np.size(values) else NAN
+
+
+def _median(values: Sequence[float] | np.ndarray) -> float:
+    return float(np.median(values)) if len(values) else NAN
+
+
+def _normal_quantile() -> float:
+    from statistics import NormalDist
+
+    return NormalDist().inv_cdf(0.5 + CONFIDENCE / 2)

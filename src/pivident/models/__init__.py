@@ -1,0 +1,1 @@
+"""Models with a value for every parameter, from the files of results."""

@@ -1,0 +1,46 @@
+"""Bodies of links as file formats want them: mass, centre, inertia about the centre of mass."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.consistency.pseudo_inertia import pseudo_inertia
+from pivident.errors import ExportError
+from pivident.models.runnable_model import RunnableModel
+from pivident.robot.inertia import Body
+
+
+def link_inertias(model: RunnableModel) -> np.ndarray:
+    """Ten inertial parameters of every link, shape (links, 10)."""
+    return np.array([model.inertial(i) for i in range(model.robot.size)])
+
+
+def written_body(name: str, inertia: np.ndarray) -> Body:
+    """A link as mass, centre of mass and inertia about it.
+
+    Args:
+        name: name of the link.
+        inertia: ten inertial parameters, shape (10,).
+
+    Raises:
+        ExportError: a mass that is not positive, from which no centre of mass follows.
+    """
+    if not np.isfinite(inertia).all():
+        raise ExportError(f"link {name!r}: its inertial parameters are not all finite")
+    mass = float(inertia[9])
+    if mass <= 0.0:
+        raise ExportError(
+            f"link {name!r} has a mass of {mass:.4g} kg, and the file stores a centre of mass, "
+            "which is first moments over mass; export the physically consistent parameters, or "
+            "shift the estimate along the directions without torque until every mass is positive"
+        )
+    return Body.of_parameters(inertia)
+
+
+def is_possible(inertia: np.ndarray) -> bool:
+    """Whether some distribution of mass has these ten parameters: pseudo-inertia matrix positive.
+
+    Args:
+        inertia: ten inertial parameters, shape (10,).
+    """
+    return bool(np.linalg.eigvalsh(pseudo_inertia(inertia))[0] > 0.0)

@@ -1,0 +1,290 @@
+"""A model as JSON: one file that a program can read, and from which the model comes back exactly.
+
+    {"format": "pivident-model", "schema": 1, "consistent": …, "origin": {…}, "notes": […],
+     "units": {…}, "conventions": […],
+     "links": [{"name", "joint", "mass", "center_of_mass", "first_moments", "inertia",
+                "inertia_at_origin"} …],
+     "parameters": [{"name", "value", "interval", "unit", "joint"} …],
+     "base_parameters": [{"name", "group", "value", "estimate", "interval", "unit"} …],
+     "robot": {…}}
+
+``robot`` is the robot's description with the model's values as its nominal ones: joints with
+frames, limits and friction laws, link inertias, rotor inertias, friction, couplings, transmission.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import asdict, replace
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from pivident.errors import IdentificationFileError, PividentError
+from pivident.models.exported import ExportedText, Verification, compared
+from pivident.models.possible_values import impossible_value
+from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
+from pivident.robot.description import INERTIAL, Link, Robot
+from pivident.robot.inertia import from_center_of_mass, tensor
+from pivident.robot.robot_values import (
+    Finite,
+    Name,
+    RobotValues,
+    Values,
+    made_robot,
+    problem_text,
+    robot_values,
+)
+from pivident.text.plain_values import json_of_entries
+
+FORMAT, SCHEMA = "pivident-model", 1
+
+#: What the numbers are measured in.
+UNITS = {
+    "length": "m",
+    "angle": "rad",
+    "mass": "kg",
+    "inertia": "kg m²",
+    "torque of revolute joints": "N m",
+    "force of prismatic joints": "N",
+    "gravity": "m/s²",
+}
+
+#: What a reader must know of frames and signs.
+CONVENTIONS = (
+    "The frame of a link sits on its joint, turns or slides with the link, and has the joint's "
+    "axis as z.",
+    "Pose of a link's frame in its parent's: revolute R = rotation Rz(q), p = translation; "
+    "prismatic R = rotation, p = translation + rotation (0, 0, q). Parents count from 0; -1 is "
+    "the base.",
+    "center_of_mass and inertia are in the link's frame, inertia about the centre of mass (null "
+    "and about the origin where a link has no mass), first_moments are mass times centre of mass, "
+    "inertia_at_origin about the frame's origin; off-diagonal elements are those of the tensor, "
+    "xy = -∫ x y dm.",
+    "Torques are on the joint side, those that the drives must give: inertia, gravity, rotor "
+    "inertias and friction.",
+    "ia is the rotor inertia referred to the joint; iam fvm fcm belong to couplings.",
+    "Intervals hold 95 %; an end that is null has no bound, an interval that is null was not "
+    "computed.",
+)
+
+
+class _Known(BaseModel):
+    """A table of which only these keys are read; others are left alone."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
+
+
+class _OriginValues(Values):
+    """Where a model comes from."""
+
+    method: Name
+    version: Name
+    sources: dict[str, str]
+    identification: Name
+
+
+class _ParameterValues(_Known):
+    """A standard parameter."""
+
+    name: Name
+    value: Finite
+
+
+class _ModelFile(_Known):
+    """What is read of the file; links and base parameters follow from it."""
+
+    consistent: bool
+    origin: _OriginValues
+    notes: list[str]
+    parameters: list[_ParameterValues]
+    robot: RobotValues
+
+
+def to_json(model: RunnableModel) -> ExportedText:
+    """The model as JSON, one line for each link and parameter.
+
+    Args:
+        model: the model.
+    """
+    text = json_of_entries(model_values(model))
+    return ExportedText(text.encode("utf-8", errors="backslashreplace"))
+
+
+def model_values(model: RunnableModel) -> dict[str, Any]:
+    """The model as plain values.
+
+    Args:
+        model: the model.
+    """
+    intervals = model.intervals
+    return {
+        "format": FORMAT,
+        "schema": SCHEMA,
+        "consistent": model.consistent,
+        "origin": asdict(model.origin),
+        "notes": list(model.notes),
+        "units": UNITS,
+        "conventions": list(CONVENTIONS),
+        "links": [_link_values(model, i) for i in range(model.robot.size)],
+        "parameters": [
+            {
+                "name": p.name,
+                "value": float(value),
+                "interval": None if intervals is None else _ends(intervals[k]),
+                "unit": p.unit,
+                "joint": model.robot.joints[p.joint].name,
+            }
+            for k, (p, value) in enumerate(zip(model.parameters, model.values, strict=True))
+        ],
+        "base_parameters": _base_values(model),
+        "robot": robot_values(robot_with_values(model)),
+    }
+
+
+def robot_with_values(model: RunnableModel) -> Robot:
+    """The robot with the model's values as its nominal inertias, rotor inertias and friction.
+
+    Args:
+        model: the model.
+    """
+    rotor, friction = np.zeros(model.robot.size), {}
+    for p, value in zip(model.parameters, model.values.tolist(), strict=True):
+        if p.stem == "ia":
+            rotor[p.joint] = value
+        elif not p.is_inertial:
+            friction[p.name] = value
+    links = tuple(Link(link.name, model.inertial(i)) for i, link in enumerate(model.robot.links))
+    return replace(model.robot, links=links, rotor_inertia=rotor, friction_nominal=friction)
+
+
+def read_model(path: str | PathLike[str]) -> RunnableModel:
+    """The model that `to_json` has written, exactly, without intervals.
+
+    Args:
+        path: the file.
+
+    Raises:
+        IdentificationFileError: it cannot be read, or is no model of this layout.
+    """
+    from pivident.estimation.stored_identification import json_of_file
+
+    return _model_of(json_of_file(Path(path)), str(path))
+
+
+def verify_json(exported: ExportedText, model: RunnableModel) -> Verification:
+    """Torques of the file, from its masses, centres of mass and inertias, against the model's.
+
+    Args:
+        exported: what `to_json` returned.
+        model: the model.
+    """
+    content = json.loads(exported.content)
+    loaded = _model_of(content, "the exported JSON")
+    value = {entry["name"]: entry["value"] for entry in content["parameters"]}
+    for i, link in enumerate(content["links"]):
+        if link["mass"] == 0.0:
+            continue
+        center, inertia = np.array(link["center_of_mass"]), np.array(link["inertia"])
+        ten = from_center_of_mass(link["mass"], center, inertia)
+        own = [p for p in model.parameters if p.joint == i and p.is_inertial]
+        value |= {p.name: float(ten[INERTIAL.index(p.stem)]) for p in own}
+    values = np.array([value[p.name] for p in model.parameters])
+    return compared(
+        "pivident, from the file",
+        model.robot,
+        model.torque,
+        lambda q, dq, ddq: loaded.regressor.torque(q, dq, ddq, values),
+    )
+
+
+def _model_of(content: dict[str, Any], file: str) -> RunnableModel:
+    if content.get("format") != FORMAT or content.get("schema") != SCHEMA:
+        raise IdentificationFileError(
+            file,
+            f"is no model of layout {SCHEMA}; make one with `pivident export … --to json`",
+        )
+    try:
+        known = _ModelFile.model_validate(content)
+        nominal = runnable_model(made_robot(known.robot))
+    except (ValidationError, PividentError) as error:
+        text = problem_text(error) if isinstance(error, ValidationError) else str(error)
+        raise _damaged(file, text) from None
+    values = {entry.name: entry.value for entry in known.parameters}
+    own = {p.name: v for p, v in zip(nominal.parameters, nominal.values.tolist(), strict=True)}
+    for name in (*own, *values):
+        if values.get(name) != own.get(name):
+            raise _damaged(
+                file,
+                f"the parameter {name} is {values.get(name)!r} in 'parameters' and "
+                f"{own.get(name)!r} in 'robot'",
+            )
+    model = replace(
+        nominal,
+        consistent=known.consistent,
+        origin=Origin(**vars(known.origin)),
+        notes=tuple(known.notes),
+    )
+    if known.consistent and (wrong := impossible_value(model)):
+        raise _damaged(file, f"it says that it is physically consistent, but {wrong}")
+    return model
+
+
+def _damaged(file: str, problem: str) -> IdentificationFileError:
+    return IdentificationFileError(
+        file, f"{problem}; the file is damaged or was changed by hand, export again"
+    )
+
+
+def _link_values(model: RunnableModel, joint: int) -> dict[str, Any]:
+    body = model.link(joint)
+    return {
+        "name": model.robot.links[joint].name,
+        "joint": model.robot.joints[joint].name,
+        "mass": body.mass,
+        "center_of_mass": body.center_of_mass.tolist() if body.mass else None,
+        "first_moments": model.inertial(joint)[6:9].tolist(),
+        "inertia": body.inertia.tolist(),
+        "inertia_at_origin": tensor(model.inertial(joint)[:6]).tolist(),
+    }
+
+
+def _base_values(model: RunnableModel) -> list[dict[str, Any]]:
+    """Every base parameter: its value here, and the free estimate with its interval."""
+    found: dict[str, tuple[float, float]] = {}
+    if model.estimate is not None:
+        columns = (model.estimate.names, model.estimate.theta, model.estimate.std)
+        found = {n: (float(v), float(s)) for n, v, s in zip(*columns, strict=True)}
+    rows = zip(
+        model.base.names, model.base.expressions, model.base.parameters, model.base_values,
+        strict=True,
+    )  # fmt: skip
+    values = []
+    for name, group, p, value in rows:
+        estimate, std = found.get(name, (math.nan, math.nan))
+        spread = 1.959963984540054 * std
+        values.append(
+            {
+                "name": name,
+                "group": group,
+                "value": float(value),
+                "estimate": _finite(estimate),
+                "interval": _ends((estimate - spread, estimate + spread))
+                if math.isfinite(spread)
+                else None,
+                "unit": p.unit,
+            }
+        )
+    return values
+
+
+def _ends(interval: Any) -> list[float | None]:
+    return [_finite(float(end)) for end in interval]
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None

@@ -1,0 +1,59 @@
+"""Whether a model's values are those of a machine that can exist."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from pivident.consistency.constraints import coupled_joints
+from pivident.models.link_bodies import is_possible
+from pivident.models.runnable_model import RunnableModel
+
+#: Negative friction, inertia or eigenvalue that rounding of a solver explains, in SI units.
+ROUNDING = 1e-9
+
+
+def impossible_value(model: RunnableModel) -> str:
+    """What no real machine has: the first such thing as the rest of a sentence, or nothing.
+
+    Links need a positive definite pseudo-inertia matrix; friction levels and rotor inertias are
+    not negative, nor are the matrices of those of coupled motors.
+
+    Args:
+        model: the model.
+    """
+    for i, link in enumerate(model.robot.links):
+        if not is_possible(model.inertial(i)):
+            return (
+                f"no body has the inertial parameters of the link {link.name!r} "
+                f"({model.inertial(i)[9]:.4g} kg)"
+            )
+    for p, value in zip(model.parameters, model.values.tolist(), strict=True):
+        if p.is_dissipative and value < -ROUNDING:
+            return f"{p.name} = {value:.4g} {p.unit} is negative"
+    for own, coupled, what in (("ia", "iam", "rotor inertias"), ("fv", "fvm", "viscous friction")):
+        for names, matrix in _coupled(model, own, coupled):
+            lowest = float(np.linalg.eigvalsh(matrix)[0])
+            if lowest < -ROUNDING:
+                return (
+                    f"the matrix of the {what} of the coupled joints {names} has the eigenvalue "
+                    f"{lowest:.3g}"
+                )
+    return ""
+
+
+def _coupled(model: RunnableModel, own: str, coupled: str) -> Iterator[tuple[str, np.ndarray]]:
+    """Names of joints whose motors are coupled, and the matrix of what they share."""
+    values = list(zip(model.parameters, model.values.tolist(), strict=True))
+    diagonal = {p.joint: value for p, value in values if p.stem == own}
+    for joints in coupled_joints(model.robot):
+        if not all(joint in diagonal for joint in joints):
+            continue  # another friction law, whose levels are looked at one by one
+        matrix = np.diag([diagonal[joint] for joint in joints])
+        for p, value in values:
+            c = p.coupling
+            if p.stem == coupled and c is not None and c.motor in joints:
+                a, b = joints.index(c.motor), joints.index(c.joint)
+                matrix[a, b] = matrix[b, a] = c.ratio * value
+        yield ", ".join(repr(model.robot.joints[joint].name) for joint in joints), matrix

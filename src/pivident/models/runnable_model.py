@@ -1,0 +1,217 @@
+"""A model that other programs can run: a value for every standard parameter of every link.
+
+Base parameters are what the record determines; simulators and URDF want the mass, the centre of
+mass and the inertia of each link. A `RunnableModel` has them, either those of the physically
+consistent set nearest to the estimate, or the free estimate lifted to standard parameters, which
+has the same torques but links that may not be physical.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
+from pivident.dynamics.regressor import Regressor
+from pivident.errors import ExportError
+from pivident.estimation.identification import Identification
+from pivident.robot.description import INERTIAL, Robot
+from pivident.robot.inertia import Body
+
+if TYPE_CHECKING:
+    from pivident.consistency.consistent_model import ConsistentModel
+
+#: Confidence of the intervals of standard parameters.
+CONFIDENCE = 0.95
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Where a model comes from.
+
+    Attributes:
+        method: name of the method, ``PC-IDIM-PIV`` for a consistent one, ``nominal`` for values of
+            the robot's description.
+        version: version of pivident that identified it.
+        sources: SHA-256 of every input file by its name.
+        identification: SHA-256 of the file of the identification, empty where there is none.
+    """
+
+    method: str
+    version: str = ""
+    sources: Mapping[str, str] = field(default_factory=dict)
+    identification: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class RunnableModel:
+    """A robot with a value for each of its standard parameters.
+
+    Attributes:
+        robot: the robot.
+        parameters: all its standard parameters, in order.
+        values: their values, shape (standard,).
+        consistent: whether the values are physically consistent.
+        origin: where they come from.
+        notes: what is to be known about them, whole sentences.
+        intervals: lower and upper end of each value's 95 % interval, shape (standard, 2); infinite
+            where the record says nothing about it, None where nobody asked.
+        estimate: the identification that they come from, or None.
+    """
+
+    robot: Robot
+    parameters: tuple[Parameter, ...]
+    values: np.ndarray
+    consistent: bool
+    origin: Origin
+    notes: tuple[str, ...] = ()
+    intervals: np.ndarray | None = None
+    estimate: Identification | None = None
+
+    def __post_init__(self) -> None:
+        if np.shape(self.values) != (len(self.parameters),):
+            raise ExportError(
+                f"the model has {len(self.parameters)} standard parameters and values of shape "
+                f"{np.shape(self.values)}; give one value for each"
+            )
+        if not np.isfinite(self.values).all():
+            worst = self.parameters[int(np.argmin(np.isfinite(self.values)))].name
+            raise ExportError(f"the value of {worst} is not finite; identify again")
+
+    @cached_property
+    def regressor(self) -> Regressor:
+        """Observation matrix of all standard parameters."""
+        return Regressor.build(self.robot, self.parameters)
+
+    @cached_property
+    def base(self) -> BaseParameters:
+        """Base parameters of the robot."""
+        return base_parameters(self.robot)
+
+    @property
+    def base_values(self) -> np.ndarray:
+        """The base parameters of these values, shape (base,)."""
+        return self.base.values(self.values)
+
+    def torque(self, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
+        """Torque Φ(q, dq, ddq) θ with friction, shape (samples, joints) [N m or N].
+
+        Args:
+            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
+            dq: joint speeds.
+            ddq: joint accelerations.
+        """
+        return self.regressor.torque(q, dq, ddq, self.values)
+
+    def inertial(self, joint: int) -> np.ndarray:
+        """``xx xy xz yy yz zz mx my mz m`` of a link in its frame, shape (10,).
+
+        Args:
+            joint: index of the link's joint.
+        """
+        value = {(p.joint, p.stem): v for p, v in zip(self.parameters, self.values, strict=True)}
+        return np.array([value[joint, stem] for stem in INERTIAL])
+
+    def link(self, joint: int) -> Body:
+        """A link's mass, centre of mass, and inertia about it, in the link's frame.
+
+        Args:
+            joint: index of the link's joint.
+        """
+        return Body.of_parameters(self.inertial(joint))
+
+
+def runnable_model(
+    source: Identification | ConsistentModel | Robot,
+    *,
+    identification: str = "",
+    intervals: bool = False,
+) -> RunnableModel:
+    """Values for every standard parameter, from an estimate or from the robot's description.
+
+    Args:
+        source: a consistent model; a free identification, whose base parameters are lifted to
+            standard ones of the same torques; or a robot with nominal (CAD) values.
+        identification: SHA-256 of the identification's file, to be kept with the model.
+        intervals: whether a consistent model's profile intervals are computed (a second or two).
+
+    Raises:
+        ExportError: the values are not finite, or the object is none of these.
+    """
+    if isinstance(source, Robot):
+        return _nominal(source)
+    if isinstance(source, Identification):
+        return _lifted(source, identification)
+    from pivident.consistency.consistent_model import ConsistentModel
+
+    if not isinstance(source, ConsistentModel):
+        raise ExportError(
+            f"a model cannot be made of an object of type {type(source).__name__}; give an "
+            "Identification, or what make_consistent returns"
+        )
+    found = None
+    if intervals:
+        profile = source.intervals(CONFIDENCE, "standard")
+        found = np.column_stack([profile.low, profile.high])
+    return RunnableModel(
+        robot=source.robot,
+        parameters=source.parameters,
+        values=source.values,
+        consistent=True,
+        origin=origin_of(source.free, source.method, identification),
+        notes=source.notes,
+        intervals=found,
+        estimate=source.free,
+    )
+
+
+def origin_of(free: Identification, method: str, digest: str = "") -> Origin:
+    """Where the values of an identification, or of a stage after it, come from.
+
+    Args:
+        free: the identification.
+        method: name of the method or stage.
+        digest: SHA-256 of the identification's file.
+    """
+    return Origin(method, free.version, dict(free.sources), digest)
+
+
+def _lifted(free: Identification, digest: str) -> RunnableModel:
+    """The free estimate on standard parameters of the same torques."""
+    from pivident.consistency.standard_from_base import standard_from_base
+
+    base = base_parameters(free.robot)
+    values = np.zeros(len(base))
+    place = {name: k for k, name in enumerate(base.names)}
+    values[[place[name] for name in free.names]] = free.theta
+    notes = (
+        "The values are the free estimate, lifted to standard parameters of the same torques; "
+        "each by itself is not determined by the record, and links need not be physical.",
+    )
+    return RunnableModel(
+        robot=free.robot,
+        parameters=base.standard,
+        values=standard_from_base(base, values),
+        consistent=False,
+        origin=origin_of(free, free.method, digest),
+        notes=notes,
+        estimate=free,
+    )
+
+
+def _nominal(robot: Robot) -> RunnableModel:
+    """The values of the robot's description."""
+    standard = standard_parameters(robot)
+    return RunnableModel(
+        robot=robot,
+        parameters=standard,
+        values=nominal_values(robot, standard),
+        consistent=False,
+        origin=Origin("nominal"),
+        notes=("The values are those of the robot's description; nothing was identified.",),
+    )

@@ -1,0 +1,180 @@
+"""A runnable model from the files of a result: ``identification.json`` or ``consistent.json``.
+
+From an identification the physically consistent parameters are taken: those of ``consistent.json``
+beside it, if that was made from this very file (its hash says so), or else the stage is run now.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from pivident.consistency.consistent_files import CONSISTENT_FILE
+from pivident.consistency.consistent_files import SCHEMA as CONSISTENT_SCHEMA
+from pivident.dynamics.parameters import standard_parameters
+from pivident.errors import IdentificationError, IdentificationFileError, PividentError
+from pivident.estimation.identification import Identification
+from pivident.estimation.stored_identification import json_of_file, load_identification
+from pivident.models.possible_values import impossible_value
+from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
+from pivident.robot.robot_values import Finite, Name, RobotValues, made_robot, problem_text
+
+
+class _Known(BaseModel):
+    """A table of which only these keys matter here; others are left alone."""
+
+    model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
+
+
+class _StandardValues(_Known):
+    name: Name
+    value: Finite
+    low: Finite | None = None
+    high: Finite | None = None
+
+
+class _IdentificationFile(_Known):
+    file: str
+    sha256: str
+
+
+class _ConsistentFile(_Known):
+    schema_: Annotated[int, Field(alias="schema")]
+    method: Name
+    standard: list[_StandardValues]
+    notes: list[str]
+    version: str
+    sources: dict[str, str]
+    identification: _IdentificationFile
+    robot_description: RobotValues
+
+
+def stored_model(
+    path: Path, *, free: bool = False, intervals: bool = False
+) -> tuple[RunnableModel, tuple[Path, ...]]:
+    """The model of a result on disk.
+
+    Args:
+        path: ``identification.json``, ``consistent.json``, or the folder that holds them.
+        free: take the free estimate, lifted to standard parameters, in place of the consistent one.
+        intervals: whether intervals of the standard parameters are wanted.
+
+    Returns:
+        The model, and the files that it was made from.
+
+    Raises:
+        IdentificationFileError: a file cannot be used.
+        IdentificationError: no consistent parameters lie near the estimate.
+    """
+    if path.is_dir():
+        path = path / "identification.json"
+    content = json_of_file(path)
+    if "standard" in content and "covariance" not in content:
+        if free:
+            raise IdentificationFileError(
+                str(path),
+                "holds consistent parameters; the free estimate is in identification.json",
+            )
+        return _consistent_of(path, content), (path,)
+    estimate = load_identification(path)
+    digest = hashlib.sha256(path.read_bytes()).hexdigest()
+    if free:
+        return runnable_model(estimate, identification=digest), (path,)
+    beside = path.with_name(CONSISTENT_FILE)
+    if not beside.is_file() or beside == path:
+        return _made_consistent(estimate, digest, intervals), (path,)
+    made_from = _made_from(beside)
+    if made_from == digest:
+        return _consistent_of(beside, json_of_file(beside), estimate), (path, beside)
+    model = _made_consistent(estimate, digest, intervals)
+    other = f"SHA-256 {made_from[:12]}…" if made_from else "it does not say which, or is damaged"
+    note = (
+        f"The file {CONSISTENT_FILE} beside {path.name} was made from another identification "
+        f"({other}) and was not used; the consistent parameters were made again."
+    )
+    return replace(model, notes=(*model.notes, note)), (path,)
+
+
+def _made_from(path: Path) -> str:
+    """SHA-256 of the identification that ``consistent.json`` names; empty where it names none."""
+    try:
+        source = json_of_file(path).get("identification")
+    except IdentificationFileError:
+        return ""
+    digest = source.get("sha256") if isinstance(source, dict) else ""
+    return digest if isinstance(digest, str) else ""
+
+
+def _made_consistent(estimate: Identification, digest: str, intervals: bool) -> RunnableModel:
+    """The stage, run with its defaults."""
+    from pivident.consistency.consistent_model import make_consistent
+
+    try:
+        found = make_consistent(estimate)
+    except PividentError as error:
+        error.add_note("--free exports the estimate as it is, where the format bears it")
+        raise
+    model = runnable_model(found, identification=digest)
+    if not intervals:
+        return model
+    try:
+        return runnable_model(found, identification=digest, intervals=True)
+    except IdentificationError as error:  # a model without them is better than none
+        note = f"The intervals of the standard parameters could not be computed: {error}"
+        return replace(model, notes=(*model.notes, note))
+
+
+def _consistent_of(
+    path: Path, content: dict[str, Any], estimate: Identification | None = None
+) -> RunnableModel:
+    """The model of ``consistent.json``."""
+    if content.get("schema") != CONSISTENT_SCHEMA:
+        raise IdentificationFileError(
+            str(path),
+            f"has layout {content.get('schema')!r}, this version reads {CONSISTENT_SCHEMA}; make "
+            "it again with `pivident consistent`",
+        )
+    try:
+        known = _ConsistentFile.model_validate(content)
+        robot = made_robot(known.robot_description)
+    except (ValidationError, PividentError) as error:
+        text = problem_text(error) if isinstance(error, ValidationError) else str(error)
+        raise IdentificationFileError(
+            str(path), f"{text}; the file is damaged, make it again with `pivident consistent`"
+        ) from None
+    parameters = standard_parameters(robot)
+    if [p.name for p in parameters] != [entry.name for entry in known.standard]:
+        raise IdentificationFileError(
+            str(path),
+            "its standard parameters are not those of its robot; make it again with "
+            "`pivident consistent`",
+        )
+    ends = [
+        (
+            -np.inf if entry.low is None else entry.low,
+            np.inf if entry.high is None else entry.high,
+        )
+        for entry in known.standard
+    ]
+    model = RunnableModel(
+        robot=robot,
+        parameters=parameters,
+        values=np.array([entry.value for entry in known.standard]),
+        consistent=True,
+        origin=Origin(known.method, known.version, known.sources, known.identification.sha256),
+        notes=tuple(known.notes),
+        intervals=np.array(ends),
+        estimate=estimate,
+    )
+    if wrong := impossible_value(model):
+        raise IdentificationFileError(
+            str(path),
+            f"its parameters are not physically consistent: {wrong}; the file is damaged or was "
+            "changed by hand, make it again with `pivident consistent`",
+        )
+    return model

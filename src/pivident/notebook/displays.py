@@ -1,0 +1,195 @@
+"""Results as a notebook shows them: small HTML that stands by itself.
+
+No script, no font, no file from elsewhere. Colours come from the page: text is the notebook's own,
+lines and shades are made from it, so that light and dark themes both show it. Tables have captions
+and header cells, drawings a label in words. Everything that comes from outside is escaped.
+"""
+
+from functools import cache, singledispatch
+from typing import Any
+
+import numpy as np
+from jinja2 import Environment, PackageLoader, StrictUndefined
+
+from pivident.comparison.compare import Comparison
+from pivident.comparison.comparison_text import difference_text, estimate_text
+from pivident.comparison.remarks import findings, level_sentence
+from pivident.diagnostics.verdict import Verdict
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.problem import Problem
+from pivident.estimation.summary_tables import ending, friction_line, rows_line
+from pivident.recording.recording import Recording
+from pivident.report.intervals import interval_drawing
+from pivident.robot.description import Robot
+from pivident.tables.columns import Table
+from pivident.text.numbers import format_exact, format_significant, percent, with_spread
+from pivident.text.printable import escaped
+
+#: Rows of a table that are shown; a notebook keeps what it shows.
+MAX_ROWS = 60
+
+#: Points of a small curve.
+POINTS = 160
+
+
+@singledispatch
+def html_of(result: Any) -> str:
+    """A result as HTML, by its class.
+
+    Args:
+        result: an identification, robot, recording, problem, verdict, comparison or table.
+
+    Raises:
+        TypeError: there is no display of its class.
+    """
+    raise TypeError(f"there is no display of a {type(result).__name__}")
+
+
+@html_of.register
+def identification_html(result: Identification) -> str:
+    """Parameters with intervals, fit of the joints, warnings.
+
+    Args:
+        result: the identification.
+    """
+    rows = parameter_rows(result)
+    return _rendered(
+        "identification",
+        result=result,
+        ending=ending(result),
+        rows_line=rows_line(result),
+        friction_line=friction_line(result),
+        rows=[
+            (
+                row,
+                with_spread(row.value, 2.0 * row.std),
+                interval_drawing([row], [result.method], with_zero=True),
+            )
+            for row in rows
+        ],
+    )
+
+
+@html_of.register
+def robot_html(robot: Robot) -> str:
+    """Joints with their limits and friction laws.
+
+    Args:
+        robot: the robot.
+    """
+    return _rendered("robot", robot=robot, links=_masses(robot))
+
+
+@html_of.register
+def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()) -> str:
+    """Rates, length, joints with their ranges, and a curve of each position.
+
+    Args:
+        recording: the recording.
+        units: unit of position and torque of each joint, where the robot is known.
+    """
+    rows = []
+    for j, name in enumerate(recording.joint_names):
+        q, tau = recording.q[:, j], recording.tau[:, j]
+        rows.append(
+            {
+                "name": name,
+                "low": format_significant(float(q.min())),
+                "high": format_significant(float(q.max())),
+                "rms": format_significant(float(np.sqrt(np.mean(tau**2)))),
+                "peak": format_significant(float(np.abs(tau).max())),
+                "units": units[j] if units else ("rad or m", "N m or N"),
+                "curve": _curve(q),
+            }
+        )
+    return _rendered("recording", recording=recording, rows=rows)
+
+
+@html_of.register
+def problem_html(problem: Problem) -> str:
+    """What is given, in short.
+
+    Args:
+        problem: the problem.
+    """
+    return _rendered("problem", problem=problem, left_out=len(problem.base) - len(problem.names))
+
+
+@html_of.register
+def verdict_html(verdict: Verdict) -> str:
+    """The statements with their grades.
+
+    Args:
+        verdict: should one believe it.
+    """
+    marks = {"good": "+", "note": "·", "caution": "!", "bad": "×"}
+    return _rendered("verdict", verdict=verdict, marks=marks)
+
+
+@html_of.register
+def comparison_html(comparison: Comparison) -> str:
+    """Parameters of all results side by side, significant differences marked.
+
+    Args:
+        comparison: several results.
+    """
+    return _rendered(
+        "comparison",
+        comparison=comparison,
+        findings=findings(comparison),
+        level_sentence=level_sentence(comparison),
+        estimate_text=estimate_text,
+        difference_text=difference_text,
+    )
+
+
+@html_of.register
+def table_html(table: Table) -> str:
+    """The first rows of a table.
+
+    Args:
+        table: any table.
+    """
+    columns = table.shown(MAX_ROWS)
+    cells = list(zip(*(column for _, _, column in columns), strict=True))
+    return _rendered("table", table=table, columns=columns, cells=cells)
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("pivident.notebook"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "percent": percent,
+        "significant": format_significant,
+        "known": format_exact,
+    }
+    return environment
+
+
+def _rendered(name: str, **content: Any) -> str:
+    text = _environment().get_template(f"{name}.html").render(content)
+    return escaped(text)
+
+
+def _masses(robot: Robot) -> list[str]:
+    """Nominal mass of each link, – where none is known."""
+    return [
+        format_significant(float(link.inertia[9])) if link.inertia[9] else "–"
+        for link in robot.links
+    ]
+
+
+def _curve(x: Any) -> str:
+    """A signal as the points of a polyline, 100 wide and 20 high."""
+    chosen = np.unique(np.linspace(0, x.size - 1, POINTS).astype(int))
+    low, high = float(x.min()), float(x.max())
+    u = 100.0 * np.linspace(0.0, 1.0, chosen.size)
+    v = 19.0 - 18.0 * (x[chosen] - low) / ((high - low) or 1.0)
+    return " ".join(f"{a:.4g},{b:.4g}" for a, b in zip(u, v, strict=True))

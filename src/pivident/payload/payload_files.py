@@ -1,0 +1,128 @@
+"""A load as files: ``payload.json`` for programs, ``payload.csv`` for sheets, ``payload.txt``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from os import PathLike
+from typing import Any
+
+from pivident.files import atomic_folder
+from pivident.payload.identify_payload import PayloadIdentification
+from pivident.payload.load_estimate import LoadEstimate
+from pivident.payload.load_rows import load_rows
+from pivident.payload.payload_text import payload_text
+from pivident.robot.description import INERTIAL
+from pivident.text.plain_values import plain
+
+#: Version of the layout of ``payload.json``.
+SCHEMA = 1
+
+#: Columns of ``payload.csv``; deviations and intervals in the unit of their row.
+CSV_COLUMNS = ("name", "value", "std", "lower", "upper", "unit")
+
+
+def save_payload(found: PayloadIdentification, folder: str | PathLike[str]) -> None:
+    """Write JSON, CSV and text into a folder, all or nothing.
+
+    Args:
+        found: the result.
+        folder: folder to create or to write into; its other files stay.
+
+    Raises:
+        PividentError: the folder cannot be written.
+    """
+    content = json.dumps(payload_values(found), indent=2, allow_nan=False, ensure_ascii=False)
+    with atomic_folder(folder) as build:
+        for name, text in (
+            ("payload.json", content + "\n"),
+            ("payload.csv", payload_csv(found.load)),
+            ("payload.txt", payload_text(found) + "\n"),
+        ):
+            # File names may hold bytes that are no text; they become escapes.
+            (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
+
+
+def payload_values(found: PayloadIdentification) -> dict[str, Any]:
+    """The result as plain values; numbers that are not finite are null.
+
+    Args:
+        found: the result.
+    """
+    load = found.load
+    nearest = found.possible
+    possible = None
+    if nearest is not None:
+        possible = {
+            "was_possible": nearest.was_possible,
+            "distance": nearest.distance,
+            "p_value": nearest.p_value,
+            "values": nearest.values,
+            "intervals": nearest.intervals,
+            "not_found": nearest.not_found,
+        }
+    known = {
+        key: getattr(found.known, key)
+        for key in ("mass", "mass_std", "center_of_mass", "center_of_mass_std", "inertia",
+                    "inertia_std")
+    }  # fmt: skip
+    content = {
+        "schema": SCHEMA,
+        "robot": found.arm.robot.name,
+        "link": found.link,
+        "joint": found.joint,
+        "frame": load.frame,
+        "method": found.method,
+        "converged": found.converged,
+        "iterations": found.iterations,
+        "load": [
+            {
+                "name": row.name,
+                "value": row.value,
+                "std": row.std,
+                "interval": row.interval,
+                "unit": row.unit,
+            }
+            for row in load_rows(load)
+        ],
+        "parameters": INERTIAL,
+        "values": load.values,
+        "covariance": load.covariance,
+        "rank": load.rank,
+        "undetermined": load.undetermined.T,
+        "possible": possible,
+        "known": known,
+        "friction": [
+            {"name": name, "change": change, "std": std}
+            for name, change, std in zip(
+                found.friction_names, found.friction_change, found.friction_std, strict=True
+            )
+        ],
+        "arm": [
+            {"name": name, "change_over_std": change}
+            for name, change in zip(found.arm.names, found.arm_change, strict=True)
+        ],
+        "relative_errors": dict(zip(found.joints, found.relative_errors, strict=True)),
+        "rms_errors": dict(zip(found.joints, found.rms_errors, strict=True)),
+        "recordings": found.recordings,
+        "warnings": found.warnings,
+        "sources": {"without_load": found.arm.sources, "with_load": found.sources},
+        "version": found.version,
+    }
+    return plain(content)
+
+
+def payload_csv(load: LoadEstimate) -> str:
+    """The load as a table with a header; numbers that are not finite are left empty.
+
+    Args:
+        load: the load.
+    """
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(CSV_COLUMNS)
+    for row in load_rows(load):
+        numbers = (row.value, row.std, *row.interval)
+        writer.writerow([row.name, *(plain(n) for n in numbers), row.unit])
+    return stream.getvalue()

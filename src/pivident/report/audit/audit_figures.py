@@ -1,0 +1,262 @@
+"""Drawings of an audit; their look is that of the report."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.audit.audit import Audit
+from pivident.report.downsampling import kept_samples
+from pivident.report.drawing_library import go
+from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure
+from pivident.text.numbers import with_spread
+
+#: Points of one trace.
+POINTS = 1200
+
+#: Parameters that the drawing of the excitation names.
+MAX_PARAMETERS = 80
+
+
+def interval_figure(audit: Audit) -> Figure | None:
+    """Histogram of the intervals between time stamps."""
+    intervals = 1e3 * audit.timing.intervals
+    if intervals.size < 3:
+        return None
+    plot = empty_plot("intervals")
+    counts, edges = np.histogram(intervals, bins=min(81, max(11, intervals.size // 50)))
+    if np.ptp(intervals) < 1e-9 * abs(intervals[0]):
+        counts, edges = np.array([intervals.size]), np.array([0.99, 1.01]) * intervals[0]
+    plot.add_bar(
+        x=0.5 * (edges[1:] + edges[:-1]),
+        y=counts,
+        width=np.diff(edges),
+        marker_color=METHOD_COLOURS[0],
+    )
+    plot.update_xaxes(title_text="interval [ms]")
+    plot.update_yaxes(type="log")
+    low, high = intervals.min(), intervals.max()
+    note = f"median {np.median(intervals):.6g} ms, from {low:.6g} to {high:.6g} ms"
+    label = f"Histogram of {intervals.size} intervals between time stamps: {note}"
+    return Figure(plot, 260, "Intervals between time stamps", label, note)
+
+
+def clock_figure(audit: Audit) -> Figure | None:
+    """Deviation of the stamps from a uniform clock over the samples."""
+    clock = audit.log.clock
+    if clock is None or len(clock) < 3:
+        return None
+    k = np.flatnonzero(np.isfinite(clock))
+    t = clock[k]
+    if t.size < 3 or t[-1] == t[0]:
+        return None
+    apart = 1e3 * (t - t[0] - (k - k[0]) * (t[-1] - t[0]) / (k[-1] - k[0]))
+    kept = kept_samples(apart, POINTS)
+    plot = empty_plot("deviation [ms]")
+    plot.add_scatter(
+        x=k[kept], y=apart[kept], mode="lines", line={"color": METHOD_COLOURS[0], "width": 1.2}
+    )
+    plot.update_xaxes(title_text="sample")
+    period = 1e3 * (t[-1] - t[0]) / (k[-1] - k[0])
+    note = f"largest {np.abs(apart).max():.3g} ms from a clock of {period:.6g} ms"
+    return Figure(plot, 260, "Stamps against a uniform clock", f"Deviation of stamps: {note}", note)
+
+
+def grid_figure(audit: Audit) -> Figure | None:
+    """Levels that each quantised signal has over its range."""
+    grids = [g for g in audit.quantisation.grids if np.isfinite(g.step)]
+    if not grids:
+        return None
+    plot = empty_plot("levels over the range")
+    plot.add_bar(
+        x=[g.name for g in grids], y=[g.levels for g in grids], marker_color=METHOD_COLOURS[2]
+    )
+    plot.update_yaxes(type="log", rangemode="tozero")
+    note = "steps of the grid that the values lie on; fewer levels make rougher derivatives"
+    label = f"Levels of {len(grids)} quantised signals"
+    return Figure(plot, 280, "Quantisation", label, note)
+
+
+def steps_figures(audit: Audit) -> list[Figure]:
+    """Some samples of each quantised position and torque where it moves, as they are."""
+    figures = []
+    for grid in audit.quantisation.grids:
+        values = audit.log.signals().get(grid.name)
+        if values is None or not np.isfinite(grid.step) or grid.name.partition(" of ")[0] != "q":
+            continue
+        speed = np.abs(np.diff(np.nan_to_num(values)))
+        middle = int(
+            np.argmax(np.convolve(speed < 3 * grid.step, np.ones(50), "same") * (speed > 0))
+        )
+        part = slice(max(0, middle - 100), middle + 100)
+        plot = empty_plot("steps")
+        plot.add_scatter(
+            x=np.arange(part.start, part.start + len(values[part])),
+            y=(values[part] - np.nanmean(values[part])) / grid.step,
+            mode="lines",
+            line={"color": METHOD_COLOURS[2], "width": 1.2, "shape": "hv"},
+        )
+        plot.update_xaxes(title_text="sample")
+        label = f"Slow part of {grid.name} in steps of {grid.step:.4g}"
+        figures.append(Figure(plot, 220, grid.name, label, f"one step is {grid.step:.4g}"))
+    return figures
+
+
+def torque_speed_figures(audit: Audit) -> list[Figure]:
+    """Torque of each joint over its speed, both low-passed."""
+    model = audit.model
+    if model is None:
+        return []
+    tau = model.tau()
+    kept = np.arange(0, len(model.at), max(1, len(model.at) // POINTS))
+    figures = []
+    for j, joint in enumerate(model.robot.joints):
+        revolute = joint.kind == "revolute"
+        plot = empty_plot(f"torque [{'N m' if revolute else 'N'}]")
+        plot.add_scatter(
+            x=model.dq[kept, j].astype(np.float32),
+            y=tau[kept, j].astype(np.float32),
+            mode="markers",
+            marker={"color": METHOD_COLOURS[0], "size": 3, "opacity": 0.6},
+        )
+        plot.update_xaxes(title_text=f"speed [{'rad/s' if revolute else 'm/s'}]")
+        note = ""
+        if audit.power is not None and np.isfinite(audit.power.friction[j]):
+            taken, deviation = audit.power.friction[j], audit.power.deviations[j]
+            note = "friction takes {} ± {} W".format(*with_spread(taken, 2 * deviation))
+        label = f"Torque of {joint.name} over its speed; {note}"
+        figures.append(Figure(plot, 260, joint.name, label, note))
+    return figures
+
+
+def shift_figure(audit: Audit) -> Figure | None:
+    """Relative error of each joint's inverse model over the shift of its torque."""
+    delay = audit.delay
+    if delay is None:
+        return None
+    assert audit.log.robot is not None
+    plot = empty_plot("relative error [%]")
+    for j, joint in enumerate(audit.log.robot.joints):
+        if not np.isfinite(delay.errors[:, j]).all():
+            continue
+        plot.add_scatter(
+            x=1e3 * delay.shifts,
+            y=100 * delay.errors[:, j],
+            name=joint.name,
+            mode="lines",
+            line={"color": METHOD_COLOURS[j % len(METHOD_COLOURS)], "width": 1.6},
+        )
+    plot.update_xaxes(title_text="delay of the torque [ms]")
+    plot.update_yaxes(type="log")
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    mean, deviation = delay.common
+    note = "the lowest point of each line is the delay of that joint"
+    if np.isfinite(mean):
+        plot.add_vline(1e3 * mean, line={"color": ERROR, "width": 1, "dash": "dash"})
+        note += "; together {} ± {} ms".format(*with_spread(1e3 * mean, 2e3 * deviation))
+    label = (
+        f"Relative error of the inverse model over the shift between torque and position; {note}"
+    )
+    return Figure(plot, 340, "Residual over shift", label, note)
+
+
+def order_figure(audit: Audit) -> Figure | None:
+    """Error of each torque on each joint's inverse model."""
+    if audit.order is None or len(audit.order.errors) < 2:
+        return None
+    assert audit.log.robot is not None
+    names = list(audit.log.robot.joint_names)
+    plot = empty_plot("joint")
+    plot.add_heatmap(
+        x=names,
+        y=names,
+        z=100 * audit.order.errors,
+        colorscale="Blues",
+        reversescale=True,
+        zmin=0,
+        zmax=100,
+        colorbar={"title": "%", "thickness": 10},
+        texttemplate="%{z:.0f}",
+    )
+    plot.update_xaxes(title_text="torque column")
+    plot.update_yaxes(autorange="reversed")
+    note = (
+        "relative error of each torque column on each joint's model; the diagonal should be lowest"
+    )
+    return Figure(plot, 340, "Which torque fits which joint", note, note)
+
+
+def excitation_figures(audit: Audit) -> list[Figure]:
+    """What each parameter leaves open, and how much of its limits each joint uses."""
+    excitation, model = audit.excitation, audit.model
+    if excitation is None or model is None:
+        return []
+    share = 100 * np.minimum(excitation.open_torque, 10.0)
+    worst = np.argsort(-share)[:MAX_PARAMETERS]
+    plot = empty_plot("open share of the torque [%]")
+    plot.add_bar(
+        x=[excitation.names[k] for k in worst],
+        y=share[worst],
+        marker_color=[ERROR if share[k] > 20 else METHOD_COLOURS[0] for k in worst],
+    )
+    plot.update_yaxes(type="log")
+    note = (
+        f"rank {excitation.rank} of {len(excitation.names)}, condition {excitation.condition:.4g}; "
+        "torque of full motion that each parameter alone leaves open, above 20 % in red"
+    )
+    first = Figure(plot, 320, "Parameters", f"Excitation: {note}", note)
+    ranges = empty_plot("used [%]")
+    kinds = ("range", "rated speed", "acceleration")
+    for k, kind in enumerate(kinds):
+        ranges.add_bar(
+            x=list(model.robot.joint_names),
+            y=100 * excitation.ranges[:, k],
+            name=kind,
+            marker_color=METHOD_COLOURS[k],
+        )
+    ranges.update_layout(
+        barmode="group",
+        showlegend=True,
+        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+    )
+    note = (
+        "share of position limits, rated speed, and of the acceleration that reaches it in 0.15 s"
+    )
+    spectrum = empty_plot("singular value")
+    spectrum.add_scatter(
+        x=np.arange(1, len(excitation.singular_values) + 1),
+        y=np.maximum(excitation.singular_values, 1e-12),
+        mode="lines+markers",
+        line={"color": MEASURED, "width": 1.2},
+        marker={"size": 4},
+    )
+    spectrum.update_yaxes(type="log", exponentformat="power")
+    spectrum.update_xaxes(title_text="number")
+    return [
+        first,
+        Figure(ranges, 300, "Use of the limits", f"Use of the limits by joint; {note}", note),
+        Figure(
+            spectrum,
+            300,
+            "Singular values",
+            "Singular values of the scaled observation matrix",
+            "of the weighted matrix with columns of unit length, relative to the largest",
+        ),
+    ]
+
+
+def empty_plot(y_title: str) -> go.Figure:
+    """Axes without decoration; the template stays out, it is 7 kB per figure."""
+    return go.Figure(
+        layout={
+            "template": "none",
+            "margin": {"l": 56, "r": 12, "t": 10, "b": 44},
+            "showlegend": False,
+            "hovermode": "closest",
+            "xaxis": {"automargin": True},
+            "yaxis": {
+                "title": {"text": y_title},
+                "automargin": True,
+                "exponentformat": "power",  # not 400f for 4e-13, nor 10k
+            },
+        }
+    )

@@ -1,0 +1,55 @@
+"""The friction of a record as one HTML page that needs nothing else, in the look of the report."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from jinja2 import ChoiceLoader, PackageLoader
+from markupsafe import Markup
+
+from pivident.friction.friction_findings import Finding, headline
+from pivident.friction.friction_study import FrictionStudy
+from pivident.report.builder import page_environment
+from pivident.report.friction.friction_figures import gain_figure, joint_figures
+from pivident.report.friction.ripple_figures import ripple_figures
+from pivident.version import __version__
+
+
+def render_page(study: FrictionStudy, title: str | None = None) -> str:
+    """The page as text.
+
+    Args:
+        study: the friction of a record.
+        title: title of the page; None: the robot's name.
+    """
+    environment = page_environment()
+    environment.loader = ChoiceLoader(
+        [PackageLoader("pivident.report.friction"), PackageLoader("pivident.report")]
+    )
+    environment.globals["headline"] = headline
+    environment.filters["clear"] = _clear
+    summary = environment.get_template("friction_summary.html").render(
+        study=study, gain=gain_figure(study.joints)
+    )
+    sections = [("summary", "What was seen", Markup(summary))]
+    template = environment.get_template("friction_joint.html")
+    for number, joint in enumerate(study.joints, start=1):
+        body = template.render(joint=joint, figures=joint_figures(joint))
+        sections.append((f"joint-{number}", joint.name, Markup(body)))
+    if study.ripple is not None:
+        drawn = {j.name: ripple_figures(j) for j in study.ripple.joints}
+        body = environment.get_template("friction_ripple.html").render(
+            ripple=study.ripple, figures=drawn
+        )
+        sections.append(("ripple", "Ripple over position", Markup(body)))
+    return environment.get_template("page.html").render(
+        title=title or f"{study.robot}: friction",
+        head=sections[0],
+        sections=sections[1:],
+        version=__version__,
+    )
+
+
+def _clear(findings: Sequence[Finding]) -> bool:
+    """Whether anything stands out beyond viscous and Coulomb friction."""
+    return any(f.clear and f.brief for f in findings)

@@ -1,0 +1,380 @@
+"""Figures of a report as plotly figures; colours of text and grid are the page's business."""
+
+from __future__ import annotations
+
+import html
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.control_law.identified_law import ControllerIdentification
+from pivident.control_law.law_equations import START
+from pivident.estimation.identification import FittedRecording, Identification
+from pivident.report.downsampling import kept_samples, stretches
+from pivident.report.drawing_library import go
+from pivident.text.numbers import format_significant, percent
+from pivident.validation.residuals.residual_tests import JointResidualTests
+
+#: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
+#: (2008), so that people with any colour vision tell them apart; vermilion is kept for errors.
+METHOD_COLOURS = ("#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430")
+
+MEASURED, ERROR, SHADE = "#7f8999", "#d55e00", "rgba(138, 147, 163, 0.22)"
+
+#: What each of these colours becomes on a dark page.
+DARK_COLOURS = {
+    "#0072b2": "#4ba3dd",
+    "#b87a00": "#e69f00",
+    "#009e73": "#2fc79a",
+    "#b5568f": "#e08fbf",
+    "#2f8fc7": "#7cc7f2",
+    "#7a7430": "#b9b25a",
+    MEASURED: "#98a2b3",
+    ERROR: "#ff8a3d",
+}
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A drawing with its words.
+
+    Attributes:
+        plot: the plotly figure.
+        height: height on the page [px].
+        title: what stands above it, plain text.
+        label: the drawing in words, for those who do not see it.
+        note: what stands below it, plain text, may be empty.
+        recording: where the x axis is time: whose. Figures of one recording show the same window.
+        start: instant at which that axis is zero, on the recording's clock [s].
+    """
+
+    plot: go.Figure
+    height: int
+    title: str
+    label: str
+    note: str = ""
+    recording: str = ""
+    start: float = 0.0
+
+
+def colour(method: int) -> str:
+    """Colour of a method by its index."""
+    return METHOD_COLOURS[method % len(METHOD_COLOURS)]
+
+
+def torque_figure(
+    identification: Identification,
+    recording: FittedRecording,
+    joint: int,
+    method: int,
+    points: int,
+) -> Figure:
+    """Measured and reconstructed torque of one joint, and their difference.
+
+    Args:
+        identification: the result.
+        recording: one of its recordings.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    fit = identification.joints[joint]
+    measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
+    t = _time(recording)
+    plot = empty_plot(f"torque [{fit.torque_unit}]" if fit.torque_unit != "N" else "force [N]")
+    plot.update_xaxes(title_text="time [s]")
+    plot.add_traces(_compared(t, measured, model, points, "reconstructed", colour(method)))
+    _shade(plot, _mask(recording, joint), t)
+    error = f"relative error {percent(100.0 * fit.relative_error)}"
+    rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
+    return Figure(
+        plot,
+        height=250,
+        title=fit.name,
+        label=f"Measured and reconstructed torque of {fit.name} over "
+        f"{format_significant(t[-1])} s: {error}, {rms}",
+        note=f"{error}, {rms}",
+        recording=recording.name,
+        start=_start(recording),
+    )
+
+
+def law_figure(found: ControllerIdentification, joint: int, method: int, points: int) -> Figure:
+    """Recorded controller output of one joint, what its law makes of it, and the difference.
+
+    Args:
+        found: the law.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
+    measured, model = found.output[used, joint], found.model[used, joint]
+    t = np.arange(len(found.output))[used] / found.rate
+    plot = empty_plot(f"{found.compared} [{found.unit}]")
+    plot.update_xaxes(title_text="time [s]")
+    plot.add_traces(_compared(t, measured, model, points, "law", colour(method)))
+    rms = f"rms {format_significant(law.rms)} {found.unit}"
+    note = f"not explained {percent(100.0 * law.relative_error)}, {rms}"
+    span = f"over {format_significant(t[-1])} s"
+    label = f"Measured {found.compared} of {law.name} and its law {span}: {note}"
+    # The law's rows begin at another instant than the fitted ones: it has a window of its own.
+    own = f"law of {', '.join(found.recordings)}"
+    return Figure(plot, 250, law.name, label, note, recording=own)
+
+
+def reference_figure(
+    identification: Identification,
+    recording: FittedRecording,
+    joint: int,
+    method: int,
+    points: int,
+) -> Figure:
+    """Measured position of one joint with its reference, and their difference below.
+
+    Args:
+        identification: the result.
+        recording: one of its recordings, which has a reference.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    assert recording.q_ref is not None
+    name, unit = identification.joints[joint].name, position_unit(identification, joint)
+    t = _time(recording)
+    measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
+    plot = empty_plot("")
+    lines = _compared(t, measured, reference, points, "reference", colour(method))
+    plot.add_traces([lines[0], lines[1], lines[2].update(yaxis="y2")])
+    _stack(plot, [f"q [{unit}]", f"difference [{unit}]"])
+    plot.update_layout(yaxis2={"automargin": True})
+    rms = format_significant(float(np.sqrt(np.mean((measured - reference) ** 2))))
+    label = f"Measured position of {name} and its reference over {format_significant(t[-1])} s"
+    note = f"measured less reference: rms {rms} {unit}"
+    return Figure(
+        plot, 320, name, f"{label}; {note}", note, recording.name, _start(recording)
+    )  # fmt: skip
+
+
+def residual_figure(tests: JointResidualTests, method: int) -> Figure:
+    """Autocorrelation of one joint's residual with the band of white noise.
+
+    Args:
+        tests: of the joint's residual.
+        method: index of the method, for its colour.
+    """
+    found = tests.autocorrelation
+    lags = np.arange(1, found.rho.size + 1)
+    plot = empty_plot("autocorrelation")
+    plot.update_xaxes(title_text=f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
+    plot.add_bar(
+        x=_packed(lags), y=_packed(found.rho), marker_color=colour(method), name="autocorrelation"
+    )
+    for sign in (-1.0, 1.0):
+        plot.add_scatter(
+            x=_packed(lags),
+            y=_packed(sign * found.band),
+            mode="lines",
+            line={"color": ERROR, "width": 1, "dash": "dash"},
+            name="±2/√n",
+        )
+    reach = 1.15 * max(float(np.nanmax(np.abs(found.rho))), 2.0 * float(np.median(found.band)))
+    plot.update_yaxes(range=[-reach, reach])
+    note = f"{percent(100.0 * found.outside)} outside ±2/√n. {tests.whiteness}"
+    label = f"Autocorrelation of the residual of {tests.name} at lags 1 to {lags[-1]}: {note}"
+    return Figure(plot, height=220, title=tests.name, label=label, note=note)
+
+
+def signal_figure(
+    identification: Identification,
+    recording: FittedRecording,
+    joint: int,
+    method: int,
+    points: int,
+) -> Figure:
+    """Position, speed and acceleration of one joint below each other.
+
+    Args:
+        identification: the result.
+        recording: one of its recordings.
+        joint: index of the joint.
+        method: index of the method, for its colour.
+        points: points per trace.
+    """
+    fit, unit = identification.joints[joint], position_unit(identification, joint)
+    t = _time(recording)
+    rows = (
+        ("q", unit, recording.q),
+        ("dq", f"{unit}/s", recording.dq),
+        ("ddq", f"{unit}/s²", recording.ddq),
+    )
+    plot = empty_plot("")
+    plot.add_trace(
+        _line(t, recording.q_measured[:, joint], points, "measured", MEASURED, width=2.4)
+    )
+    for k, (name, _, signal) in enumerate(rows, start=1):
+        axis = "y" if k == 1 else f"y{k}"
+        line = _line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
+        plot.add_trace(line.update(yaxis=axis))
+    _stack(plot, [f"{name} [{row_unit}]" for name, row_unit, _ in rows])
+    _shade(plot, _mask(recording, joint), t)
+    note = (
+        f"smoother: half power at {format_significant(fit.f50)} Hz"
+        if math.isfinite(fit.f50)
+        else ""
+    )
+    label = f"Position, speed and acceleration of {fit.name} over {format_significant(t[-1])} s"
+    return Figure(plot, 420, fit.name, label, note, recording.name, _start(recording))
+
+
+def distance_figure(identification: Identification) -> Figure:
+    """Distance of every parameter from its final value over the iterations, in σ."""
+    history = identification.history
+    theta = np.array([iteration.theta for iteration in history])
+    with np.errstate(divide="ignore", invalid="ignore"):
+        distance = np.abs(theta - identification.theta) / identification.std
+    distance[~(np.isfinite(distance) & (distance > 0.0))] = np.nan
+    plot = empty_plot("distance from the estimate [σ]")
+    plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
+    plot.update_yaxes(type="log", exponentformat="power", dtick=1)
+    columns = zip(identification.names, identification.parameters, distance.T, strict=True)
+    for name, parameter, values in columns:
+        plot.add_scatter(
+            x=_packed(np.arange(1, len(history) + 1)),
+            y=_packed(values),
+            name=html.escape(name, quote=False),
+            mode="lines+markers",
+            line={"color": colour(parameter.joint), "width": 1.2},
+            marker={"size": 4},
+        )
+    plot.add_hline(1.0, line={"color": ERROR, "width": 1, "dash": "dash"})
+    label = (
+        f"Distance of {len(identification.names)} parameters from their estimate over "
+        f"{len(history)} iterations, in standard deviations"
+    )
+    note = "one line per parameter, coloured by joint; the dashed line is 1σ"
+    return Figure(plot, height=300, title="Parameters", label=label, note=note)
+
+
+def change_figure(identification: Identification) -> Figure:
+    """Largest relative change and relative error of the torque over the iterations."""
+    history = identification.history
+    plot = empty_plot("%")
+    plot.update_xaxes(title_text="iteration", dtick=1, range=[0.8, len(history) + 0.2])
+    plot.update_yaxes(type="log", exponentformat="power")
+    for name, line_colour, values in (
+        ("largest relative change", METHOD_COLOURS[0], [i.change for i in history]),
+        ("relative error of the torque", METHOD_COLOURS[1], [i.residual for i in history]),
+    ):
+        plot.add_scatter(
+            x=_packed(np.arange(1, len(history) + 1)),
+            y=_packed(100.0 * np.array(values, dtype=float)),
+            name=name,
+            mode="lines+markers",
+            line={"color": line_colour, "width": 1.6},
+        )
+    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    last = history[-1]
+    label = (
+        f"Largest relative change and relative error over {len(history)} iterations; at the end "
+        f"{percent(100.0 * last.change)} and {percent(100.0 * last.residual)}"
+    )
+    return Figure(plot, height=300, title="Criteria", label=label)
+
+
+def position_unit(identification: Identification, joint: int) -> str:
+    """Rad or m, by the kind of the joint."""
+    return "rad" if identification.robot.joints[joint].kind == "revolute" else "m"
+
+
+def empty_plot(y_title: str) -> go.Figure:
+    """Axes without decoration; the template stays out, it is 7 kB per figure."""
+    return go.Figure(
+        layout={
+            "template": "none",
+            "margin": {"l": 58, "r": 12, "t": 8, "b": 42},
+            "showlegend": False,
+            "hovermode": "closest",
+            "xaxis": {"automargin": False, "zeroline": False},
+            "yaxis": {"title": {"text": y_title, "standoff": 4}, "zeroline": True},
+        }
+    )
+
+
+def _line(
+    t: np.ndarray, y: np.ndarray, points: int, name: str, line_colour: str, *, width: float
+) -> go.Scatter:
+    kept = kept_samples(np.asarray(y, dtype=float), points)
+    return go.Scatter(
+        x=_packed(t[kept]),
+        y=_packed(y[kept]),
+        mode="lines",
+        name=name,
+        line={"color": line_colour, "width": width},
+    )
+
+
+def _compared(
+    t: np.ndarray, measured: np.ndarray, model: np.ndarray, points: int, name: str, own: str
+) -> list[go.Scatter]:
+    """What was measured, what a model makes of it, and the error, as three lines."""
+    return [
+        _line(t, measured, points, "measured", MEASURED, width=2.4),
+        _line(t, model, points, name, own, width=1.2),
+        _line(t, measured - model, points, "error", ERROR, width=1.0),
+    ]
+
+
+def _stack(plot: go.Figure, titles: Sequence[str]) -> None:
+    """Axes y, y2, … below each other, over one axis of time."""
+    gap = 0.065
+    height = (1.0 - gap * (len(titles) - 1)) / len(titles)
+    for k, title in enumerate(titles):
+        top = 1.0 - (height + gap) * k
+        axis = {
+            "domain": [max(top - height, 0.0), top],
+            "title": {"text": title, "standoff": 4},
+        }
+        plot.update_layout({f"yaxis{k + 1 if k else ''}": axis})
+    plot.update_xaxes(title_text="time [s]", anchor=f"y{len(titles)}")
+
+
+def _shade(plot: go.Figure, mask: np.ndarray, t: np.ndarray) -> None:
+    """Grey background where rows did not vote."""
+    plot.update_layout(
+        shapes=[
+            {
+                "type": "rect",
+                "layer": "below",
+                "yref": "paper",
+                "x0": start,
+                "x1": stop,
+                "y0": 0,
+                "y1": 1,
+                "fillcolor": SHADE,
+                "line": {"width": 0},
+            }
+            for start, stop in stretches(mask, t)
+        ]
+    )
+
+
+def _mask(recording: FittedRecording, joint: int) -> np.ndarray:
+    return np.asarray(recording.mask, dtype=bool)[:, joint]
+
+
+def _time(recording: FittedRecording) -> np.ndarray:
+    """Time since the first row [s]: a clock's absolute time has too many digits to draw."""
+    return recording.t - recording.t[0]
+
+
+def _start(recording: FittedRecording) -> float:
+    """Instant of the first row on the recording's clock [s]."""
+    return float(recording.t[0])
+
+
+def _packed(x: np.ndarray) -> np.ndarray:
+    """Single precision: plotly writes it in 5 characters per number."""
+    return np.asarray(x, dtype=np.float32)

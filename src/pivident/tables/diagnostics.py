@@ -1,0 +1,118 @@
+"""Tables of what speaks for a result and against it: tests, held-out motion, verdict."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from pivident.diagnostics.verdict import Verdict
+from pivident.tables.columns import Table
+from pivident.validation.held_out.cross_validation import CrossValidation
+from pivident.validation.residuals.autocorrelation import LjungBoxTest
+from pivident.validation.residuals.residual_tests import ResidualTests
+
+
+def residual_tests(tests: ResidualTests) -> Table:
+    """One row for each joint and test.
+
+    Args:
+        tests: on the residuals of an identification.
+    """
+    rows = []
+    for joint in tests.joints:
+        for name, test in joint.tests.items():
+            robust = isinstance(test, LjungBoxTest)
+            found: Any = test
+            rows.append(
+                {
+                    "joint": joint.name,
+                    "test": name,
+                    "statistic": float(found.robust_statistic if robust else found.statistic),
+                    "p_value": float(found.robust_p_value if robust else found.p_value),
+                    "significant": bool(test.significant),
+                    "matters": bool(test.matters),
+                    "samples": joint.samples,
+                    "sentence": str(test),
+                }
+            )
+    meanings = {
+        "p_value": "that the sentence goes by; NaN where there is no test behind a noise model",
+        "matters": "significant, and of practical size",
+    }
+    empty = ("joint", "test", "statistic", "p_value", "significant", "matters", "samples")
+    return Table.of_rows("tests", rows, meanings, (*empty, "sentence"))
+
+
+def validation_folds(found: CrossValidation) -> Table:
+    """One row for each stretch that was held out.
+
+    Args:
+        found: errors of one method on motion that was not fitted.
+    """
+    rows = [
+        {
+            "method": found.method,
+            "kind": found.kind,
+            "recording": h.recording,
+            "start_s": float(h.start),
+            "stop_s": float(h.stop),
+            "error_percent": _of(h.prediction, "total"),
+            "error_in_band_percent": _of(h.prediction, "total_in_band"),
+            "band_hz": _of(h.prediction, "band"),
+            "failure": h.failure,
+        }
+        for h in found.held_out
+    ]
+    meanings = {
+        "error_percent": "‖error‖/‖τ‖ over all joints, all frequencies",
+        "error_in_band_percent": "the same below band_hz, the highest frequency of the motion",
+    }
+    return Table.of_rows("folds", rows, meanings)
+
+
+def validation_joints(found: CrossValidation) -> Table:
+    """One row for each joint and held-out stretch.
+
+    Args:
+        found: errors of one method on motion that was not fitted.
+    """
+    rows = []
+    for h in found.held_out:
+        if h.prediction is None:
+            continue
+        p = h.prediction
+        for j, joint in enumerate(p.joint_names):
+            rows.append(
+                {
+                    "method": found.method,
+                    "recording": h.recording,
+                    "start_s": float(h.start),
+                    "stop_s": float(h.stop),
+                    "joint": joint,
+                    "rms_error": float(p.rms[j]),
+                    "rms_error_in_band": float(p.rms_in_band[j]),
+                    "rms_torque": float(p.torque[j]),
+                    "noise_in_band": float(p.noise_in_band[j]),
+                    "torque_unit": p.units[j],
+                    "error_percent": float(p.relative[j]),
+                    "error_in_band_percent": float(p.relative_in_band[j]),
+                }
+            )
+    return Table.of_rows("joints", rows, {"noise_in_band": "noise level just beyond the band"})
+
+
+def verdict_statements(found: Verdict) -> Table:
+    """One row for each statement.
+
+    Args:
+        found: the verdict.
+    """
+    rows = [
+        {"topic": s.topic, "grade": s.grade, "text": s.text, "evidence": s.evidence}
+        for s in found.statements
+    ]
+    return Table.of_rows("statements", rows, empty=("topic", "grade", "text", "evidence"))
+
+
+def _of(error: Any, name: str) -> float:
+    return math.nan if error is None else float(getattr(error, name))

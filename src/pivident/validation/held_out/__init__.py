@@ -1,0 +1,1 @@
+"""Prediction of motion that was not fitted."""

@@ -1,0 +1,347 @@
+"""Cross-validation: how well does an estimate predict motion that it was not fitted to?
+
+Two ways: a second recording, or k contiguous blocks of the motion, each predicted by the fit to
+all others. Two scores: the torque of the model on the measured motion, and the closed loop
+simulated with the estimate. An error on the training data alone says little, and the result says
+so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from pivident.errors import ExperimentError, IdentificationError, SimulationDiverged
+from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
+from pivident.estimation.identification import Identification
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import Method
+from pivident.estimation.problem import Problem
+from pivident.estimation.repetition import find_repetition
+from pivident.recording.recording import Recording
+from pivident.text.numbers import format_significant
+from pivident.text.plain_table import plain_table
+from pivident.validation.held_out.folds import Fold, Piece, contiguous_folds, moving_part
+from pivident.validation.held_out.prediction import Judge, PredictionError, motion_band, pooled
+from pivident.validation.held_out.replay import Replay, ReplayError, pooled_replay
+
+#: Gap on either side of a held-out block, in periods of the highest frequency of the motion.
+GAP_PERIODS = 2.0
+
+#: What has to be said where nothing was held out.
+TRAINING_ONLY = (
+    "Nothing was held out: these errors are on the data that were fitted, and a model that is too "
+    "large or a wrong noise model can have small ones. Hold blocks out (folds), or record a second "
+    "motion."
+)
+
+Kind = Literal["folds", "second recording", "training only"]
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """One stretch that was not fitted, and how it was predicted.
+
+    Attributes:
+        recording: name of the recording.
+        start: time at which the stretch begins [s].
+        stop: time at which it ends [s].
+        identification: the fit that did not know it; None where that failed.
+        prediction: torque errors, likewise.
+        replay: errors of the simulated loop; None without a loop, or where it failed.
+        failure: what went wrong, empty if nothing did.
+    """
+
+    recording: str
+    start: float
+    stop: float
+    identification: Identification | None = None
+    prediction: PredictionError | None = None
+    replay: ReplayError | None = None
+    failure: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class CrossValidation:
+    """Errors of one method on motion that was not fitted.
+
+    Attributes:
+        method: name of the method.
+        kind: ``folds``, ``second recording`` or ``training only``.
+        identification: fit to everything.
+        held_out: stretches with their scores; with ``training only`` they were fitted.
+        training: torque errors of ``identification`` on what it was fitted to.
+        gap: left out on either side of a block [s].
+        notes: sentences.
+    """
+
+    method: str
+    kind: Kind
+    identification: Identification
+    held_out: tuple[HeldOut, ...]
+    training: PredictionError
+    gap: float = 0.0
+    notes: tuple[str, ...] = ()
+
+    @property
+    def prediction(self) -> PredictionError:
+        """Torque errors over all held-out stretches."""
+        return pooled([h.prediction for h in self.held_out if h.prediction is not None])
+
+    @property
+    def replay(self) -> ReplayError | None:
+        """Errors of the simulated loop over all held-out stretches, where there are any."""
+        found = [h.replay for h in self.held_out if h.replay is not None]
+        return pooled_replay(found) if found else None
+
+    @property
+    def training_only(self) -> bool:
+        """Whether nothing was held out."""
+        return self.kind == "training only"
+
+    @property
+    def warning(self) -> str:
+        """What has to be said where nothing was held out; empty otherwise."""
+        return TRAINING_ONLY if self.training_only else ""
+
+    @property
+    def failures(self) -> tuple[str, ...]:
+        """What went wrong, with the stretch where it did."""
+        return tuple(
+            f"{h.recording}, {h.start:.2f} to {h.stop:.2f} s: {h.failure}"
+            for h in self.held_out
+            if h.failure
+        )
+
+    def __str__(self) -> str:
+        parts = [self.headline(), self.stretch_table(), self.joint_table()]
+        return "\n\n".join([*parts, *self.sentences()])
+
+    def headline(self) -> str:
+        """What was done and what came out, in a sentence or two."""
+        error, band = self.prediction, self.prediction.band
+        what = {
+            "folds": f"{len(self.held_out)} held-out blocks, gaps of {self.gap:.2g} s",
+            "second recording": "a recording that was not fitted",
+            "training only": "the fitted data",
+        }[self.kind]
+        text = (
+            f"{self.method} on {what}: torque error {error.total_in_band:.2f} % below {band:g} Hz, "
+            f"{error.total:.2f} % over all frequencies"
+        )
+        if self.kind != "training only":
+            text += f" (on the fitted data {self.training.total_in_band:.2f} and "
+            text += f"{self.training.total:.2f} %)"
+        if self.replay is not None:
+            text += f"; simulated loop: torque error {self.replay.total:.2f} %"
+        return text + "."
+
+    def stretch_table(self) -> str:
+        """One line for each stretch."""
+        rows = self.held_out
+        band = self.prediction.band
+        return plain_table(
+            [
+                ("recording", "<", [h.recording for h in rows]),
+                ("part [s]", "<", [f"{h.start:.2f} … {h.stop:.2f}" for h in rows]),
+                (f"error % < {band:g} Hz", ".", [_percent(h, "total_in_band") for h in rows]),
+                ("all", ".", [_percent(h, "total") for h in rows]),
+                ("replay %", ".", [_replayed(h) for h in rows]),
+            ]
+        )
+
+    def joint_table(self) -> str:
+        """One line for each joint, over all stretches."""
+        e, replay = self.prediction, self.replay
+        columns = [
+            ("joint", "<", list(e.joint_names)),
+            (f"rms < {e.band:g} Hz", ".", [format_significant(x) for x in e.rms_in_band]),
+            ("%", ".", [format_significant(x) for x in e.relative_in_band]),
+            ("rms, all", ".", [format_significant(x) for x in e.rms]),
+            ("%", ".", [format_significant(x) for x in e.relative]),
+            ("unit", "<", list(e.units)),
+        ]
+        if replay is not None:
+            columns += [
+                ("replay: torque rms", ".", [format_significant(x) for x in replay.torque]),
+                ("%", ".", [format_significant(x) for x in replay.relative]),
+                ("position rms", ".", [format_significant(x) for x in replay.position]),
+                ("unit", "<", list(replay.position_units)),
+            ]
+        return plain_table(columns)
+
+    def sentences(self) -> list[str]:
+        """The warning, failures and notes."""
+        failed = [f"Failed: {text}" for text in self.failures]
+        return [text for text in (self.warning, *failed, *self.notes) if text]
+
+
+def cross_validate(
+    problem: Problem,
+    method: Method | str = "piv",
+    *,
+    folds: int = 5,
+    gap: float | None = None,
+    recording: Recording | Sequence[Recording] | None = None,
+    identification: Identification | None = None,
+    progress: Callable[[str], None] | None = None,
+) -> CrossValidation:
+    """Judge a method on motion that it was not fitted to.
+
+    Standstill before and after the motion is neither fitted nor judged in folds.
+
+    Args:
+        problem: what is given.
+        method: a method or its name.
+        folds: number of contiguous blocks; 0: nothing is held out, and the result says so. The
+            motion of a second recording is scored in so many blocks.
+        gap: left out on either side of a held-out block [s]; None: two periods of the highest
+            frequency of the motion, 0.1 s for 20 Hz.
+        recording: one or several recordings that are not in the problem; they are judged on
+            instead of blocks.
+        identification: fit of the method to all of the problem, if it is there already.
+        progress: called with one line at each stage.
+
+    Returns:
+        Errors on the held-out motion, per block and together.
+
+    Raises:
+        ExperimentError: impossible folds or gap, or a second recording that is the fitted one.
+        IdentificationError: the method fails on the whole record, or on every fold.
+    """
+    say = progress or (lambda line: None)
+    found = identification or identify(problem, method, say)
+    judges = [Judge(r) for r in problem.recordings]
+    moving = [moving_part(problem, j.kinematics) for j in judges]
+    fitted = [Piece(k, *part) for k, part in enumerate(moving)]
+    training = pooled([judges[p.recording].score(found, [p.span])[0] for p in fitted])
+    notes = _replay_notes(problem)
+    if recording is not None:
+        others = (recording,) if isinstance(recording, Recording) else tuple(recording)
+        _check_unseen(problem, others)
+        unseen = [Judge(r, judges[0].band) for r in others]
+        pieces = [p for k, r in enumerate(others) for p in _blocks(k, r.samples, max(folds, 1))]
+        held_out = _judged(problem, found, unseen, pieces)
+        return _checked(
+            CrossValidation(found.method, "second recording", found, held_out, training, 0.0, notes)
+        )
+    if folds == 0:
+        held_out = _judged(problem, found, judges, fitted)
+        return _checked(
+            CrossValidation(found.method, "training only", found, held_out, training, 0.0, notes)
+        )
+    gap = GAP_PERIODS / motion_band(problem.recordings[0]) if gap is None else gap
+    divided = contiguous_folds(problem.recordings, moving, folds, gap)
+    stretches: list[HeldOut] = []
+    for number, fold in enumerate(divided, start=1):
+        say(f"fold {number} of {len(divided)}")
+        stretches += _fold(problem, method, fold, judges)
+    notes += _repetition_notes(problem)
+    return _checked(
+        CrossValidation(found.method, "folds", found, tuple(stretches), training, gap, notes)
+    )
+
+
+def _fold(
+    problem: Problem, method: Method | str, fold: Fold, judges: Sequence[Judge]
+) -> tuple[HeldOut, ...]:
+    """Fit the rest, judge the block; a failure is kept with it."""
+    try:
+        found = identify(replace(problem, recordings=fold.fitted), method)
+    except IdentificationError as error:
+        return tuple(_stretch(judges[p.recording], p, failure=str(error)) for p in fold.held_out)
+    return _judged(problem, found, judges, fold.held_out)
+
+
+def _judged(
+    problem: Problem, found: Identification, judges: Sequence[Judge], pieces: Sequence[Piece]
+) -> tuple[HeldOut, ...]:
+    """Score an estimate on pieces of recordings, by prediction and by replay."""
+    stretches = []
+    for k in dict.fromkeys(piece.recording for piece in pieces):
+        own, judge, failure = [p for p in pieces if p.recording == k], judges[k], ""
+        spans = [p.span for p in own]
+        replays: list[ReplayError] | list[None] = [None] * len(own)
+        if problem.loop is not None:
+            try:
+                replays = Replay(problem, judge).score(found, spans)
+            except (SimulationDiverged, IndefiniteMass) as reason:
+                failure = f"the loop cannot be simulated with this estimate: {reason}"
+        for piece, error, replay in zip(own, judge.score(found, spans), replays, strict=True):
+            stretches.append(_stretch(judge, piece, found, error, replay, failure))
+    return tuple(stretches)
+
+
+def _blocks(recording: int, samples: int, count: int) -> list[Piece]:
+    """A recording cut into blocks of equal length."""
+    borders = np.linspace(0, samples, count + 1).round().astype(int)
+    return [Piece(recording, int(a), int(b)) for a, b in pairwise(borders)]
+
+
+def _stretch(
+    judge: Judge,
+    piece: Piece,
+    found: Identification | None = None,
+    error: PredictionError | None = None,
+    replay: ReplayError | None = None,
+    failure: str = "",
+) -> HeldOut:
+    r = judge.recording
+    start, stop = (r.start_time + k / r.rate for k in (piece.start, piece.stop))
+    return HeldOut(r.name, start, stop, found, error, replay, failure)
+
+
+def _checked(result: CrossValidation) -> CrossValidation:
+    """Refuse a result in which every fold failed."""
+    if not any(h.prediction is not None for h in result.held_out):
+        raise IdentificationError(
+            f"{result.method} fails on every fold, the first time with: {result.failures[0]}; "
+            "ask for more folds, so that each leaves more to fit"
+        )
+    return result
+
+
+def _check_unseen(problem: Problem, others: Sequence[Recording]) -> None:
+    """Refuse a second recording that does not fit, or is no second one."""
+    replace(problem, recordings=tuple(others))  # joints and reach
+    for other in others:
+        for own in problem.recordings:
+            if own.q.shape == other.q.shape and np.array_equal(own.q, other.q):
+                raise ExperimentError(
+                    f"recording {other.name!r} is the one that is fitted; give another one, or "
+                    "use folds"
+                )
+
+
+def _replay_notes(problem: Problem) -> tuple[str, ...]:
+    """What the replay of this loop means."""
+    if problem.loop is not None and problem.loop.reference == "smoothed":
+        return (
+            "The replayed loop is virtual: its reference is the measured motion itself, so its "
+            "position error tells nothing about the estimate, and its torque error little.",
+        )
+    return ()
+
+
+def _repetition_notes(problem: Problem) -> tuple[str, ...]:
+    """What folds of a repeated motion mean."""
+    repeated = find_repetition(problem.recordings)
+    if repeated is None:
+        return ()
+    return (
+        f"The motion repeats ({repeated.description}): what a block holds out is fitted elsewhere, "
+        "so these errors are those of a repetition, not of a new motion. Judge on a different "
+        "recording.",
+    )
+
+
+def _percent(stretch: HeldOut, name: str) -> str:
+    return "–" if stretch.prediction is None else f"{getattr(stretch.prediction, name):.2f}"
+
+
+def _replayed(stretch: HeldOut) -> str:
+    return "–" if stretch.replay is None else f"{stretch.replay.total:.2f}"

@@ -1,0 +1,130 @@
+"""Contiguous blocks of a record that are held out, and what is left to fit.
+
+Neighbouring samples of a motion tell almost the same, so single samples cannot be held out: whole
+blocks are, with a gap on either side over which noise and model error forget each other. The rest
+is cut into recordings of its own. Filters, smoothers and simulated loops start anew in each, so
+that nothing of a held-out block reaches the fit: neither its torques nor its positions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.problem import Problem
+from pivident.recording.recording import Recording
+
+#: Shorter remainders are not worth their transients: seconds, and samples.
+MIN_S = 0.3
+MIN_SAMPLES = 300
+
+
+@dataclass(frozen=True)
+class Piece:
+    """A stretch of one recording.
+
+    Attributes:
+        recording: its number.
+        start: first sample.
+        stop: one past the last.
+    """
+
+    recording: int
+    start: int
+    stop: int
+
+    @property
+    def span(self) -> slice:
+        """The samples."""
+        return slice(self.start, self.stop)
+
+
+@dataclass(frozen=True, eq=False)
+class Fold:
+    """One division of the records.
+
+    Attributes:
+        held_out: the block to be judged on; several pieces where it runs over the end of a
+            recording.
+        fitted: the parts to fit.
+    """
+
+    held_out: tuple[Piece, ...]
+    fitted: tuple[Recording, ...]
+
+
+def moving_part(problem: Problem, kinematics: Kinematics) -> tuple[int, int]:
+    """Samples from the first to the last motion of any joint: (start, stop).
+
+    Args:
+        problem: says which speed passes for standstill.
+        kinematics: smoothed motion of one recording.
+    """
+    limits = problem.low_speeds(kinematics.recording)
+    moving = np.flatnonzero((np.abs(kinematics.dq) > limits[:, None]).any(axis=0))
+    if not moving.size:
+        return kinematics.start, kinematics.stop
+    return max(int(moving[0]), kinematics.start), min(int(moving[-1]) + 1, kinematics.stop)
+
+
+def contiguous_folds(
+    recordings: Sequence[Recording],
+    moving: Sequence[tuple[int, int]],
+    count: int,
+    gap: float,
+) -> list[Fold]:
+    """Cut the motion of all recordings, one after the other, into blocks of equal length.
+
+    Args:
+        recordings: the runs.
+        moving: the part (start, stop) of each that is shared out.
+        count: number of folds, two at least.
+        gap: left out on either side of a held-out block [s].
+
+    Raises:
+        ExperimentError: fewer than two folds, a negative gap, or too short a motion.
+    """
+    if count < 2:
+        raise ExperimentError(f"folds is {count}; at least 2 are needed")
+    if not (np.isfinite(gap) and gap >= 0.0):
+        raise ExperimentError(f"gap is {gap!r} s; it must be a number that is not negative")
+    lengths = [stop - start for start, stop in moving]
+    borders = np.linspace(0, sum(lengths), count + 1).round().astype(int)
+    offsets = np.r_[0, np.cumsum(lengths)]
+    shortest = min(_shortest(r) for r in recordings)
+    if min(np.diff(borders)) < shortest:
+        rate = recordings[0].rate
+        raise ExperimentError(
+            f"{count} folds of a motion of {sum(lengths) / rate:.3g} s are blocks of "
+            f"{np.diff(borders).min() / rate:.2g} s, too short to be judged on; at least "
+            f"{shortest / rate:.2g} s are needed: ask for fewer folds"
+        )
+    folds = []
+    for first, last in pairwise(borders):
+        held_out, fitted = [], []
+        for k, recording in enumerate(recordings):
+            start, stop = moving[k]
+            low, high = (int(np.clip(b - offsets[k], 0, lengths[k])) for b in (first, last))
+            if low == high:
+                fitted.append(recording.part(start, stop))
+                continue
+            held_out.append(Piece(k, start + low, start + high))
+            margin = round(gap * recording.rate)
+            ends = (start, start + low - margin), (start + high + margin, stop)
+            fitted += [recording.part(a, b) for a, b in ends if b - a >= _shortest(recording)]
+        if not fitted:
+            raise ExperimentError(
+                f"{count} folds with gaps of {gap:.2g} s leave nothing to fit; ask for more folds, "
+                "a shorter gap, or give a second recording"
+            )
+        folds.append(Fold(tuple(held_out), tuple(fitted)))
+    return folds
+
+
+def _shortest(recording: Recording) -> int:
+    return max(round(MIN_S * recording.rate), MIN_SAMPLES)

@@ -1,0 +1,137 @@
+"""Closed-loop replay: the loop simulated with an estimate, beside what the machine did.
+
+The simulation is given the reference, the control law and the known inputs, no measured position
+after the first and no torque. A whole recording is simulated from its beginning, since a law with
+memory cannot be started in the middle; parts of it are scored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.identification import Identification
+from pivident.estimation.iteration import position_units, torque_units
+from pivident.estimation.problem import Problem
+from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.recording.recording import Recording
+from pivident.validation.held_out.prediction import Judge, total_error
+
+
+@dataclass(frozen=True, eq=False)
+class ReplayError:
+    """Errors of a simulated loop over some samples; arrays (joints,).
+
+    Attributes:
+        joint_names: names of the joints.
+        position_units: rad or m.
+        torque_units: N m or N.
+        position: rms of simulated minus measured positions [rad or m].
+        torque: rms of simulated minus measured torques [N m or N].
+        torque_size: rms of the measured torques [N m or N].
+        samples: number of samples.
+    """
+
+    joint_names: tuple[str, ...]
+    position_units: tuple[str, ...]
+    torque_units: tuple[str, ...]
+    position: np.ndarray
+    torque: np.ndarray
+    torque_size: np.ndarray
+    samples: int
+
+    @property
+    def relative(self) -> np.ndarray:
+        """100 torque error/torque of each joint [%]."""
+        return 100.0 * self.torque / np.maximum(self.torque_size, 1e-300)
+
+    @property
+    def total(self) -> float:
+        """Torque error over all joints [%]."""
+        return total_error(self.torque, self.torque_size, self.torque_units)
+
+
+class Replay:
+    """The loop of one recording, simulated with any estimate of a problem's parameters.
+
+    Args:
+        problem: robot, loop and parameters.
+        judge: the recording with its smoothed motion, from which a simulation starts.
+    """
+
+    def __init__(self, problem: Problem, judge: Judge) -> None:
+        self.problem = replace(problem, recordings=(judge.recording,))
+        self.recording = judge.recording
+        self.auxiliary = AuxiliaryModel(
+            self.problem, differences=False, kinematics=[judge.kinematics]
+        )
+
+    def simulate(self, found: Identification) -> SimulatedMotion:
+        """The whole recording, time last.
+
+        Raises:
+            SimulationDiverged: the loop leaves its reference.
+            MassMatrixNotPositiveDefinite: the estimate is no physical robot on the way.
+        """
+        return self.auxiliary.simulate(found.theta)[0]
+
+    def score(self, found: Identification, spans: Sequence[slice]) -> list[ReplayError]:
+        """Errors of an estimate on stretches of the recording.
+
+        Args:
+            found: the estimate, of the problem's parameters.
+            spans: samples of the recording.
+        """
+        motion = self.simulate(found)
+        assert motion.tau is not None
+        position = motion.q.T - self.recording.q
+        torque = as_logged(motion.tau.T, self.recording) - self.recording.tau
+        return [
+            ReplayError(
+                joint_names=self.recording.joint_names,
+                position_units=tuple(position_units(self.problem)),
+                torque_units=tuple(torque_units(self.problem)),
+                position=np.sqrt(np.mean(position[span] ** 2, axis=0)),
+                torque=np.sqrt(np.mean(torque[span] ** 2, axis=0)),
+                torque_size=np.sqrt(np.mean(self.recording.tau[span] ** 2, axis=0)),
+                samples=len(position[span]),
+            )
+            for span in spans
+        ]
+
+
+def as_logged(tau: np.ndarray, recording: Recording) -> np.ndarray:
+    """Simulated torque, held from each sample on, as the recording's torque channel has it.
+
+    Args:
+        tau: shape (samples, joints) [N m or N].
+        recording: whose delay and timing are applied.
+    """
+    lag = recording.delay * recording.rate
+    if recording.torque_timing == "averaged":
+        lag += recording.rate / recording.control_rate
+    # the log holds what the drive was told, the simulation what acts
+    waiting = np.ceil(recording.drive_delay * recording.control_rate - 1e-9)
+    lag -= waiting * recording.rate / recording.control_rate
+    source = np.floor(np.arange(len(tau)) - lag + 1e-6).astype(int)
+    return tau[np.clip(source, 0, len(tau) - 1)]
+
+
+def pooled_replay(errors: Sequence[ReplayError]) -> ReplayError:
+    """One score of several stretches: squares are averaged over all samples."""
+    weights = [e.samples for e in errors]
+
+    def mean(name: str) -> np.ndarray:
+        squares = [getattr(e, name) ** 2 for e in errors]
+        return np.sqrt(np.average(squares, axis=0, weights=weights))
+
+    return replace(
+        errors[0],
+        position=mean("position"),
+        torque=mean("torque"),
+        torque_size=mean("torque_size"),
+        samples=sum(weights),
+    )

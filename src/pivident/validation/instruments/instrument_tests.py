@@ -1,0 +1,80 @@
+"""Tests on the instruments of one identification: relevant, needed, and not contradicted?"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from pivident.estimation.full_rate import FullRateRecord
+from pivident.validation.instruments.moment_sums import (
+    ExtraInstruments,
+    kept_equations,
+    moment_sums,
+)
+from pivident.validation.instruments.overidentification import (
+    DurbinWuHausmanTest,
+    OveridentificationTest,
+    exogeneity_test,
+    overidentification_test,
+)
+from pivident.validation.instruments.weak_instruments import RelevanceTest, relevance_test
+
+if TYPE_CHECKING:
+    from pivident.estimation.identification import Identification
+
+
+@dataclass(frozen=True, eq=False)
+class InstrumentTests:
+    """What is known about the instruments of a result.
+
+    Attributes:
+        relevance: whether they explain the regressors.
+        exogeneity: whether least squares on the same equations differs significantly.
+        overidentification: whether further instruments contradict them.
+    """
+
+    relevance: RelevanceTest
+    exogeneity: DurbinWuHausmanTest
+    overidentification: OveridentificationTest
+
+    def __str__(self) -> str:
+        return "\n".join(
+            str(test) for test in (self.relevance, self.exogeneity, self.overidentification)
+        )
+
+
+def instrument_tests(
+    identification: Identification, extra: ExtraInstruments | Literal["auto"] = "auto"
+) -> InstrumentTests:
+    """All tests, from one pass over the equations that were solved last.
+
+    Args:
+        identification: result of IV or PIV.
+        extra: further instruments: ``reference``: Φ(q_ref), ``delayed``: the instruments one
+            period later; ``auto``: the first where there is a reference at full rate.
+
+    Raises:
+        IdentificationError: the result has no instruments, or no equations were kept.
+    """
+    chosen = further_kind(identification) if extra == "auto" else extra
+    sums = moment_sums(identification, chosen)
+    names = identification.names
+    return InstrumentTests(
+        relevance_test(sums, names),
+        exogeneity_test(sums, names),
+        overidentification_test(sums, names),
+    )
+
+
+def further_kind(identification: Identification) -> ExtraInstruments:
+    """Which further instruments a result can have.
+
+    Args:
+        identification: the result.
+    """
+    records = kept_equations(identification).records
+    recorded = all(
+        isinstance(r, FullRateRecord) and r.kinematics.recording.q_ref is not None for r in records
+    )
+    virtual = identification.loop is not None and identification.loop.reference == "smoothed"
+    return "reference" if recorded and not virtual else "delayed"

@@ -1,0 +1,310 @@
+"""Sums of products of regressors, instruments and torque: all that the tests on instruments need.
+
+With Y = [Φ Z X τ], the weighted and prefiltered columns of the observation matrix, of the
+instruments, of further instruments X and the torque, they are YᵀY over all rows and
+[Φ Z X]ᵀ[Φ Z τ] over each window of time (raised cosines, see ``estimation.sandwich``). Their size
+is that of the parameters, not of the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.covariance.sandwich import Share, Windows, windows_of
+from pivident.estimation.simulated_motion import central_differences
+
+if TYPE_CHECKING:
+    from pivident.dynamics.regressor import Regressor
+    from pivident.estimation.equations import Equations, Motion
+    from pivident.estimation.full_rate import FullRateRecord
+    from pivident.estimation.identification import Identification
+
+ExtraInstruments = Literal["reference", "delayed"]
+
+
+@dataclass(eq=False)
+class MomentSums:
+    """Sums over all joints and records, columns in the order Φ, Z, X, τ.
+
+    Attributes:
+        size: number of parameters b.
+        extra: number of further instruments, 0 or b.
+        gram: YᵀY, shape (2b + extra + 1, 2b + extra + 1).
+        windows: [Φ Z X]ᵀ[Φ Z τ] of each window, shape (windows, 2b + extra, 2b + 1).
+        shares: share of the record in each window, summing to one, shape (windows,).
+        rows: number of rows that voted.
+        extra_kind: what the further instruments are; empty: there are none.
+    """
+
+    size: int
+    extra: int
+    gram: np.ndarray
+    windows: np.ndarray
+    shares: np.ndarray
+    rows: int = 0
+    extra_kind: str = ""
+
+    @classmethod
+    def empty(cls, size: int, extra: int, windows: Sequence[Windows]) -> MomentSums:
+        """No rows yet.
+
+        Args:
+            size: number of parameters.
+            extra: number of further instruments.
+            windows: of all records.
+        """
+        width = 2 * size + extra
+        count = sum(w.count for w in windows)
+        total = sum(w.samples for w in windows)
+        shares = np.zeros(count)
+        for own in windows:
+            gaps = np.diff(np.linspace(0, own.samples, own.count)) / total
+            shares[own.first : own.first + own.count - 1] += gaps / 2
+            shares[own.first + 1 : own.first + own.count] += gaps / 2
+        gram, parts = np.zeros((width + 1, width + 1)), np.zeros((count, width, 2 * size + 1))
+        return cls(size, extra, gram, parts, shares)
+
+    @classmethod
+    def from_rows(
+        cls,
+        phi: np.ndarray,
+        z: np.ndarray,
+        tau: np.ndarray,
+        extra: np.ndarray | None = None,
+    ) -> MomentSums:
+        """Sums of one record whose rows are all there, for estimators of your own.
+
+        Args:
+            phi: regressors, shape (samples, parameters).
+            z: instruments, likewise.
+            tau: right side, shape (samples,).
+            extra: further instruments, shape (samples, extra).
+        """
+        windows = windows_of([tau.size])
+        more = 0 if extra is None else extra.shape[1]
+        sums = cls.empty(phi.shape[1], more, windows)
+        columns = np.arange(phi.shape[1])
+        x = None if extra is None else np.ascontiguousarray(extra.T)
+        shares = list(windows[0].shares(slice(0, tau.size)))
+        sums.add(columns, phi.T, z.T, x, tau, tau.size, shares, np.arange(more))
+        return sums
+
+    def add(
+        self,
+        columns: np.ndarray,
+        phi: np.ndarray,
+        z: np.ndarray,
+        extra: np.ndarray | None,
+        tau: np.ndarray,
+        rows: int,
+        shares: Sequence[Share],
+        extra_columns: np.ndarray | None = None,
+    ) -> None:
+        """Add rows of one joint, time last.
+
+        Args:
+            columns: parameters that act on the joint, shape (k,).
+            phi: its columns, shape (k, samples).
+            z: instruments, likewise.
+            extra: further instruments, likewise, or None.
+            tau: right side, shape (samples,).
+            rows: how many of the samples vote; the others are zero.
+            shares: windows that the samples belong to.
+            extra_columns: places of the further instruments; None: those of the others.
+        """
+        lines = [columns, self.size + columns]
+        stack = [phi, z]
+        if extra is not None:
+            lines.append(2 * self.size + (columns if extra_columns is None else extra_columns))
+            stack.append(extra)
+        left = np.concatenate(lines)
+        right = np.append(np.concatenate([columns, self.size + columns]), 2 * self.size)
+        rights = np.vstack([phi, z, tau])
+        moments = np.vstack(stack)
+        every = np.vstack([moments, tau])
+        places = np.append(left, len(self.gram) - 1)
+        self.gram[np.ix_(places, places)] += every @ every.T
+        for share in shares:
+            part, response = moments[:, share.part], rights[:, share.part].T
+            rising = (part * share.rising) @ response
+            self.windows[np.ix_(np.array([share.window + 1]), left, right)] += rising
+            self.windows[np.ix_(np.array([share.window]), left, right)] += part @ response - rising
+        self.rows += rows
+
+    def block(self, left: str, right: str) -> np.ndarray:
+        """Part of the Gram matrix, such as ``("z", "phi")`` for ZᵀΦ.
+
+        Args:
+            left: ``phi``, ``z``, ``extra`` or ``tau``.
+            right: likewise.
+        """
+        return self.gram[self._place(left), self._place(right)]
+
+    def window(self, left: str, right: str) -> np.ndarray:
+        """The same in each window, windows first; ``right`` is ``phi``, ``z`` or ``tau``.
+
+        Args:
+            left: ``phi``, ``z`` or ``extra``.
+            right: ``phi``, ``z`` or ``tau``.
+        """
+        place = self._place(right) if right != "tau" else slice(2 * self.size, None)
+        return self.windows[:, self._place(left), place]
+
+    def scaled(self) -> tuple[MomentSums, np.ndarray]:
+        """The same with columns of unit length, and the lengths, shape (columns,).
+
+        Parameters differ by orders of magnitude, and so do their columns. An instrument is
+        given a length of its own, which changes no estimate.
+        """
+        length = np.sqrt(np.diag(self.gram))
+        length = np.where(length > 0, length, 1.0)
+        length[-1] = 1.0
+        right = np.r_[length[: 2 * self.size], 1.0]
+        scaled = replace(
+            self,
+            gram=self.gram / np.outer(length, length),
+            windows=self.windows / length[:-1, None] / right,
+        )
+        return scaled, length
+
+    def _place(self, name: str) -> slice:
+        b = self.size
+        return {
+            "phi": slice(0, b),
+            "z": slice(b, 2 * b),
+            "extra": slice(2 * b, 2 * b + self.extra),
+            "tau": slice(2 * b + self.extra, None),
+        }[name]
+
+
+def moment_sums(
+    identification: Identification, extra: ExtraInstruments | None = None
+) -> MomentSums:
+    """Sums of the equations that an identification solved last, in one pass over its records.
+
+    Args:
+        identification: the result of IV or PIV.
+        extra: further instruments: ``reference``: Φ(q_ref); ``delayed``: Z one period later. With
+            decimated records, ``delayed`` only.
+
+    Raises:
+        IdentificationError: the estimate had no instruments, or its equations were not kept.
+    """
+    equations = kept_equations(identification)
+    if not equations.has_instruments:
+        raise IdentificationError(
+            f"{identification.method} has no instruments to be tested; identify with 'iv', "
+            "'iv-full-rate' or 'piv'"
+        )
+    more = None if extra is None else further_instruments(equations, extra)
+    windows = windows_of(equations.lengths)
+    sums = MomentSums.empty(equations.size, 0 if extra is None else equations.size, windows)
+    sums.extra_kind = extra or ""
+    for block in equations.blocks(more):
+        shares = list(windows[block.record].shares(block.span))
+        for r in block.joints:
+            sums.add(r.columns, r.phi, r.z, r.extra, r.tau, int(r.votes.sum()), shares)
+    return sums
+
+
+def kept_equations(identification: Identification) -> Equations:
+    """Equations of a result.
+
+    Args:
+        identification: the result.
+
+    Raises:
+        IdentificationError: it has none.
+    """
+    if identification.equations is None:
+        raise IdentificationError(
+            f"the equations of this {identification.method} result were not kept; take the "
+            "result as identify() returns it"
+        )
+    return identification.equations
+
+
+def further_instruments(
+    equations: Equations, extra: ExtraInstruments
+) -> list[Motion] | list[np.ndarray]:
+    """Motions, or columns of decimated records, that further instruments are made of.
+
+    Args:
+        equations: the equations.
+        extra: which further instruments.
+
+    Raises:
+        IdentificationError: a recording has no reference, or its equations are decimated.
+    """
+    from pivident.estimation.full_rate import FullRateRecord
+
+    motions: list = []
+    for record in equations.records:
+        recording = record.kinematics.recording
+        full = isinstance(record, FullRateRecord)
+        source: Any = record
+        if extra == "delayed":
+            motions.append(_delayed(source.motion) if full else _one_later(source.z))
+        elif full and recording.q_ref is not None:
+            motions.append(_on_reference(equations.regressor, source))
+        else:
+            why = "no q_ref" if recording.q_ref is None else "decimated equations"
+            raise IdentificationError(
+                f"recording {recording.name!r} has {why}, so Φ(q_ref) cannot be an instrument; "
+                "use extra='delayed'"
+            )
+    return motions
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """Positions, speeds and accelerations of another motion, time last.
+
+    Attributes:
+        q: positions [rad or m], shape (joints, samples).
+        dq: speeds [rad/s or m/s].
+        ddq: accelerations [rad/s² or m/s²].
+        inner: columns with memory or load, shape (inner entries, samples).
+    """
+
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    inner: np.ndarray | None = None
+
+    def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, dq and ddq on some samples."""
+        return self.q[:, span], self.dq[:, span], self.ddq[:, span]
+
+
+def _delayed(motion: Motion) -> Signals:
+    inner = None if motion.inner is None else _one_later(motion.inner)
+    return Signals(_one_later(motion.q), _one_later(motion.dq), _one_later(motion.ddq), inner)
+
+
+def _on_reference(regressor: Regressor, record: FullRateRecord) -> Signals:
+    """The reference's motion; loads, which need the parameters, are those of the instruments."""
+    recording = record.kinematics.recording
+    assert recording.q_ref is not None
+    dq, ddq = central_differences(recording.q_ref, recording.rate)
+    q_ref, dq, ddq = (_time_last(x) for x in (recording.q_ref, dq, ddq))
+    inner = regressor.inner(q_ref, dq, ddq)
+    own = None if record.motion is None else record.motion.inner
+    if own is not None:
+        of_load = regressor.load_parameters[regressor.column[regressor.inner_entries]]
+        inner[of_load] = own[of_load]
+    return Signals(q_ref, dq, ddq, inner)
+
+
+def _one_later(x: np.ndarray) -> np.ndarray:
+    """Rows delayed by one sample, the first one twice."""
+    return np.concatenate([x[:, :1], x[:, :-1]], axis=1)
+
+
+def _time_last(x: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(x.T)

@@ -1,0 +1,257 @@
+"""Tests of what the instruments claim: Durbin-Wu-Hausman, Sargan and Hansen.
+
+Both come twice: by the sums of squares of the textbook, right for white residuals, and robust,
+over windows of time, right for any correlation within a window. On real records the textbook's
+reject nearly always, because model error lasts; the robust ones are those to go by.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.validation.instruments.added_moments import (
+    added_moments,
+    covariance_of_steps,
+    estimate,
+    estimate_steps,
+    residual_square,
+)
+from pivident.validation.instruments.moment_sums import MomentSums
+
+#: Probability from which on a test rejects.
+LEVEL = 0.05
+
+#: Shift of an estimate, in its own standard deviations, from which on it matters: an interval of
+#: two deviations that is shifted by so much still covers the truth in 94 of 100 cases.
+PRACTICAL_SHIFT = 0.25
+
+#: Words for the further instruments.
+FURTHER = {
+    "reference": "Φ(q_ref)",
+    "delayed": "instruments delayed by one period",
+    "": "further instruments",
+}
+
+
+class ShiftTest:
+    """A test that compares two estimates of the same parameters."""
+
+    p_value: float
+    shift: np.ndarray
+
+    @property
+    def practical_size(self) -> float:
+        """Largest change of a parameter, in robust deviations of the IV estimate."""
+        return float(np.abs(self.shift).max())
+
+    @property
+    def rejects(self) -> bool:
+        """Whether the two estimates differ, at 5 %."""
+        return self.p_value < LEVEL
+
+    @property
+    def matters(self) -> bool:
+        """Whether they do, and by a noticeable shift of a parameter."""
+        return self.rejects and self.practical_size > PRACTICAL_SHIFT
+
+
+@dataclass(frozen=True, eq=False)
+class DurbinWuHausmanTest(ShiftTest):
+    """Durbin, Wu and Hausman: do least squares and instruments differ significantly?
+
+    Attributes:
+        names: names of the parameters.
+        statistic: robust F.
+        degrees: its effective degrees of freedom.
+        p_value: probability of a larger F where the regressors carry no noise.
+        directions: instruments that tell something that the regressors do not.
+        white_statistic: F of the augmented regression, (E2), for white residuals.
+        white_degrees: its degrees of freedom.
+        white_p_value: its probability.
+        difference: θ_LS - θ_IV of the same equations, shape (parameters,) [unit of each].
+        difference_std: its standard deviation over windows of time, likewise.
+        shift: the difference in robust standard deviations of the IV estimate, shape (parameters,).
+        relative: the difference relative to the IV estimate, shape (parameters,).
+    """
+
+    names: tuple[str, ...]
+    statistic: float
+    degrees: tuple[float, float]
+    p_value: float
+    directions: int
+    white_statistic: float
+    white_degrees: tuple[int, int]
+    white_p_value: float
+    difference: np.ndarray
+    difference_std: np.ndarray
+    shift: np.ndarray
+    relative: np.ndarray
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """By how many of its own deviations each parameter differs, shape (parameters,)."""
+        std = np.maximum(self.difference_std, 1e-300)
+        return np.where(self.difference == 0.0, 0.0, self.difference / std)
+
+    def __str__(self) -> str:
+        k = int(np.argmax(np.abs(self.shift)))
+        verdict = (
+            "least squares and instrumental variables differ significantly: regressors and "
+            "residual share noise or model error" + _smallness(self.matters)
+            if self.rejects
+            else "least squares and instrumental variables do not differ significantly"
+        )
+        return (
+            f"Exogeneity (Durbin-Wu-Hausman, robust): F = {self.statistic:.3g} on "
+            f"{_degrees(self.degrees)} degrees of freedom, p = {self.p_value:.2g}: {verdict}. "
+            f"The largest shift is that of {self.names[k]}, {abs(self.shift[k]):.2g} standard "
+            f"deviations ({100 * abs(self.relative[k]):.2g} %)."
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class OveridentificationTest(ShiftTest):
+    """Sargan and Hansen: do further instruments contradict the estimate?
+
+    Attributes:
+        names: names of the parameters.
+        further: ``reference``, ``delayed``, or empty.
+        statistic: robust F.
+        degrees: its effective degrees of freedom.
+        p_value: probability of a larger F where all instruments are valid.
+        j: J = εᵀP_Z ε/s², (E1), for white residuals.
+        directions: its degrees of freedom, the number of further instruments.
+        j_p_value: its probability.
+        shift: change of the estimate if all instruments were used, in robust standard deviations
+            of the IV estimate, shape (parameters,).
+        relative: the same relative to the estimate.
+    """
+
+    names: tuple[str, ...]
+    further: str
+    statistic: float
+    degrees: tuple[float, float]
+    p_value: float
+    j: float
+    directions: int
+    j_p_value: float
+    shift: np.ndarray
+    relative: np.ndarray
+
+    def __str__(self) -> str:
+        k = int(np.argmax(np.abs(self.shift)))
+        verdict = (
+            "they contradict the estimate: a delay, a wrong loop or model error"
+            + _smallness(self.matters)
+            if self.rejects
+            else "they do not contradict the estimate"
+        )
+        return (
+            f"Over-identification (Hansen, robust) with {FURTHER.get(self.further, self.further)}: "
+            f"F = {self.statistic:.3g} on {_degrees(self.degrees)} degrees of freedom, p = "
+            f"{self.p_value:.2g}: {verdict}. With them the estimate would change by at most "
+            f"{abs(self.shift[k]):.2g} standard deviations ({self.names[k]}, "
+            f"{100 * abs(self.relative[k]):.2g} %)."
+        )
+
+
+def exogeneity_test(sums: MomentSums, names: Sequence[str]) -> DurbinWuHausmanTest:
+    """Durbin-Wu-Hausman on weighted equations.
+
+    Args:
+        sums: of the equations, see :func:`moment_sums`.
+        names: names of the parameters.
+    """
+    from scipy.stats import f as f_distribution
+
+    scaled, length = sums.scaled()
+    scale = length[: sums.size]
+    found = added_moments(scaled, "phi", "z")
+    remainder = residual_square(scaled, estimate(scaled, "phi")) - found.square
+    freedom = max(sums.rows - sums.size - found.directions, 1)
+    white = found.square / max(found.directions, 1) / max(remainder / freedom, 1e-300)
+    white_p = float(f_distribution.sf(white, max(found.directions, 1), freedom))
+    theta = estimate(scaled, "z") / scale
+    difference = estimate(scaled, "phi") / scale - theta
+    own = estimate_steps(scaled, "z") / scale
+    apart = covariance_of_steps(estimate_steps(scaled, "phi") / scale - own)
+    outcome = found.statistic
+    return DurbinWuHausmanTest(
+        tuple(names),
+        outcome.statistic,
+        outcome.degrees,
+        outcome.p_value,
+        found.directions,
+        white if found.directions else 0.0,
+        (found.directions, freedom),
+        white_p if found.directions else 1.0,
+        difference,
+        np.sqrt(np.diag(apart)),
+        difference / np.sqrt(np.diag(covariance_of_steps(own))),
+        _relative(difference, theta),
+    )
+
+
+def overidentification_test(sums: MomentSums, names: Sequence[str]) -> OveridentificationTest:
+    """Sargan and Hansen on weighted equations with further instruments.
+
+    Args:
+        sums: of the equations, with further instruments.
+        names: names of the parameters.
+
+    Raises:
+        IdentificationError: there are no further instruments, without which J is zero.
+    """
+    from scipy.stats import chi2
+
+    if not sums.extra:
+        raise IdentificationError(
+            "there are as many instruments as parameters, so J is zero whatever they are worth; "
+            "give further ones (extra='reference' or extra='delayed')"
+        )
+    scaled, length = sums.scaled()
+    scale = length[: sums.size]
+    found = added_moments(scaled, "z", "extra")
+    theta, all_used = estimate(scaled, "z"), _with_all_instruments(scaled)
+    spread = residual_square(scaled, all_used) / sums.rows
+    j = found.square / max(spread, 1e-300)
+    std = np.sqrt(np.diag(covariance_of_steps(estimate_steps(scaled, "z"))))
+    outcome = found.statistic
+    return OveridentificationTest(
+        tuple(names),
+        sums.extra_kind,
+        outcome.statistic,
+        outcome.degrees,
+        outcome.p_value,
+        j,
+        found.directions,
+        float(chi2.sf(j, found.directions)) if found.directions else 1.0,
+        (all_used - theta) / std,
+        _relative((all_used - theta) / scale, theta / scale),
+    )
+
+
+def _with_all_instruments(sums: MomentSums) -> np.ndarray:
+    """Two-stage least squares with Z and X."""
+    both = slice(sums.size, 2 * sums.size + sums.extra)
+    inner = np.linalg.pinv(sums.gram[both, both], rcond=1e-11, hermitian=True)
+    first = sums.gram[both, : sums.size]
+    return np.linalg.solve(first.T @ inner @ first, first.T @ inner @ sums.gram[both, -1])
+
+
+def _relative(change: np.ndarray, theta: np.ndarray) -> np.ndarray:
+    """Change relative to a value; infinite for a value of zero."""
+    size = np.abs(theta)
+    return np.divide(change, size, out=np.full(size.shape, np.inf), where=size > 0)
+
+
+def _smallness(matters: bool) -> str:
+    return "" if matters else ", but too little to matter"
+
+
+def _degrees(degrees: tuple[float, float]) -> str:
+    return f"{degrees[0]:.3g} and {degrees[1]:.3g}"

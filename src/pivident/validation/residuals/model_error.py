@@ -1,0 +1,405 @@
+"""Model error against noise: which part of the residual would come again?
+
+On real machines most of the residual is what the model misses, and deviations that take it for
+noise say the wrong thing. Two ways to tell them apart:
+
+* a *repeated* motion (periodic reference, or two recordings of the same one): what repeats is model
+  error, what does not is noise, see ``pivident.estimation.repetition``;
+* *held-out blocks* otherwise: the prediction error is compared with what the noise level just
+  beyond the motion's highest frequency would give. This is coarser: model error that reaches
+  beyond that frequency counts as noise, and the estimate's own error counts as model error.
+
+Both are judged below the motion's highest frequency, where the estimate is decided. The noise's
+share has an interval from the scatter of the blocks, cut off at 0 and 100 %. Where that reaches
+from little to most, the record does not tell noise from model error, and that is what is said.
+
+Deviations from noise alone tell how well the estimate would repeat, not how near it is to the
+truth. A result holds both, and says which is which.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.full_rate import FullRateRecord, accumulate, torque_of
+from pivident.estimation.identification import Identification
+from pivident.estimation.iteration import torque_units
+from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.methods import RandomWalk
+from pivident.estimation.problem import Problem
+from pivident.estimation.repetition import RepeatedMotion, repeated_motion, usable_samples
+from pivident.signals.bandpass import butterworth
+from pivident.text.lists import listed
+from pivident.text.numbers import format_significant, with_spread
+from pivident.text.plain_table import plain_table
+from pivident.validation.held_out.cross_validation import CrossValidation
+from pivident.validation.held_out.prediction import motion_band
+
+#: Blocks of the motion that are left out in turn for the deviation of a share.
+BLOCKS = 20
+
+#: An interval of a share that reaches from below the first to above the second tells nothing.
+LITTLE, MOST = 0.25, 0.75
+
+
+@dataclass(frozen=True)
+class JointModelError:
+    """One joint's residual, split below the motion's highest frequency.
+
+    Attributes:
+        name: name of the joint.
+        unit: N m or N.
+        residual: rms of the residual [unit].
+        noise: rms of the part that does not come again [unit].
+        model: rms of the part that does [unit].
+        noise_share: share of the noise in the residual's variance, 0 to 1.
+        share_std: standard deviation of that share, NaN where there is too little for one.
+        noise_share_all: share of the noise over all frequencies; NaN for held-out blocks.
+    """
+
+    name: str
+    unit: str
+    residual: float
+    noise: float
+    model: float
+    noise_share: float
+    share_std: float
+    noise_share_all: float = np.nan
+
+    @property
+    def share_interval(self) -> tuple[float, float]:
+        """The share ± 2σ as far as a share can be, within 0 to 1; NaN without a deviation."""
+        reach = 2.0 * self.share_std
+        low, high = np.clip([self.noise_share - reach, self.noise_share + reach], 0.0, 1.0)
+        return float(low), float(high)
+
+    @property
+    def is_reported(self) -> bool:
+        """Whether noise is told from model error: not if it may be little as well as most."""
+        low, high = self.share_interval
+        return not (low < LITTLE and high > MOST)
+
+
+@dataclass(frozen=True, eq=False)
+class ModelError:
+    """The residual split into model error and noise.
+
+    Attributes:
+        method: whose residual it is.
+        source: ``repetition`` or ``held-out blocks``.
+        description: what was compared, in words.
+        band: highest frequency of the motion [Hz].
+        joints: the split of each joint.
+        identification: the estimate.
+        repeatability: standard deviations from the noise alone, shape (parameters,): by how much
+            estimates from repetitions of this record would differ. None where it is not known.
+    """
+
+    method: str
+    source: Literal["repetition", "held-out blocks"]
+    description: str
+    band: float
+    joints: tuple[JointModelError, ...]
+    identification: Identification
+    repeatability: np.ndarray | None = None
+
+    @property
+    def noise_share(self) -> float:
+        """Share of the noise over all joints, each counted alike, 0 to 1."""
+        return float(np.mean([j.noise_share for j in self.joints]))
+
+    @property
+    def mostly_model_error(self) -> bool:
+        """Whether less than half is noise, beyond doubt (two standard deviations)."""
+        spread = np.sqrt(np.nansum([j.share_std**2 for j in self.joints])) / len(self.joints)
+        return self.noise_share + 2.0 * float(spread) < 0.5
+
+    def __str__(self) -> str:
+        return "\n\n".join([*self.sentences(), self.joint_table(), *self.parameter_tables()])
+
+    def sentences(self) -> list[str]:
+        """What was found, in words with numbers."""
+        told = [j for j in self.joints if j.is_reported]
+        untold = [j for j in self.joints if not j.is_reported]
+        lines = ([self._told(told)] if told else []) + ([self._untold(untold)] if untold else [])
+        shares = [100.0 * j.noise_share_all for j in self.joints]
+        if not np.isnan(shares).any():
+            most = "" if len(shares) == 1 else f" to {max(shares):.0f}"
+            lines.append(f"Over all frequencies noise makes {min(shares):.0f}{most} %.")
+        if self.repeatability is not None:
+            total = self.identification.robust_std
+            ratio = np.exp(np.mean(np.log(total / np.maximum(self.repeatability, 1e-300))))
+            lines.append(
+                "Repeatability: if this record were taken again, the estimates would differ by the "
+                f"deviations from noise alone. They are {format_significant(float(ratio), 2)} "
+                "times "
+                "smaller than those that contain the model error, and do not say how near the "
+                "estimates are to the truth."
+            )
+        if self.mostly_model_error:
+            advice = "longer or quieter record would change little; a better model would, of "
+            together = "Over all joints less than half is noise: a " if untold else "A "
+            lines.append(f"{together}{advice}friction first.")
+        return lines
+
+    def _told(self, joints: Sequence[JointModelError]) -> str:
+        """The least and the largest share among the joints that tell it."""
+        low, high = (f(joints, key=lambda j: j.noise_share) for f in (min, max))
+        makes = _share(low) if low is high else f"{_share(low)} to {_share(high)}"
+        most, whole, rest = "", "residual", "comes again with the motion: it is model error"
+        if self.source == "held-out blocks":
+            most, whole, rest = "at most ", "error", "is model error, and the estimate's own error"
+        where = "" if low is high else ", from joint to joint"
+        return (
+            f"Below {self.band:g} Hz, noise makes {most}{makes} of the {whole}'s variance{where}; "
+            f"the rest {rest} ({self.description})."
+        )
+
+    def _untold(self, joints: Sequence[JointModelError]) -> str:
+        """Joints of which the record says nothing, with the interval that shows it."""
+        some = len(joints) < len(self.joints)
+        where = f" on {listed([j.name for j in joints])}" if some else ""
+        motion = "held-out" if self.source == "held-out blocks" else "repeated"
+        low = 100.0 * min(j.share_interval[0] for j in joints)
+        high = 100.0 * max(j.share_interval[1] for j in joints)
+        basis = "" if some else f" ({self.description})"
+        return (
+            f"Below {self.band:g} Hz, the {motion} motion does not tell noise from model error"
+            f"{where}: noise may make {low:.0f} to {high:.0f} % of the variance (2σ){basis}."
+        )
+
+    def joint_table(self) -> str:
+        """One line for each joint."""
+        shares = [_percentages(j) for j in self.joints]
+        return plain_table(
+            [
+                ("joint", "<", [j.name for j in self.joints]),
+                (
+                    f"rms < {self.band:g} Hz",
+                    ".",
+                    [format_significant(j.residual) for j in self.joints],
+                ),
+                ("model error", ".", [format_significant(j.model) for j in self.joints]),
+                ("noise", ".", [format_significant(j.noise) for j in self.joints]),
+                ("unit", "<", [j.unit for j in self.joints]),
+                ("noise, % of variance", ".", [value for value, _ in shares]),
+                ("2σ", ">", [interval for _, interval in shares]),
+            ]
+        )
+
+    def parameter_tables(self) -> list[str]:
+        """Both kinds of deviations side by side, where they are known."""
+        if self.repeatability is None:
+            return []
+        found = self.identification
+        alone, total = 2.0 * self.repeatability, 2.0 * found.robust_std
+        repeats = [with_spread(x, y) for x, y in zip(found.theta, alone, strict=True)]
+        return [
+            plain_table(
+                [
+                    ("parameter", "<", list(found.names)),
+                    ("value", ".", [value for value, _ in repeats]),
+                    ("repeats ±2σ", ".", [spread for _, spread in repeats]),
+                    ("with model error ±2σ", ".", [format_significant(x, 2) for x in total]),
+                    ("unit", "<", list(found.units)),
+                ]
+            )
+        ]
+
+
+def model_error_by_repetition(
+    problem: Problem, identification: Identification, *, period: int | None = None
+) -> ModelError:
+    """Split the residual of an estimate by what repeats.
+
+    Args:
+        problem: what was given; one recording must be periodic, or two follow the same motion.
+        identification: an estimate of its parameters, by any method. Deviations from the noise
+            alone are made for estimates at the full sampling rate.
+        period: samples of a period, where it is known.
+
+    Raises:
+        IdentificationError: no motion repeats.
+    """
+    records = _full_rate_records(identification)
+    kinematics = (
+        [r.kinematics for r in records]
+        if records
+        else [estimate_kinematics(r, RandomWalk()) for r in problem.recordings]
+    )
+    motion = repeated_motion([k.recording for k in kinematics], period)
+    theta = identification.theta
+    models = [torque_of(problem.regressor, k, theta) for k in kinematics]
+    residuals = [k.tau - m for k, m in zip(kinematics, models, strict=True)]
+    votes = [r.votes for r in records] if records else [usable_samples(k) for k in kinematics]
+    _, noise, _ = motion.split(residuals, [usable_samples(k) for k in kinematics])
+    band = motion_band(problem.recordings[0])
+    joints = _splits(problem, motion, residuals, votes, band)
+    repeatability = None
+    if records:
+        assert identification.equations is not None
+        alone = [
+            replace(r, kinematics=replace(r.kinematics, tau=m + v))
+            for r, m, v in zip(records, models, noise, strict=True)
+        ]
+        equations = identification.equations
+        sums = accumulate(problem.regressor, alone, equations.filters)
+        covariance = sandwich(sums, theta, equations.variance, equations.weight_power)
+        repeatability = np.sqrt(np.diag(covariance))
+    return ModelError(
+        identification.method, "repetition", motion.description, band, joints, identification,
+        repeatability,
+    )  # fmt: skip
+
+
+def model_error_by_held_out_blocks(validation: CrossValidation) -> ModelError:
+    """Split the prediction error on held-out motion, below the motion's highest frequency.
+
+    Args:
+        validation: of the method; with nothing held out it is the training error that is split,
+            and the description says so.
+    """
+    errors = [h.prediction for h in validation.held_out if h.prediction is not None]
+    band = errors[0].band
+    seen = "the fitted data" if validation.training_only else "motion that was not fitted"
+    joints = []
+    for j, (name, unit) in enumerate(zip(errors[0].joint_names, errors[0].units, strict=True)):
+        total = np.array([e.samples * e.rms_in_band[j] ** 2 for e in errors])
+        noise = np.minimum([e.samples * e.noise_in_band[j] ** 2 for e in errors], total)
+        samples = sum(e.samples for e in errors)
+        joints.append(_joint(name, unit, noise, total, samples))
+    return ModelError(
+        validation.method,
+        "held-out blocks",
+        f"errors on {seen}, beside the noise level just above {band:g} Hz",
+        band,
+        tuple(joints),
+        validation.identification,
+    )
+
+
+def model_error(
+    problem: Problem, identification: Identification, validation: CrossValidation | None = None
+) -> ModelError | None:
+    """By repetition where the motion repeats, by held-out blocks otherwise.
+
+    Args:
+        problem: what was given.
+        identification: an estimate.
+        validation: its cross-validation, where there is one.
+
+    Returns:
+        The split; None where nothing repeats and nothing was held out.
+    """
+    try:
+        return model_error_by_repetition(problem, identification)
+    except IdentificationError:
+        if validation is None or validation.training_only:
+            return None
+        return model_error_by_held_out_blocks(validation)
+
+
+def _full_rate_records(identification: Identification) -> list[FullRateRecord]:
+    """Records of an estimate at the full rate, none of a decimated one."""
+    equations = identification.equations
+    if equations is None:
+        return []
+    return [r for r in equations.records if isinstance(r, FullRateRecord)]
+
+
+def _splits(
+    problem: Problem,
+    motion: RepeatedMotion,
+    residuals: Sequence[np.ndarray],
+    votes: Sequence[np.ndarray],
+    band: float,
+) -> tuple[JointModelError, ...]:
+    """The split of each joint, over samples that voted and were repeated."""
+    rates = [r.rate for r in problem.recordings]
+    low = [
+        np.ascontiguousarray(butterworth(x.T, rate, band).T)
+        for x, rate in zip(residuals, rates, strict=True)
+    ]
+    noise, total, samples = _squares(motion, low, votes)
+    noise_all, total_all, _ = _squares(motion, residuals, votes)
+    units = torque_units(problem)
+    return tuple(
+        replace(
+            _joint(name, units[j], noise[j], total[j], int(samples[j])),
+            noise_share_all=float(noise_all[j].sum() / max(total_all[j].sum(), 1e-300)),
+        )
+        for j, name in enumerate(problem.robot.joint_names)
+    )
+
+
+def _squares(
+    motion: RepeatedMotion, residuals: Sequence[np.ndarray], votes: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Σ v² and Σ ε² of each joint and block of the motion, and how many samples they have."""
+    _, noise, times = motion.split(residuals, votes)
+    block = np.linspace(0, BLOCKS, motion.count + 1, endpoint=False).astype(int)
+    joints = residuals[0].shape[0]
+    sums, samples = np.zeros((2, joints, BLOCKS)), np.zeros(joints)
+    for residual, v, n, where in zip(residuals, noise, times, motion.instants, strict=True):
+        for j in range(joints):
+            known = n[j] > 1
+            samples[j] += known.sum()
+            for k, x in enumerate((v, residual)):
+                sums[k, j] += np.bincount(block[where[known]], x[j, known] ** 2, BLOCKS)
+    return sums[0], sums[1], samples
+
+
+def _joint(
+    name: str, unit: str, noise: np.ndarray, total: np.ndarray, samples: int
+) -> JointModelError:
+    """The split of a joint from sums of squares by block, with a jackknife over the blocks.
+
+    Args:
+        name: of the joint.
+        unit: of its torque.
+        noise: Σ v² of each block, shape (blocks,).
+        total: Σ ε² likewise.
+        samples: how many there are in all.
+    """
+    used = total > 0
+    noise, total = noise[used], total[used]
+    share = float(np.clip(noise.sum() / max(total.sum(), 1e-300), 0.0, 1.0))
+    variance = total.sum() / max(samples, 1)
+    std = np.nan
+    if len(total) > 2:
+        without = (noise.sum() - noise) / (total.sum() - total)
+        std = float(np.sqrt((len(total) - 1) * np.mean((without - without.mean()) ** 2)))
+    return JointModelError(
+        name,
+        unit,
+        float(np.sqrt(variance)),
+        float(np.sqrt(share * variance)),
+        float(np.sqrt((1.0 - share) * variance)),
+        share,
+        std,
+    )
+
+
+def _percentages(joint: JointModelError) -> tuple[str, str]:
+    """Share of the noise and its interval [%], in matching digits."""
+    share = 100.0 * joint.noise_share
+    low, high = joint.share_interval
+    if not high > low:  # no deviation, or all blocks agree: the whole error in each of them
+        return format_significant(share, 3 if share == 100.0 else 2), "–"
+    value, _ = with_spread(share, 200.0 * joint.share_std)
+    decimals = len(value.partition(".")[2])
+    return value, f"{100.0 * low:.{decimals}f} to {100.0 * high:.{decimals}f}"
+
+
+def _share(joint: JointModelError) -> str:
+    """Share of the noise with its interval, in words."""
+    value, interval = _percentages(joint)
+    if interval != "–":
+        return f"{value} % (2σ: {interval} %)"
+    return f"{value} %" if np.isnan(joint.share_std) else f"{value} % (in every block)"

@@ -1,0 +1,222 @@
+"""All tests on the residuals of an identification, joint by joint.
+
+What is tested is the residual of the equation that was solved: prefiltered, scaled, on the rows
+that voted. With 200,000 samples everything is significant, so each test also has a practical size,
+and its sentence gives both.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.signals.lagged_sums import lagged_sums
+from pivident.threads import run_in_threads
+from pivident.validation.residuals.autocorrelation import (
+    EXTRA_LAGS,
+    MIN_LAGS,
+    Autocorrelation,
+    DurbinWatsonTest,
+    LjungBoxTest,
+    autocorrelation,
+    durbin_watson,
+    ljung_box,
+)
+from pivident.validation.residuals.cross_correlation import (
+    CrossCorrelationTest,
+    cross_correlation_tests,
+)
+from pivident.validation.residuals.heteroscedasticity import VarianceTest, variance_test
+from pivident.validation.residuals.normality import NormalityTest, normality
+from pivident.validation.residuals.residual import (
+    MIN_SAMPLES,
+    JointResidual,
+    joint_residuals,
+)
+
+ResidualTest = LjungBoxTest | DurbinWatsonTest | NormalityTest | VarianceTest | CrossCorrelationTest
+
+#: What the residual's variance may depend on.
+DRIVERS = ("speed", "acceleration", "torque")
+
+#: What each test says, if it finds something of practical size, about the joints it finds it on.
+_FINDINGS = {
+    "whiteness": "The residual is correlated in time",
+    "neighbours": "Neighbouring residuals are correlated",
+    "normality": "The residual is far from a normal distribution",
+    "variance": "The residual's variance changes with the motion",
+    "motion": "The motion explains part of what the model left",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class JointResidualTests:
+    """Tests on the residual of one joint.
+
+    Attributes:
+        name: joint.
+        samples: rows that voted.
+        autocorrelation: autocorrelations with their band, for the figure.
+        whiteness: Ljung and Box.
+        neighbours: Durbin and Watson.
+        normality: D'Agostino and Pearson.
+        variance: Breusch and Pagan against |speed|, |acceleration| and |torque|.
+        motion: residual against instruments at other lags; None where the identification does
+            not hold its equations, or the record is too short for its parameters.
+    """
+
+    name: str
+    samples: int
+    autocorrelation: Autocorrelation
+    whiteness: LjungBoxTest
+    neighbours: DurbinWatsonTest
+    normality: NormalityTest
+    variance: VarianceTest
+    motion: CrossCorrelationTest | None
+
+    @property
+    def tests(self) -> dict[str, ResidualTest]:
+        """The tests by name, without those that could not be made."""
+        every: dict[str, ResidualTest | None] = {
+            "whiteness": self.whiteness,
+            "neighbours": self.neighbours,
+            "normality": self.normality,
+            "variance": self.variance,
+            "motion": self.motion,
+        }
+        return {name: test for name, test in every.items() if test is not None}
+
+    def __str__(self) -> str:
+        return "\n".join(f"{self.name}: {test}" for test in self.tests.values())
+
+
+@dataclass(frozen=True, eq=False)
+class ResidualTests:
+    """Tests on the residuals of all joints.
+
+    Attributes:
+        joints: one for each joint whose residual is long enough and not constant.
+        untested: names of the other joints.
+    """
+
+    joints: tuple[JointResidualTests, ...]
+    untested: tuple[str, ...] = ()
+
+    def of(self, name: str) -> tuple[tuple[str, ResidualTest], ...]:
+        """One test on all joints, as pairs of joint and test.
+
+        Args:
+            name: ``whiteness``, ``neighbours``, ``normality``, ``variance`` or ``motion``.
+        """
+        return tuple((j.name, j.tests[name]) for j in self.joints if name in j.tests)
+
+    def worst(self, name: str) -> tuple[str, ResidualTest] | None:
+        """The joint on which a test finds most, and the test; None where there is none.
+
+        Findings of practical size come first, then the smaller probability.
+
+        Args:
+            name: of the test, as in :meth:`of`.
+        """
+        found = self.of(name)
+        return min(found, key=lambda pair: (not pair[1].matters, _p_value(pair[1])), default=None)
+
+    @property
+    def matters(self) -> bool:
+        """Whether any test finds something of practical size."""
+        return any(test.matters for joint in self.joints for test in joint.tests.values())
+
+    @property
+    def summary(self) -> tuple[str, ...]:
+        """One sentence per test, with the joints and the worst one's numbers."""
+        return tuple(self._sentences())
+
+    def _sentences(self) -> Iterator[str]:
+        for name, finding in _FINDINGS.items():
+            worst = self.worst(name)
+            if worst is None:
+                continue
+            matter = [joint for joint, test in self.of(name) if test.matters]
+            where = f"{finding} on {', '.join(matter)}; worst " if matter else "Worst "
+            yield f"{where}{worst[0]}: {worst[1]}"
+        if self.untested:
+            yield (
+                f"Residuals of {', '.join(self.untested)} were not tested: they have fewer than "
+                f"{MIN_SAMPLES} samples, too few for their noise model, or are constant."
+            )
+
+    def __str__(self) -> str:
+        return "\n".join([*map(str, self.joints), *list(self._sentences())[len(_FINDINGS) :]])
+
+
+def residual_tests(identification: Identification, *, motion: bool = True) -> ResidualTests:
+    """Test the residuals of all joints.
+
+    Args:
+        identification: result of any method.
+        motion: whether residuals are tested against the instruments, too, which walks through
+            the filtered equations once more.
+    """
+    residuals = joint_residuals(identification)
+    against: tuple[CrossCorrelationTest | None, ...] = (None,) * len(residuals)
+    if motion and identification.equations is not None:
+        rate = identification.recordings[0].whitened_rate
+        against = cross_correlation_tests(identification.equations, identification.theta, rate)
+    found: list[JointResidualTests | None] = [None] * len(residuals)
+
+    def work(j: int) -> None:
+        if _testable(residuals[j]):
+            found[j] = _joint_tests(identification, residuals[j], j, against[j])
+
+    run_in_threads(work, range(len(residuals)))
+    return ResidualTests(
+        tuple(tests for tests in found if tests is not None),
+        tuple(r.name for r, tests in zip(residuals, found, strict=True) if tests is None),
+    )
+
+
+def _testable(residual: JointResidual) -> bool:
+    """Whether there are enough samples, and not all of them the same."""
+    values = residual.values
+    enough = values.size >= max(MIN_SAMPLES, 2 * (residual.order + EXTRA_LAGS))
+    return enough and bool(np.ptp(values) > 1e-12 * np.abs(values).max())
+
+
+def _joint_tests(
+    identification: Identification,
+    residual: JointResidual,
+    j: int,
+    motion: CrossCorrelationTest | None,
+) -> JointResidualTests:
+    """All tests of one joint."""
+    sums = lagged_sums(residual.pieces, max(MIN_LAGS, residual.order + EXTRA_LAGS))
+    values = residual.values
+    return JointResidualTests(
+        residual.name,
+        values.size,
+        autocorrelation(residual, sums=sums),
+        ljung_box(residual, sums=sums),
+        durbin_watson(residual),
+        normality(values, sums),
+        variance_test(values, _drivers(identification, j), DRIVERS, sums),
+        motion,
+    )
+
+
+def _drivers(identification: Identification, j: int) -> np.ndarray:
+    """Sizes of speed, acceleration and model torque on the rows that voted, (samples, 3)."""
+    parts = []
+    for r in identification.recordings:
+        voted = np.isfinite(r.whitened[:, j])
+        signals = (r.dq[voted, j], r.ddq[voted, j], r.tau_model[voted, j])
+        parts.append(np.abs(np.column_stack(signals)))
+    return np.concatenate(parts)
+
+
+def _p_value(test: ResidualTest) -> float:
+    """The probability that the sentence goes by; one where there is none."""
+    p = test.robust_p_value if isinstance(test, LjungBoxTest) else test.p_value
+    return 1.0 if np.isnan(p) else p

@@ -1,0 +1,255 @@
+"""The command line: results, exit codes, error lines, and nothing half-written."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from pivident import __version__
+from pivident.cli import main, workflow
+from pivident.errors import SimulationDiverged
+from tests.planar_log import EXPERIMENT, planar_truth, write_experiment
+
+
+@pytest.fixture
+def experiment(tmp_path):
+    folder = tmp_path / "in"
+    folder.mkdir()
+    return write_experiment(folder)
+
+
+def run(*tokens: object) -> int:
+    return main([str(token) for token in tokens])
+
+
+def error_of(capsys) -> str:
+    """The last line on standard error, which must be the only error line."""
+    lines = capsys.readouterr().err.strip().splitlines()
+    assert sum(line.startswith("error:") for line in lines) == 1
+    assert not any("Traceback" in line for line in lines)
+    return lines[-1]
+
+
+def files_in(folder) -> set[str]:
+    return {str(p.relative_to(folder)) for p in folder.rglob("*") if p.is_file()}
+
+
+def test_version_and_help(capsys):
+    assert run("--version") == 0
+    assert capsys.readouterr().out.strip() == __version__
+    assert run("--help") == 0
+    text = capsys.readouterr().out
+    assert all(command in text for command in ("demo", "identify", "robots", "datasets"))
+
+
+def test_one_method_writes_its_files_and_the_report(experiment, tmp_path, capsys):
+    out = tmp_path / "out"
+    assert run("identify", experiment, "--out", out) == 0
+    assert files_in(out) == {"identification.json", "parameters.csv", "report.html", "verdict.json"}
+    content = json.loads((out / "identification.json").read_text())
+    assert content["method"] == "IDIM-WLS" and content["converged"]
+    assert [p["name"] for p in content["parameters"]] == list(planar_truth())
+    printed = capsys.readouterr()
+    assert printed.out.startswith("Verdict: ") and "held-out" in printed.out
+    assert json.loads((out / "verdict.json").read_text("utf-8"))["method"] == "IDIM-WLS"
+    assert "zz1r" in printed.out and str(out / "report.html") in printed.out
+    assert "reading the recordings" in printed.err
+
+
+@pytest.mark.parametrize(
+    "method", [["--method", "ls,iv-full-rate"], ["-m", "ls", "-m", "iv-full-rate"]]
+)
+def test_several_methods_get_a_folder_each(experiment, tmp_path, capsys, method):
+    assert run("identify", experiment, *method, "--out", tmp_path / "out") == 0
+    names = {"identification.json", "parameters.csv"}
+    expected = {f"{m}/{n}" for m in ("ls", "iv-full-rate") for n in names}
+    expected |= {"report.html", "verdict.json"}
+    assert files_in(tmp_path / "out") == expected
+    out = capsys.readouterr().out
+    assert "IDIM-WLS" in out and "IDIM-IV (full rate)" in out
+
+
+def test_output_of_the_file_and_by_default(tmp_path, monkeypatch, capsys):
+    text = EXPERIMENT + '[output]\nfolder = "mine"\nreport = false\n'
+    assert run("identify", write_experiment(tmp_path, text)) == 0
+    assert files_in(tmp_path / "mine") == {"identification.json", "parameters.csv", "verdict.json"}
+    monkeypatch.chdir(tmp_path)
+    write_experiment(tmp_path)
+    assert run("identify", "experiment.toml") == 0
+    assert "report.html" in files_in(tmp_path / "experiment-results")
+    assert "Report:" in capsys.readouterr().out
+
+
+def test_not_converged_has_its_own_exit_code(tmp_path, capsys):
+    text = EXPERIMENT.replace(
+        'methods = ["ls"]', 'methods = ["iv-full-rate"]\nmax_iterations = 1\ntolerance = 1e-9'
+    )
+    path = write_experiment(tmp_path, text)
+    assert run("identify", path, "--out", tmp_path / "out") == 3
+    assert "report.html" in files_in(tmp_path / "out")
+    assert "NOT CONVERGED" in capsys.readouterr().err
+
+
+def test_a_failing_method_does_not_take_the_others_with_it(tmp_path, capsys):
+    text = EXPERIMENT.replace("kp = [6000, 2500]\nkd = [180, 60]", "kp = [1e9, 1e9]\nkd = [0, 0]")
+    path = write_experiment(tmp_path, text)
+    assert run("identify", path, "-m", "ls,iv", "--out", tmp_path / "out") == 1
+    assert "report.html" in files_in(tmp_path / "out")
+    assert "check the controller's gains" in capsys.readouterr().err
+
+
+def test_a_failing_method_alone_writes_nothing(tmp_path, capsys):
+    text = EXPERIMENT.replace("kp = [6000, 2500]\nkd = [180, 60]", "kp = [1e9, 1e9]\nkd = [0, 0]")
+    path = write_experiment(tmp_path, text)
+    assert run("identify", path, "-m", "piv", "--out", tmp_path / "out") == 1
+    assert "check the controller's gains" in error_of(capsys)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("tokens", "code", "part"),
+    [
+        (["nonsense"], 2, "Unknown command"),
+        (["identify"], 2, "EXPERIMENT"),
+        (["identify", "x.toml", "--ouut", "y"], 2, "--ouut"),
+        (["identify", "x.toml", "--method", "livv"], 2, "'iv'"),
+        (["identify", "x.toml", "--method", ","], 2, "names no method"),
+        (["demo", "--seed", "many"], 2, "many"),
+        (["identify", "absent.toml"], 1, "absent.toml: cannot be read"),
+        (["robots", "tx4"], 1, "no robot 'tx4'"),
+        (["robots", "absent.urdf"], 1, "absent.urdf"),
+        (["datasets", "fetch", "empss"], 1, "no data set 'empss'"),
+    ],
+)
+def test_errors_are_one_line_with_an_exit_code(tokens, code, part, capsys):
+    assert run(*tokens) == code
+    assert part in error_of(capsys)
+
+
+def test_error_with_evidence_says_which_file(experiment, capsys):
+    (experiment.parent / "log.csv").unlink()
+    assert run("identify", experiment) == 1
+    line = error_of(capsys)
+    assert "log.csv cannot be opened" in line and "experiment.toml: [recording]" in line
+
+
+def test_output_that_is_a_file_is_refused_before_any_work(experiment, tmp_path, capsys):
+    (tmp_path / "taken").write_text("mine")
+    assert run("identify", experiment, "--out", tmp_path / "taken" / "deeper") == 1
+    printed = capsys.readouterr()
+    assert "is a file" in printed.err and "reading" not in printed.err
+    assert (tmp_path / "taken").read_text() == "mine"
+
+
+def test_unexpected_error_is_a_line_unless_debugging(experiment, monkeypatch, capsys):
+    def fail(*args, **kwargs):
+        raise ZeroDivisionError("surprise")
+
+    monkeypatch.setattr(workflow, "identify", fail)
+    monkeypatch.delenv("PIVIDENT_DEBUG", raising=False)
+    assert run("identify", experiment) == 1
+    line = error_of(capsys)
+    assert "unexpected ZeroDivisionError: surprise" in line and "PIVIDENT_DEBUG=1" in line
+    monkeypatch.setenv("PIVIDENT_DEBUG", "1")
+    with pytest.raises(ZeroDivisionError):
+        run("identify", experiment)
+
+
+@pytest.mark.parametrize("where", ["identify", "save_identification"])
+def test_interrupt_leaves_nothing_behind(experiment, tmp_path, monkeypatch, capsys, where):
+    out = tmp_path / "out"
+
+    def interrupt(*args, **kwargs):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(workflow, where, interrupt)
+    before = files_in(tmp_path)
+    assert run("identify", experiment, "--out", out) == 130
+    assert files_in(tmp_path) == before and not out.exists()
+    assert "interrupted" in capsys.readouterr().err
+
+
+def test_failing_report_keeps_earlier_results(experiment, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "out"
+    assert run("identify", experiment, "--out", out) == 0
+    before = {name: (out / name).read_bytes() for name in files_in(out)}
+
+    def diverge(*args, **kwargs):
+        raise SimulationDiverged("shoulder", 1.0, 2.0, 0.5)
+
+    monkeypatch.setattr("pivident.report.builder.write_report", diverge)
+    assert run("identify", experiment, "--out", out) == 1
+    assert before == {name: (out / name).read_bytes() for name in files_in(out)}
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals of POSIX")
+@pytest.mark.parametrize("sent", [signal.SIGINT, signal.SIGTERM])
+def test_signal_ends_a_real_process_cleanly(tmp_path, sent):
+    command = [sys.executable, "-m", "pivident", "demo", "--out", str(tmp_path / "out")]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    assert "simulating" in process.stderr.readline()
+    time.sleep(0.3)
+    process.send_signal(sent)
+    _, errors = process.communicate(timeout=120)
+    assert process.returncode == 130
+    assert "interrupted" in errors and "Traceback" not in errors
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_closed_pipe_is_no_error():
+    code = "import sys; from pivident.cli import main; sys.exit(main(['robots', 'staubli_tx40']))"
+    writer = subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    writer.stdout.close()
+    assert writer.wait(timeout=120) == 0
+    assert "Traceback" not in writer.stderr.read()
+
+
+def test_robots(capsys):
+    assert run("robots") == 0
+    assert "staubli_tx40" in capsys.readouterr().out
+    assert run("robots", "staubli_tx40") == 0
+    text = capsys.readouterr().out
+    assert "61 base parameters" in text and "iam6" in text
+    assert "zz1 + ia1 + yy2 + yy3 + 0.07 mz3" in text
+    assert "the motor of joint_6 also turns with joint_5" in text
+    assert "150 s/rad" in text and "fv dq + fc (2/π) atan(γ dq) + off" in text
+
+
+def test_robot_from_a_urdf(tmp_path, capsys):
+    from tests.experiment.test_experiment import URDF
+
+    (tmp_path / "pair.urdf").write_text(URDF)
+    assert run("robots", tmp_path / "pair.urdf") == 0
+    text = capsys.readouterr().out
+    assert "revolute" in text and "375 s/rad" in text and "not given" in text
+    assert "nominal inertia is zero (IV and PIV start from it): l1, l2" in text
+
+
+def test_datasets_are_listed_without_network(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("PIVIDENT_DATA", str(tmp_path))
+    monkeypatch.setattr("pivident.recording.datasets._cache", lambda name: tmp_path / "cache")
+    assert run("datasets") == 0
+    text = capsys.readouterr().out
+    assert "emps" in text and "pivident datasets fetch emps" in text and "Licence" in text
+
+
+@pytest.mark.record
+def test_fetch_takes_what_is_here(data_dir, monkeypatch, capsys):
+    monkeypatch.setenv("PIVIDENT_DATA", str(data_dir))
+    assert run("datasets", "fetch", "emps") == 0
+    assert "DATA_EMPS.mat" in capsys.readouterr().out
+
+
+def test_demo_compares_with_the_truth(tmp_path, capsys):
+    assert run("demo", "--out", tmp_path / "out") == 0
+    assert {"report.html", "piv/identification.json"} <= files_in(tmp_path / "out")
+    text = capsys.readouterr().out
+    assert "truth" in text and "IDIM-PIV" in text and str(tmp_path / "out") in text
+    verdicts = [line for line in text.splitlines() if "true values within 2σ" in line]
+    assert len(verdicts) == 4

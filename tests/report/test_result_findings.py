@@ -1,0 +1,88 @@
+from dataclasses import replace
+
+import numpy as np
+
+from pivident.report.result_findings import disagreements
+from pivident.report.result_findings import findings as remarks
+from pivident.validation.residuals.residual_tests import residual_tests
+from tests.synthetic_identification import synthetic_identification
+
+
+def findings(identification):
+    return remarks(identification, residual_tests(identification))
+
+
+def good(**changes):
+    """A result with parameters far from zero and, without a noise model, white residuals."""
+    identification = synthetic_identification(**changes)
+    return replace(
+        identification,
+        covariance=identification.covariance * 1e-4,
+        joints=tuple(replace(joint, ar_order=0) for joint in identification.joints),
+    )
+
+
+def with_residual(identification, residual):
+    recording = replace(identification.recordings[0], whitened=residual)
+    return replace(identification, recordings=(recording,))
+
+
+def test_own_warnings_come_first():
+    assert findings(replace(good(), warnings=("First.",)))[0] == "First."
+
+
+def test_nothing_to_remark():
+    identification = good()
+    assert findings(replace(identification, robust_covariance=identification.covariance)) == ()
+
+
+def test_remarks_on_convergence():
+    text = " ".join(findings(replace(good(), converged=False)))
+    assert "did not converge within 5 passes (last change 0.00080 %);" in text
+    assert "within 0 passes;" in " ".join(findings(replace(good(), converged=False, history=())))
+
+
+def test_remarks_on_parameters():
+    identification = good()
+    theta = identification.theta.copy()
+    theta[identification.names.index("fv1")] *= -1.0
+    theta[identification.names.index("zz2")] = 0.0
+    text = " ".join(
+        findings(replace(identification, theta=theta, robust_covariance=identification.covariance))
+    )
+    assert "1 of 13 parameters are not told apart from zero, which their ±2σ includes: zz2." in text
+    assert "Negative, as no friction or rotor inertia can be: fv1." in text
+    assert "13 of 13 parameters the robust" in " ".join(findings(good()))
+
+
+def test_remarks_on_noise():
+    identification = good()
+    joints = (replace(identification.joints[0], ar_at_bound=True), identification.joints[1])
+    walk = np.cumsum(identification.recordings[0].whitened, axis=0)
+    text = " ".join(findings(with_residual(replace(identification, joints=joints), walk)))
+    assert "largest order allowed: shoulder" in text
+    assert "not white: shoulder, elbow. The method's own standard deviations assume" in text
+    robust = replace(identification, covariance=identification.robust_covariance)
+    text = " ".join(findings(with_residual(robust, walk)))
+    assert "not white: shoulder, elbow. The standard deviations allow for that" in text
+    assert "assume" not in text
+
+
+def test_residuals_that_are_hardly_correlated_are_not_remarked_on():
+    long = np.random.default_rng(8).standard_normal((200_000, 2))
+    hardly = with_residual(good(samples=199_999), long[1:] + 0.02 * long[:-1])
+    assert not any("not white" in text for text in findings(hardly))
+
+
+def test_short_or_constant_residuals_are_not_tested():
+    for residual in (np.zeros((2000, 2)), np.ones((20, 2)), np.full((2000, 2), np.nan)):
+        assert not any("not white" in text for text in findings(with_residual(good(), residual)))
+
+
+def test_disagreements_name_parameter_and_methods():
+    first = good()
+    theta = first.theta.copy()
+    theta[0] += 5.0 * np.hypot(first.std[0], first.std[0])
+    text = disagreements([first, replace(first, theta=theta)], ["IDIM-IV", "IDIM-PIV"])
+    assert "zz1r (IDIM-IV and IDIM-PIV)" in text
+    assert disagreements([first, first], ["a", "b"]) is None
