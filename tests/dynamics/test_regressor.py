@@ -12,8 +12,8 @@ from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import BLOCK, Regressor
-from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
+    FrictionLaw,
     SignFunction,
     asymmetric_coulomb,
     coulomb,
@@ -21,6 +21,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
 from tests.robot.kinematics import gravity_torque
 
 ESSENTIAL = (

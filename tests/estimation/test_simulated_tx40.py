@@ -19,7 +19,7 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_fine, tx40_scenario
 

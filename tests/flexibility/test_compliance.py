@@ -17,7 +17,7 @@ from pivident.flexibility.simulated_joint import (
 from pivident.flexibility.transmission_error import find_orders
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.flexibility import flexible_joint
 
 RATE, REDUCTION = 500.0, 100.0

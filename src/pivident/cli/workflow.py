@@ -88,7 +88,7 @@ def run_experiment(
         PividentError: the file, its data or the output folder cannot be used, or no method
             came to a result.
     """
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
 
     with Progress() as progress:
         experiment = load_experiment(path)

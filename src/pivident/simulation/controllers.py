@@ -142,18 +142,18 @@ def _faded(x: np.ndarray, fade: float) -> np.ndarray:
     return lfilter([1.0 - fade], [1.0, -fade], x, axis=0)
 
 
-def PD(kp: Gains, kd: Gains, derivative_time: float = 0.0) -> PID:
+@dataclass(frozen=True, eq=False, init=False)
+class PD(PID):
     """Proportional-derivative law u = kp (q_ref - q) + kd (dq_ref - dq̂): a `PID` without ki.
 
-    Args:
+    Attributes:
         kp: proportional gains, shape (joints,) or one for all [u per rad or m].
         kd: derivative gains, likewise [u per rad/s or m/s].
         derivative_time: filter time of the derivative [s].
-
-    Returns:
-        The law.
     """
-    return PID(kp, kd, None, derivative_time)
+
+    def __init__(self, kp: Gains, kd: Gains, derivative_time: float = 0.0) -> None:
+        super().__init__(kp, kd, None, derivative_time)
 
 
 @dataclass(frozen=True, eq=False)
