@@ -33,13 +33,6 @@ LABORATORY_SIGNALS = Bandpass(cutoff=100.0, median=3, decimation=(10, 10), edge=
 
 
 @pytest.fixture(scope="module")
-def public_data(data_dir):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PIVIDENT_DATA", str(data_dir))
-        yield data_dir
-
-
-@pytest.fixture(scope="module")
 def tx40(public_data):
     return load_staubli_tx40()
 

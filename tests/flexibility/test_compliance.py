@@ -139,7 +139,7 @@ def test_without_link_encoder_or_motion_it_is_refused():
         identify_compliance(recorded.part(2000, 2150))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def kuka(public_data):
     robot = load_robot("examples/kuka_kr300/kuka_kr300_axes_1_3.toml")
     ratio = np.diag(robot.transmission.reduction)

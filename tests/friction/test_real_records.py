@@ -18,7 +18,7 @@ pytestmark = pytest.mark.record
 FULL_RATE = LeastSquares(signals=RandomWalk())
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def emps(public_data):
     problem = Problem(load_robot("emps"), (load_emps(),))
     (torque,) = friction_torques(problem, identify(problem, FULL_RATE))
