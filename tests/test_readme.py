@@ -32,6 +32,7 @@ def test_its_links_lead_to_files():
 
 def test_python_block_identifies_a_log(tmp_path, monkeypatch, capsys):
     (code,) = blocks("python")
+    assert code in (REPOSITORY / "docs" / "first_steps.md").read_text(encoding="utf-8")
     assert 10 <= len([line for line in code.splitlines() if line]) <= 12
     write_log(tmp_path / "log.csv")
     monkeypatch.chdir(tmp_path)
