@@ -10,6 +10,7 @@ from __future__ import annotations
 import atexit
 import subprocess
 import sys
+from typing import Any
 
 #: What can be compiled ahead: the kernels of the estimators, and those of the simulated loop.
 ESTIMATORS, LOOP = "estimators", "loop"
@@ -43,7 +44,8 @@ def _is_compiled() -> bool:
     from pivident.dynamics.regressor_kernels import observe
     from pivident.simulation.loop_kernel import run_loop
 
-    return all(kernel._cache._cache_file._load_index() for kernel in (observe, run_loop))
+    kernels: tuple[Any, ...] = (observe, run_loop)
+    return all(kernel._cache._cache_file._load_index() for kernel in kernels)
 
 
 def _estimators() -> None:
