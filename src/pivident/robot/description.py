@@ -120,17 +120,13 @@ class Coupling:
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """The URDF that a robot was read from, so that parameters find their way back into it.
+    """The URDF that a robot was read from, so that parameters can be written back into it."""
 
-    Attributes:
-        path: the file, empty where the text came from elsewhere.
-        sha256: SHA-256 of its text (of a compressed file: unpacked).
-        frozen: position of each joint that could move and does not [rad or m], by name.
-    """
-
-    path: str
-    sha256: str
-    frozen: Mapping[str, float] = field(default_factory=dict)
+    path: str  # empty where the text did not come from a file
+    sha256: str  # of the text, unpacked if it was compressed
+    frozen: Mapping[str, float] = field(
+        default_factory=dict
+    )  # positions [rad or m] of frozen joints
 
 
 @dataclass(frozen=True, eq=False)
@@ -266,11 +262,7 @@ class Robot:
 
 
 def check_robot(robot: Robot) -> None:
-    """Refuse a description that is not a tree with proper frames.
-
-    Raises:
-        RobotDescriptionError: names the joint, the value and what was expected.
-    """
+    """Refuse a description that is not a tree with proper frames."""
     if not robot.joints:
         raise RobotDescriptionError(f"robot {robot.name!r} has no moving joint")
     if len(robot.links) != len(robot.joints) or np.shape(robot.rotor_inertia) != (robot.size,):
