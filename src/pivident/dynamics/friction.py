@@ -42,19 +42,10 @@ def friction_column(
     q: np.ndarray | None = None,
     load: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Column of one friction term for a whole signal, same shape as ``dq``.
+    """Column of one friction term, same shape as ``dq``; ``column`` and ``sign`` are codes.
 
-    Args:
-        column: code of the term's function.
-        sign: code of the smoothed sign function.
-        shape: slope γ [s/rad or s/m], then the term's constants.
-        dq: joint speed [rad/s or m/s].
-        q: joint position [rad or m], for terms of position; for terms with memory a path in
-            time, shape (samples,).
-        load: torque that the joint carries [N m or N], for terms of load.
-
-    Raises:
-        ValueError: position or load is missing, or a path has no single time axis.
+    Terms of position need q, those with memory q along one path (samples,), those of load the
+    torque that the joint carries [N m or N].
     """
     if column in _OF_POSITION or column in _WITH_MEMORY:
         if q is None:

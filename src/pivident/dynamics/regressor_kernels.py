@@ -1,9 +1,9 @@
 """Compiled loops of the observation matrix, generic over the robot, many samples at once.
 
 Quantities are stored with time last, in rows of ``TILE`` samples, so that the innermost loops run
-over samples and the compiler turns them into vector instructions. All rows lie in one array, the
-*tile*. The compiler makes sure at run time that the rows of a loop do not overlap, and does not try
-where a loop writes to many rows and reads from many more; such loops are split.
+over samples and the compiler vectorises them. All rows lie in one array, the *tile*. The compiler
+checks at run time that the rows of a loop do not overlap, but not for loops with many rows; such
+loops are split.
 
 The ten inertial parameters enter linearly. With ω, dω, a of the frame's origin (gravity is an
 upward acceleration of the base), I the inertia about that origin and h the first moments,
@@ -168,7 +168,7 @@ def _moment_columns(tile, link, screw, out):
 
 
 class _Rows(NamedTuple):
-    """First rows of what a tile holds behind the fixed rows."""
+    """First row of each part of a tile, after the fixed rows."""
 
     links: int
     screws: int
@@ -194,7 +194,7 @@ def tile_rows(plan: EntryPlan) -> int:
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _prepare(plan, tile):
-    """Write the rows of the tile that no sample changes, whatever it was used for before."""
+    """Write the rows of the tile that do not depend on the sample."""
     joints, depth = plan.work.shape
     rows = _layout(plan)
     tile[rows.links : rows.links + _LINK] = 0.0
@@ -249,17 +249,9 @@ def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def packed_entries(plan, tile, place, q, dq, ddq, inner, out):
-    """Packed entries of the observation matrix.
+    """Packed entries of Φ into the rows ``place`` of ``out``, time last, shape (rows, samples).
 
-    Args:
-        plan: which entries.
-        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
-        place: row of ``out`` for each entry, shape (entries,).
-        q: joint positions, time last, shape (joints, samples).
-        dq: joint speeds.
-        ddq: joint accelerations.
-        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the entries, time last, shape (rows, samples).
+    Motion and ``inner`` signals are time last; ``tile`` has ``tile_rows`` or more rows.
     """
     samples, source = q.shape[1], plan.source
     rows = _prepare(plan, tile)
@@ -274,18 +266,7 @@ def packed_entries(plan, tile, place, q, dq, ddq, inner, out):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def dense_entries(plan, tile, place, q, dq, ddq, inner, out):
-    """The same entries at their places in the dense matrix.
-
-    Args:
-        plan: which entries.
-        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
-        place: place of each entry in a sample's matrix written row by row, shape (entries,).
-        q: joint positions, time last, shape (joints, samples).
-        dq: joint speeds.
-        ddq: joint accelerations.
-        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the entries, shape (samples, joints · parameters).
-    """
+    """The same at ``place`` in a sample's row-major matrix: out (samples, joints · parameters)."""
     samples, source = q.shape[1], plan.source
     rows = _prepare(plan, tile)
     for start in range(0, samples, TILE):
@@ -302,19 +283,7 @@ def dense_entries(plan, tile, place, q, dq, ddq, inner, out):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def joint_torques(plan, tile, offsets, weight, q, dq, ddq, inner, out):
-    """Weighted sum of each joint's entries: its torque, without keeping the matrix.
-
-    Args:
-        plan: which entries.
-        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
-        offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
-        weight: parameter value of each entry, shape (entries,).
-        q: joint positions, time last, shape (joints, samples).
-        dq: joint speeds.
-        ddq: joint accelerations.
-        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the torques, time last, shape (joints, samples).
-    """
+    """Weighted sum of each joint's entries: its torque, time last, without storing the matrix."""
     samples, source = q.shape[1], plan.source
     rows = _prepare(plan, tile)
     for start in range(0, samples, TILE):
