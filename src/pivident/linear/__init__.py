@@ -1,8 +1,8 @@
 """Linear models from sampled data: continuous and discrete time, with noise models.
 
 Useful without a robot. Continuous time: `srivc`, `rivc`; discrete time: `arx`, `sriv`, `riv`;
-noise alone: `ar`, `arma`; orders: `select_orders`. All answer with a `LinearEstimate` (noise
-models with a `Noise`), whose polynomials have the highest power first. Names are imported when
+noise alone: `ar`, `arma`; orders: `select_orders`. All return a `LinearEstimate` (noise
+models a `Noise`), whose polynomials have the highest power first. Names are imported when
 they are first used.
 """
 
@@ -59,7 +59,7 @@ __all__ = [
 
 
 def __getattr__(name: str) -> Any:
-    """A name of the front door, imported from its home at first use."""
+    """A public name, imported from its module at first use."""
     if name not in _HOME:
         raise AttributeError(f"module 'pivident.linear' has no attribute {name!r}")
     value = getattr(import_module(_HOME[name]), name)

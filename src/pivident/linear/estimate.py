@@ -44,7 +44,7 @@ class Noise:
         ma: C, monic, likewise.
         variance: λ [squared units of ξ].
         covariance: of (D without its one, C without its one); empty where not estimated.
-        warnings: whole sentences.
+        warnings: complete sentences.
     """
 
     ar: np.ndarray
@@ -74,12 +74,12 @@ class LinearEstimate:
         theta: parameters, shape (parameters,): the denominators without their ones, then the
             numerators.
         covariance: of θ, shape (parameters, parameters).
-        noise: model of the noise; None: taken as white.
-        residual_variance: s², variance of what is left after the noise model.
+        noise: model of the noise; None: white.
+        residual_variance: s², variance of the residual of the noise model.
         fit: criteria.
         iterations: iterations until convergence.
         converged: whether it converged.
-        warnings: whole sentences.
+        warnings: complete sentences.
     """
 
     method: str
@@ -127,7 +127,7 @@ class LinearEstimate:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations of θ, shape (parameters,)."""
+        """Standard errors of θ, shape (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -197,15 +197,7 @@ class LinearEstimate:
 def fit_of(
     y: np.ndarray, x: np.ndarray, s2: float, theta: np.ndarray, covariance: np.ndarray
 ) -> Fit:
-    """Criteria of a model, (C5).
-
-    Args:
-        y: measured output, shape (samples,).
-        x: simulated output.
-        s2: variance of the (whitened) residual.
-        theta: parameters.
-        covariance: of them.
-    """
+    """Criteria of a model, (C5)."""
     n, size = y.size, theta.size
     total = float(np.var(y))
     relative = np.diag(covariance) / np.maximum(np.square(theta), 1e-300)
