@@ -1,4 +1,4 @@
-"""The graph of expressions: its nodes, each of which exists once, their sums and products.
+"""The graph of expressions: its unique nodes, their sums and products.
 
 `pivident.dynamics.grouping.expressions` is the module to import from; it adds the functions.
 """
@@ -21,17 +21,12 @@ Operand = Union["Expression", int, float]
 
 
 class Expression:
-    """A node of the graph, immutable.
-
-    Attributes:
-        operands: the expressions it is made of.
-        order: sort key among operands; the same in every process.
-    """
+    """An immutable node of the graph."""
 
     __slots__ = ("__weakref__", "operands", "order")
 
     operands: tuple[Expression, ...]
-    order: tuple[int, float, str, int]
+    order: tuple[int, float, str, int]  # sort key among operands; the same in every process
 
     def __add__(self, other: Operand) -> Expression:
         return add(self, other)
@@ -70,7 +65,7 @@ class Expression:
         return negate(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles come back as the one object that equals this one."""
+        """Copying and unpickling return the unique object that equals this one."""
         if isinstance(self, Constant):
             return constant, (self.value,)
         if isinstance(self, Symbol):
@@ -102,27 +97,19 @@ class Expression:
         return tuple(sorted(found, key=lambda node: node.order))
 
     def evaluate(self, values: Mapping[str, Any]) -> Any:
-        """Its value where symbols have the given values.
-
-        Args:
-            values: by name of the symbol: numbers, arrays that broadcast, or other expressions
-                (which substitutes them).
-
-        Raises:
-            KeyError: a symbol has no value.
-        """
+        """Its value; symbols become numbers, arrays that broadcast, or other expressions."""
         from pivident.dynamics.grouping.expressions import evaluate
 
         return evaluate([self], values)[0]
 
     def to_python(self, prefix: str = "np.") -> str:
-        """As text of Python; ``prefix`` stands before the names of functions."""
+        """As Python text; ``prefix`` precedes the names of functions."""
         from pivident.symbolic.notation import PYTHON, expression_text
 
         return expression_text(self, PYTHON, prefix=prefix)
 
     def to_c(self) -> str:
-        """As text of C99 with the functions of ``math.h``."""
+        """As C99 text with the functions of ``math.h``."""
         from pivident.symbolic.notation import C99, expression_text
 
         return expression_text(self, C99)
@@ -134,29 +121,21 @@ class Expression:
         return expression_text(self, LATEX)
 
     def to_sympy(self) -> sympy.Expr:
-        """As an expression of SymPy, with real symbols of the same names."""
+        """As a SymPy expression, with real symbols of the same names."""
         from pivident.symbolic.sympy_expressions import sympy_expressions
 
         return sympy_expressions([self])[0]
 
 
 class Constant(Expression):
-    """A finite number.
-
-    Attributes:
-        value: the number.
-    """
+    """A finite number."""
 
     __slots__ = ("value",)
     value: float
 
 
 class Symbol(Expression):
-    """A named quantity.
-
-    Attributes:
-        name: its name, any text; printers turn it into a valid identifier.
-    """
+    """A named quantity; the name is any text, printers turn it into a valid identifier."""
 
     __slots__ = ("name",)
     name: str
@@ -193,11 +172,7 @@ class Cosine(Expression):
 
 
 class Call(Expression):
-    """Another function of its operands.
-
-    Attributes:
-        function: one of ``expressions.FUNCTIONS``.
-    """
+    """Another function of its operands, one of ``expressions.FUNCTIONS``."""
 
     __slots__ = ("function",)
     function: str
@@ -208,11 +183,7 @@ _lock = Lock()
 
 
 def constant(value: Number) -> Constant:
-    """The number as an expression.
-
-    Raises:
-        ValueError: it is not finite.
-    """
+    """The number as an expression."""
     number = float(value) + 0.0  # no negative zero
     if not math.isfinite(number):
         raise ValueError(f"a constant must be finite, not {value}")
@@ -269,7 +240,7 @@ def make_node(kind: type[Expression], operands: tuple[Expression, ...], function
 
 
 def without_sign(x: Expression) -> tuple[bool, Expression]:
-    """Whether a minus stands before it, and the expression without it."""
+    """Whether it has a minus sign, and the expression without it."""
     if isinstance(x, Negate):
         return True, x.operands[0]
     if isinstance(x, Constant) and x.value < 0.0:
@@ -364,7 +335,7 @@ def _scaled(factor: float, a: Expression) -> Expression:
 
 
 def _product(a: Expression, b: Expression) -> Expression:
-    """The product a · b, none of them a constant other than 1."""
+    """The product a · b, neither of them a constant other than 1."""
     if a is ONE or b is ONE:
         return b if a is ONE else a
     return make_node(Multiply, (a, b) if a.order <= b.order else (b, a))

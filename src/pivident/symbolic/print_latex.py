@@ -15,11 +15,7 @@ _BLOCK = 40
 
 
 def latex_document(programs: Sequence[Program]) -> str:
-    """Text of a document with the assignments and outputs of each program.
-
-    Args:
-        programs: what to print.
-    """
+    """Text of a document with the assignments and outputs of each program."""
     lines = [
         r"\documentclass[10pt,a4paper]{article}",
         r"\usepackage[utf8]{inputenc}",
@@ -35,11 +31,7 @@ def latex_document(programs: Sequence[Program]) -> str:
 
 
 def latex_section(program: Program) -> list[str]:
-    """Lines of one program: title, cost, assignments, outputs.
-
-    Args:
-        program: what to print.
-    """
+    """Lines of one program: title, cost, assignments, outputs."""
     names = _latex_names(program)
     texts = expression_texts(program.variables, LATEX, names)
     equations = [f"{names[v]} &= {text}" for v, text in zip(program.variables, texts, strict=True)]
@@ -66,7 +58,7 @@ def latex_section(program: Program) -> list[str]:
 
 
 def _latex_names(program: Program) -> dict[Expression, str]:
-    """What each symbol and variable is called, all different."""
+    """Distinct names of all symbols and variables."""
     texts = scalar_names(program)
     own: dict[Expression, str] = {
         s: s.name for a in (*program.inputs, program.parameters) for s in a.symbols

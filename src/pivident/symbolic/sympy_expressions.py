@@ -1,4 +1,4 @@
-"""Expressions as expressions of SymPy."""
+"""Translation of expressions to SymPy."""
 
 from __future__ import annotations
 
@@ -22,15 +22,7 @@ from pivident.dynamics.grouping.expressions import (
 def sympy_expressions(
     expressions: Iterable[Expression], names: Mapping[Expression, Any] | None = None
 ) -> list[Any]:
-    """Several expressions for SymPy.
-
-    Args:
-        expressions: what to translate; each is written out itself even where it has a name.
-        names: SymPy's symbols for expressions that are known by a name.
-
-    Returns:
-        Expressions of SymPy; symbols are real, whole numbers exact.
-    """
+    """Expressions for SymPy, roots in full; symbols are real, whole numbers exact."""
     import sympy
 
     known = names or {}
