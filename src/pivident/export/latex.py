@@ -1,8 +1,8 @@
 r"""Tables of parameters for LaTeX (booktabs, longtable), to be read in with ``\input``.
 
 One table has the base parameters with the free estimate, its ±2σ and, for a consistent model, the
-consistent value; the other the standard parameters of every link. Names are set in mathematics,
-``zz1r`` as ``$\mathit{zz}_{1r}$``, and everything that comes from outside is escaped.
+consistent value; the other the standard parameters of every link. Names are set in math mode,
+``zz1r`` as ``$\mathit{zz}_{1r}$``, and all external text is escaped.
 """
 
 from __future__ import annotations
@@ -19,19 +19,15 @@ from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import latex_name, latex_text, one_line
 from pivident.text.numbers import format_significant, with_spread
 
-#: Digits of a value whose spread is not known.
+#: Digits of a value whose standard error is unknown.
 DIGITS = 5
 
-#: Smaller values are rounding errors of what is zero, in any unit of the table.
+#: Smaller values are rounding errors of zero, in any unit of the table.
 NOTHING = 1e-12
 
 
 def to_latex(model: RunnableModel) -> ExportedText:
-    """Two tables: base parameters with their spread, standard parameters of every link.
-
-    Args:
-        model: the model.
-    """
+    """Two tables: base parameters with ±2σ, standard parameters of every link."""
     robot = one_line(model.robot.name)
     parts = [
         "% Dynamic parameters of " + robot + ", " + one_line(model.origin.method) + ".",
@@ -44,11 +40,7 @@ def to_latex(model: RunnableModel) -> ExportedText:
 
 
 def latex_number(text: str) -> str:
-    r"""A number as it is printed elsewhere, in mathematics: ``1.2e-07`` as 1.2 · 10⁻⁷.
-
-    Args:
-        text: such as ``0.0123``, ``1.2e-07``, ``∞`` or ``–``.
-    """
+    r"""A printed number in math mode: ``1.2e-07`` as 1.2 · 10⁻⁷."""
     mantissa, _, exponent = text.replace("∞", r"\infty").partition("e")
     if mantissa == "–":
         return "--"
@@ -56,23 +48,14 @@ def latex_number(text: str) -> str:
 
 
 def latex_unit(unit: str) -> str:
-    r"""A unit in upright letters: ``kg m²`` as ``$\mathrm{kg\,m^{2}}$``.
-
-    Args:
-        unit: as parameters have it.
-    """
+    r"""A unit in upright letters: ``kg m²`` as ``$\mathrm{kg\,m^{2}}$``."""
     text = unit.replace("²", "^{2}").replace("·", r" ")
     text = re.sub(r"\^([0-9.]+)", r"^{\1}", text)
     return rf"$\mathrm{{{text.replace(' ', chr(92) + ',')}}}$"
 
 
 def latex_group(base: BaseParameters, index: int) -> str:
-    r"""A base parameter as the sum of standard ones, in mathematics.
-
-    Args:
-        base: base parameters.
-        index: which.
-    """
+    r"""A base parameter as the sum of standard ones, in math mode."""
     text = _name(base.parameters[index].name)
     for i, coefficient in zip(base.dropped, base.regrouping[index], strict=True):
         if coefficient == 0.0:

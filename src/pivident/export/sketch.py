@@ -1,4 +1,4 @@
-"""A robot as sticks to look at: along each link, and across it where its joint's axis is."""
+"""A robot as sticks for display: along each link, and along its joint's axis."""
 
 from __future__ import annotations
 
@@ -12,32 +12,23 @@ from pivident.models.runnable_model import RunnableModel
 #: Radius of a stick over the sum of all link lengths; axes are twice as thick.
 SLENDERNESS = 0.02
 
-#: Reach that is assumed where all joints sit in one point [m].
+#: Reach that is assumed where all joints are in one point [m].
 MIN_REACH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Stick:
-    """A straight stick in the frame of its link.
+    """A straight stick in the frame of its link."""
 
-    Attributes:
-        start: one end [m], shape (3,).
-        end: the other end [m], shape (3,).
-        radius: [m].
-    """
-
-    start: np.ndarray
-    end: np.ndarray
-    radius: float
+    start: np.ndarray  # [m], shape (3,)
+    end: np.ndarray  # [m], shape (3,)
+    radius: float  # [m]
 
 
 def sticks(model: RunnableModel) -> dict[int, tuple[Stick, ...]]:
     """Sticks of every link by its index, -1 for the base.
 
     A link reaches to the joints that it carries; the last ones to their centre of mass.
-
-    Args:
-        model: the model.
     """
     robot = model.robot
     reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints)

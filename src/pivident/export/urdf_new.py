@@ -1,4 +1,4 @@
-"""A whole URDF of a robot that had none: frames, limits, inertials, and cylinders to look at."""
+"""A new URDF of a robot without one: frames, limits, inertials, cylinders for display."""
 
 from __future__ import annotations
 
@@ -13,23 +13,15 @@ from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
 from pivident.robot.frames import rotation_from_z_to
 
-#: Written where speed or torque limits are not known; zero would stop the joint in simulators.
+#: Value of unknown speed and torque limits; zero would stop the joint in simulators.
 UNKNOWN = 1e6
 
-#: Range that is written for a slide of unknown range [m].
+#: Range in the file of a prismatic joint of unknown range [m].
 UNKNOWN_RANGE = (-100.0, 100.0)
 
 
 def new_urdf(model: RunnableModel, side: JointSide) -> str:
-    """The text of a URDF.
-
-    Args:
-        model: the model.
-        side: its joints as a URDF says them.
-
-    Raises:
-        ExportError: a name that XML cannot write, or a link without positive mass.
-    """
+    """The text of a URDF."""
     robot = model.robot
     names = distinct([link.name for link in robot.links], robot.joint_names)
     base = unlike("base", names)
@@ -54,7 +46,7 @@ def new_urdf(model: RunnableModel, side: JointSide) -> str:
 
 
 def unknown_limits(robot: Robot) -> tuple[str, ...]:
-    """A sentence about limits that the robot's description does not have."""
+    """Sentences on limits that the robot's description does not have."""
     what = {
         "speed": [j.name for j in robot.joints if j.rated_speed is None],
         "torque": [j.name for j in robot.joints if j.torque_limit is None],
@@ -63,7 +55,7 @@ def unknown_limits(robot: Robot) -> tuple[str, ...]:
     return tuple(
         f"no {key} limit is known of {', '.join(map(repr, names))}, and "
         + (
-            f"they turn without end (a slide goes from {UNKNOWN_RANGE[0]:g} to "
+            f"they turn without limit (a slide goes from {UNKNOWN_RANGE[0]:g} to "
             f"{UNKNOWN_RANGE[1]:g} m)"
             if key == "range"
             else f"{UNKNOWN:g} is written"

@@ -124,9 +124,8 @@ class UrdfFile:
 
     path: str  # empty where the text did not come from a file
     sha256: str  # of the text, unpacked if it was compressed
-    frozen: Mapping[str, float] = field(
-        default_factory=dict
-    )  # positions [rad or m] of frozen joints
+    #: Positions of frozen joints [rad or m], by name.
+    frozen: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)

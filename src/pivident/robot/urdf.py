@@ -193,7 +193,7 @@ def _members(
         parent = place[parents[i]]
         fixed = joint.type == "fixed" or joint.name in positions
         turn = np.eye(3) if fixed else rotation_from_z_to(joint.axis)
-        origin = joint.origin @ _motion(joint, positions.get(joint.name, 0.0))
+        origin = joint.origin @ joint_motion(joint, positions.get(joint.name, 0.0))
         back = turns[parent].T if parent >= 0 else np.eye(3)
         pose = Pose(back, np.zeros(3)) @ origin @ Pose(turn, np.zeros(3))
         inertia = moved(model.links[joint.child], turn.T, np.zeros(3))
@@ -221,7 +221,7 @@ def _joint(joint: UrdfJoint, parent: int, pose: Pose) -> Joint:
     )
 
 
-def _motion(joint: UrdfJoint, position: float) -> Pose:
+def joint_motion(joint: UrdfJoint, position: float) -> Pose:
     """Displacement of the child frame at a joint position [rad or m]."""
     if joint.type == "prismatic":
         return Pose(np.eye(3), position * joint.axis)
