@@ -11,7 +11,8 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from pivident.text import display
+from pivident.version import __version__
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import compare
@@ -50,6 +51,8 @@ if TYPE_CHECKING:
     from pivident.tables.chosen import table
     from pivident.validation.essential_parameters import essential_parameters
     from pivident.validation.held_out.cross_validation import cross_validate
+
+display.provided_by("pivident.notebook.displays")
 
 #: Where each name of the front door lives.
 _HOME = {

@@ -39,7 +39,7 @@ def results():
 @pytest.fixture(scope="module")
 def diagnostics(results):
     alone = diagnose_one(results)
-    made = consistent_estimates(alone, ["piv"], ConsistencyOptions(), ())
+    made = consistent_estimates(alone.identifications, None, ["piv"], ConsistencyOptions(), ())
     failed = NoConsistentEstimate("PC-IDIM-WLS", "no consistent parameters <near>")
     return replace(alone, consistent={"ls": failed, **made})
 

@@ -31,7 +31,8 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
     Raises:
         PividentError: the log cannot be read at all, or the folder cannot be written.
     """
-    from pivident.audit import audit_file, write_audit
+    from pivident.audit import audit_file
+    from pivident.report.audit.audit_files import write_audit
     from pivident.robot import load_robot
 
     folder = out or Path(f"{path.name.removesuffix('.gz').rpartition('.')[0] or path.name}-audit")

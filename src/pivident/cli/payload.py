@@ -35,8 +35,8 @@ def payload(
     """
     from pivident.cli.workflow import check_output
     from pivident.experiment import load_experiment
-    from pivident.experiment.payload_table import default_folder, load_of
     from pivident.payload.payload_files import save_payload
+    from pivident.payload.payload_table import default_folder, load_of
     from pivident.payload.payload_text import payload_text
 
     file = first if second is None else second

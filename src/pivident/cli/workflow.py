@@ -27,6 +27,7 @@ from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.summary_tables import comparison_table, rows_kind
+from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.laws.shapes import identify_shapes
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
@@ -119,14 +120,21 @@ def run_experiment(
         wanted = [name for name in consistent if name in outcome.identifications]
         if wanted:
             recordings = unseen or problem.recordings
-            made = consistent_estimates(diagnostics, wanted, options, recordings, progress.say)
+            made = consistent_estimates(
+                diagnostics.identifications,
+                diagnostics.out_of_sample,
+                wanted,
+                options,
+                recordings,
+                progress.say,
+            )
             for name, estimate in made.items():
                 progress.keep(estimate.headline())
                 if isinstance(estimate, NoConsistentEstimate):
                     outcome = replace(outcome, failed=(*outcome.failed, f"{PREFIX}{name}"))
             diagnostics = replace(diagnostics, consistent=made)
         progress.say("writing the results")
-        report = experiment.content.output.report
+        report = experiment.content.output.report and _can_draw(progress)
         results = Results(outcome.identifications, diagnostics, essential)
         write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
@@ -159,9 +167,20 @@ def run_demo(out: Path, seed: int = 0) -> bool:
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
         results = Results(outcome.identifications, diagnostics)
-        write_results(results, out, title, truth)
-    _print_results(results, out, truth)
+        report = _can_draw(progress)
+        write_results(results, out, title, truth, report=report)
+    _print_results(results, out, truth, report=report)
     return outcome.converged and not outcome.failed
+
+
+def _can_draw(progress: Progress) -> bool:
+    """Whether a report can be written; says what to install where it cannot."""
+    drawn = is_installed("plotly")
+    if not drawn:
+        progress.keep(
+            "report.html needs plotly, pip install 'pivident[report]'; all else is written"
+        )
+    return drawn
 
 
 def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Progress) -> Outcome:

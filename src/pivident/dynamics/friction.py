@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.dynamics.friction_memory import memory_column
-from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction import FrictionColumn, FrictionLaw, SignFunction
 
 _VISCOUS = int(FrictionColumn.VISCOUS)
 _COULOMB = int(FrictionColumn.COULOMB)
@@ -104,3 +104,20 @@ def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     if sign == _ATAN:
         return (2.0 / np.pi) * np.arctan(gamma * dq)
     return np.tanh(gamma * dq)
+
+
+def friction_columns(
+    law: FrictionLaw,
+    dq: np.ndarray,
+    q: np.ndarray | None = None,
+    load: np.ndarray | None = None,
+    *,
+    simulated: bool = False,
+) -> np.ndarray:
+    """Columns of the law: shape ``dq.shape + (terms,)``."""
+    dq = np.asarray(dq, dtype=float)
+    out = np.empty((*dq.shape, len(law.terms)))
+    for k, term in enumerate(law.terms):
+        column, sign, shape = term.encoded(simulated)
+        out[..., k] = friction_column(column, sign, shape, dq, q, load)
+    return out

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.forward import make_model
+from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import build_regression, identify
@@ -61,10 +62,10 @@ def exact(name: str, duration: float = 12.0) -> tuple[Problem, Kinematics, np.nd
         springs = [t for t in joint.friction.terms if t.carries_load]
         load = tau[:, j].copy()
         if springs:
-            load += FrictionLaw(tuple(springs)).columns(dq[:, j], q[:, j]) @ [
+            load += friction_columns(FrictionLaw(tuple(springs)), dq[:, j], q[:, j]) @ [
                 friction[t.stem] for t in springs
             ]
-        columns = joint.friction.columns(dq[:, j], q[:, j], load)
+        columns = friction_columns(joint.friction, dq[:, j], q[:, j], load)
         tau[:, j] += columns @ [friction[t.stem] for t in joint.friction.terms]
     recording = replace(empty, tau=tau)
     unknown = np.full(2, np.nan)
