@@ -23,11 +23,7 @@ from pivident.drives.gain_unknowns import GainUnknowns, Trusted, gain_unknowns
 from pivident.drives.known_payload import Payload
 from pivident.drives.total_least_squares import gains_by, homogeneous_start
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import (
-    IdentificationError,
-    MassMatrixNotPositiveDefinite,
-    SimulationDiverged,
-)
+from pivident.errors import IdentificationError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk

@@ -11,11 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.dynamics.friction_kernels import (
-    level_and_slope,
-    state_after_way,
-    travel_to_reversal,
-)
+from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
 from pivident.robot.friction import FrictionColumn
 
 _PRESLIDING = int(FrictionColumn.PRESLIDING)

@@ -21,17 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import ExportError
-from pivident.export.model_programs import (
-    NAMES,
-    header_lines,
-    model_columns,
-    model_programs,
-)
-from pivident.export.numpy_function import (
-    check_signals,
-    program_differences,
-    verify_functions,
-)
+from pivident.export.model_programs import NAMES, header_lines, model_columns, model_programs
+from pivident.export.numpy_function import check_signals, program_differences, verify_functions
 from pivident.models.exported import ExportedText, Verification
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import c_comment, identifier, one_line

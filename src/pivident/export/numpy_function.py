@@ -25,12 +25,7 @@ from pivident.export.model_programs import (
     model_columns,
     model_programs,
 )
-from pivident.models.exported import (
-    ExportedText,
-    Verification,
-    compared_values,
-    random_states,
-)
+from pivident.models.exported import ExportedText, Verification, compared_values, random_states
 from pivident.models.runnable_model import RunnableModel
 
 #: Time limit of the check of a file [s].

@@ -16,7 +16,6 @@ from pivident.export.xml_text import comment, distinct, number, numbers, quoted,
 from pivident.models.link_bodies import is_possible, link_inertias, written_body
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint
-from pivident.robot.frames import rotation_from_z_to
 
 #: Joint properties of SDF.
 SUPPORTED: frozenset[JointProperty] = frozenset({"damping", "dry friction", "spring"})
@@ -112,11 +111,7 @@ def _elements(values: dict[str, float]) -> str:
 
 
 def _visual(stick: Stick, k: int) -> list[str]:
-    """A cylinder from end to end."""
-    middle = 0.5 * (stick.start + stick.end)
-    along = stick.end - stick.start
-    length = float(np.linalg.norm(along))
-    turn = rpy(rotation_from_z_to(along / length))
+    middle, turn, length = stick.cylinder()
     cylinder = _elements({"radius": stick.radius, "length": length})
     return [
         f'<visual name="stick_{k + 1}">',

@@ -6,8 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.export.xml_text import rpy
 from pivident.models.link_bodies import link_inertias
 from pivident.models.runnable_model import RunnableModel
+from pivident.robot.frames import rotation_from_z_to
 
 #: Radius of a stick over the sum of all link lengths; axes are twice as thick.
 SLENDERNESS = 0.02
@@ -23,6 +25,12 @@ class Stick:
     start: np.ndarray  # [m], shape (3,)
     end: np.ndarray  # [m], shape (3,)
     radius: float  # [m]
+
+    def cylinder(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Centre [m], roll pitch yaw [rad] and length [m] of a cylinder from end to end."""
+        along = self.end - self.start
+        length = float(np.linalg.norm(along))
+        return 0.5 * (self.start + self.end), rpy(rotation_from_z_to(along / length)), length
 
 
 def sticks(model: RunnableModel) -> dict[int, tuple[Stick, ...]]:

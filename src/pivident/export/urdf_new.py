@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from pivident.export.joint_side import JointSide
 from pivident.export.sketch import Stick, sticks
 from pivident.export.urdf_elements import dynamics_line, inertial_lines
@@ -11,7 +9,6 @@ from pivident.export.xml_text import comment, distinct, number, numbers, quoted,
 from pivident.models.link_bodies import link_inertias
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
-from pivident.robot.frames import rotation_from_z_to
 
 #: Value of unknown speed and torque limits; zero would stop the joint in simulators.
 UNKNOWN = 1e6
@@ -91,15 +88,11 @@ def _joint(joint: Joint, parent: str, child: str, damping: float, friction: floa
 
 
 def _visual(stick: Stick) -> list[str]:
-    """A cylinder from end to end."""
-    middle = 0.5 * (stick.start + stick.end)
-    along = stick.end - stick.start
-    length = float(np.linalg.norm(along))
-    turn = numbers(rpy(rotation_from_z_to(along / length)))
+    middle, turn, length = stick.cylinder()
     cylinder = f'<cylinder radius="{number(stick.radius)}" length="{number(length)}"/>'
     return [
         "<visual>",
-        f'  <origin xyz="{numbers(middle)}" rpy="{turn}"/>',
+        f'  <origin xyz="{numbers(middle)}" rpy="{numbers(turn)}"/>',
         f"  <geometry>{cylinder}</geometry>",
         "</visual>",
     ]

@@ -20,21 +20,13 @@ Hold = Literal["zoh", "foh"]
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a model fits, (C5).
+    """How well a model fits, (C5); x is the simulated output."""
 
-    Attributes:
-        r2: R_T² = 1 - var(y - x)/var(y), x the simulated output.
-        yic: Young's information criterion, ln(s²/var y) + ln(mean of P_ii/θ_i²).
-        aic: n ln s² + 2 n_p.
-        bic: n ln s² + n_p ln n.
-        samples: samples used.
-    """
-
-    r2: float
-    yic: float
-    aic: float
-    bic: float
-    samples: int
+    r2: float  # R_T² = 1 - var(y - x)/var(y)
+    yic: float  # Young's criterion, ln(s²/var y) + ln(mean of P_ii/θ_i²)
+    aic: float  # n ln s² + 2 n_p
+    bic: float  # n ln s² + n_p ln n
+    samples: int  # samples used
 
 
 @dataclass(frozen=True, eq=False)

@@ -35,17 +35,11 @@ INTEGRATOR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FreeLaw:
-    """Transfer functions of all joints.
+    """Transfer functions of all joints."""
 
-    Attributes:
-        law: the controller, ready for a ``Loop``.
-        estimates: the linear models, one for each joint.
-        relative_error: rms of what the law does not explain over the rms of the output.
-    """
-
-    law: TransferLaw
-    estimates: tuple[LinearEstimate, ...]
-    relative_error: tuple[float, ...]
+    law: TransferLaw  # the controller, ready for a ``Loop``
+    estimates: tuple[LinearEstimate, ...]  # one linear model per joint
+    relative_error: tuple[float, ...]  # rms of the residual over that of the output
 
     def __str__(self) -> str:
         return "\n\n".join(

@@ -73,7 +73,7 @@ CONVENTIONS = (
 )
 
 
-class _Known(BaseModel):
+class KnownKeys(BaseModel):
     """A table of which only these keys are read; others are ignored."""
 
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
@@ -88,14 +88,14 @@ class _OriginValues(Values):
     identification: Name
 
 
-class _ParameterValues(_Known):
+class _ParameterValues(KnownKeys):
     """A standard parameter."""
 
     name: Name
     value: Finite
 
 
-class _ModelFile(_Known):
+class _ModelFile(KnownKeys):
     """The part of the file that is read; links and base parameters follow from it."""
 
     consistent: bool

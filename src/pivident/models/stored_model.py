@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from pivident.consistency.consistent_files import CONSISTENT_FILE
 from pivident.consistency.consistent_files import SCHEMA as CONSISTENT_SCHEMA
@@ -20,30 +20,25 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import IdentificationError, IdentificationFileError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
+from pivident.models.model_json import KnownKeys
 from pivident.models.possible_values import impossible_value
 from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
 from pivident.robot.robot_values import Finite, Name, RobotValues, made_robot, problem_text
 
 
-class _Known(BaseModel):
-    """A table of which only these keys matter here; others are ignored."""
-
-    model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
-
-
-class _StandardValues(_Known):
+class _StandardValues(KnownKeys):
     name: Name
     value: Finite
     low: Finite | None = None
     high: Finite | None = None
 
 
-class _IdentificationFile(_Known):
+class _IdentificationFile(KnownKeys):
     file: str
     sha256: str
 
 
-class _ConsistentFile(_Known):
+class _ConsistentFile(KnownKeys):
     schema_: Annotated[int, Field(alias="schema")]
     method: Name
     standard: list[_StandardValues]

@@ -63,7 +63,8 @@ class SignFunction(IntEnum):
     TANH = 2
 
 
-_POSITION = (
+#: Functions of the position, and those with a state.
+OF_POSITION = (
     FrictionColumn.COSINE,
     FrictionColumn.SINE,
     FrictionColumn.SPRING,
@@ -75,7 +76,7 @@ _SPRINGS = (
     FrictionColumn.STRUT,
     FrictionColumn.STRUT_STIFFNESS,
 )
-_MEMORY = (FrictionColumn.PRESLIDING, FrictionColumn.PRESLIDING_RATE, FrictionColumn.MAXWELL)
+WITH_MEMORY = (FrictionColumn.PRESLIDING, FrictionColumn.PRESLIDING_RATE, FrictionColumn.MAXWELL)
 _SIGN = (
     FrictionColumn.COULOMB,
     FrictionColumn.COULOMB_POSITIVE,
@@ -133,12 +134,12 @@ class FrictionTerm:
     @property
     def has_memory(self) -> bool:
         """Whether it depends on the path so far, by a state."""
-        return self.column in _MEMORY
+        return self.column in WITH_MEMORY
 
     @property
     def depends_on_position(self) -> bool:
         """Whether it is a function of the joint's position."""
-        return self.column in _POSITION
+        return self.column in OF_POSITION
 
     @property
     def depends_on_load(self) -> bool:

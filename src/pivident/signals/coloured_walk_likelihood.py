@@ -25,12 +25,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pivident.signals.random_walk_likelihood import (
-    MAX_NVR,
-    MIN_NVR,
-    DiffuseFit,
-    NvrEstimate,
-)
+from pivident.signals.random_walk_likelihood import MAX_NVR, MIN_NVR, DiffuseFit, NvrEstimate
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
 _GRID_POINTS = 24

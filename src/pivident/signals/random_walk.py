@@ -22,11 +22,7 @@ import numpy as np
 
 from pivident.errors import NonFiniteSamples, RecordingError
 from pivident.scratch import working_array
-from pivident.signals.random_walk_likelihood import (
-    MIN_NVR,
-    diffuse_fit,
-    estimate_nvr,
-)
+from pivident.signals.random_walk_likelihood import MIN_NVR, diffuse_fit, estimate_nvr
 from pivident.signals.random_walk_model import (
     ORDERS,
     derivative_noise,

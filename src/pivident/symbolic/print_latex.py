@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import LATEX, expression_texts
 from pivident.symbolic.print_python import scalar_names
@@ -77,8 +79,6 @@ def _distinct(names: Iterable[str]) -> list[str]:
 
 
 def _element_names(output: Output) -> list[str]:
-    import numpy as np
-
     head = latex_name(identifiers([output.name])[0])
     return [
         f"{head}_{{{','.join(str(k + 1) for k in place)}}}" for place in np.ndindex(output.shape)

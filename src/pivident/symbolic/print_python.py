@@ -5,10 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
+import numpy as np
+
 from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import PYTHON, expression_texts
 from pivident.symbolic.program import Input, Program
-from pivident.text.identifiers import identifiers
+from pivident.text.identifiers import identifier, identifiers
 
 
 def python_module(programs: Sequence[Program]) -> str:
@@ -20,8 +22,6 @@ def python_module(programs: Sequence[Program]) -> str:
 
 def python_function(program: Program) -> Callable[..., Any]:
     """The function that the text of a program defines."""
-    from pivident.text.identifiers import identifier
-
     namespace: dict[str, Any] = {}
     text = python_module([program])
     exec(compile(text, f"<{program.name}>", "exec"), namespace)
@@ -74,7 +74,7 @@ def _function(program: Program, name: str) -> str:
     for text, output in zip(results, program.outputs, strict=True):
         shape = "".join(f", {n}" for n in output.shape)
         lines.append(f"    {text} = np.zeros((*states{shape}))")
-        places = list(_places(output.shape))
+        places = list(np.ndindex(*output.shape))
         values = [names.get(e) or expression_texts([e], PYTHON, names, "np.")[0]
                   for e in output.elements.ravel()]  # fmt: skip
         lines += [
@@ -84,12 +84,6 @@ def _function(program: Program, name: str) -> str:
         ]
     lines.append(f"    return {', '.join(results)}")
     return "\n".join(lines) + "\n"
-
-
-def _places(shape: tuple[int, ...]) -> list[tuple[int, ...]]:
-    import numpy as np
-
-    return list(np.ndindex(*shape))
 
 
 def _docstring(program: Program) -> list[str]:

@@ -1,7 +1,7 @@
-"""How a notebook shows a result: asked for here, answered by whoever is registered.
+"""Display of results in a notebook, by a module that is registered here.
 
-Results of every layer have a ``_repr_html_``; the HTML itself is made on top, where all of them
-are known. One registration keeps the lower layers free of imports from there.
+Results of every layer have a ``_repr_html_``; the HTML itself is written at the top, where all of
+them are known. One registration keeps the lower layers free of imports from there.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ _provider = ""
 
 
 def provided_by(module: str) -> None:
-    """Register the module whose function ``html_of`` shows results."""
+    """Register the module (full name) with ``html_of``; it is imported at the first display."""
     global _provider
     _provider = module
 

@@ -1,4 +1,4 @@
-"""Numbers and units in the mathematics of LaTeX."""
+"""Numbers and units in LaTeX math mode."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import re
 
 
 def latex_number(text: str) -> str:
-    r"""A number as it is printed elsewhere, in mathematics: ``1.2e-07`` as 1.2 · 10⁻⁷."""
+    r"""A printed number in math mode: ``1.2e-07`` as 1.2 · 10⁻⁷."""
     mantissa, _, exponent = text.replace("∞", r"\infty").partition("e")
     if mantissa == "–":
         return "--"

@@ -36,7 +36,7 @@ from pivident.dynamics.grouping.members import Group, Member
 from pivident.dynamics.grouping.reach import Reach
 from pivident.dynamics.grouping.rows import ONE as WHOLE
 from pivident.dynamics.grouping.rows import Row
-from pivident.dynamics.grouping.rules import LocalGroups, local_groups
+from pivident.dynamics.grouping.rules import JointRules, LocalGroups
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL, Robot
@@ -199,9 +199,8 @@ def _all_local_groups(
         reach = before.seen_from(numbers(frame.rotation), numbers(frame.translation))
         above = gravity if joint.parent < 0 else directions[joint.parent]
         directions.append(frame.rotation.T @ above)
-        local.append(
-            local_groups(robot, i, own[i], reach, directions[i], frames, coupled, names[i])
-        )
+        rules = JointRules(robot, i, own[i], reach, directions[i], frames, coupled, names[i])
+        local.append(rules.groups())
         behind.append(reach.moved_by(joint.kind, coupled.index(i) if i in coupled else None))
     return local
 

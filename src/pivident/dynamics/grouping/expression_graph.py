@@ -342,7 +342,7 @@ def _product(a: Expression, b: Expression) -> Expression:
 def ordered(
     roots: Iterable[Expression], stop: Mapping[Expression, Any] | None = None
 ) -> list[Expression]:
-    """All expressions that the given ones are made of, each once, operands first."""
+    """All subexpressions of the roots, each once, operands first; ``stop`` is not entered."""
     roots = list(roots)
     known = () if stop is None else stop
     own = set(roots)

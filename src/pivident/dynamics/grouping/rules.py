@@ -59,52 +59,43 @@ class LocalGroups:
     reasons: dict[int, str]  # of the others: the rule in words
 
 
-def local_groups(
-    robot: Robot,
-    i: int,
-    own: dict[int, Parameter],
-    reach: Reach,
-    gravity: np.ndarray,
-    frames: list[NamedFrame],
-    coupled: list[int],
-    names: Names,
-) -> LocalGroups:
-    """Apply the rules to joint i; a coupling's inertia belongs to the later joint.
+@dataclass(eq=False)
+class JointRules:
+    """The rules for joint i; a coupling's inertia belongs to the later joint.
 
     ``reach`` is that of the links before, seen from the joint at q = 0, ``gravity`` (3,) in the
     link's frame with all joints at 0; ``coupled`` are the joints whose speeds ``reach`` has.
     """
-    link = _Link(robot, i, own, reach, gravity, frames, coupled, names)
-    rows = link.revolute_rows() if robot.joints[i].kind == "revolute" else link.prismatic_rows()
-    heads = reduced(rows, sorted(own, key=lambda k: (_rank(robot, own[k]), k)))
-    shares = {
-        k: {head: row[k] for head, row in heads.items() if k in row} for k in own if k not in heads
-    }
-    return LocalGroups(tuple(sorted(heads)), shares, link.reasons(shares))
 
+    robot: Robot
+    i: int
+    own: dict[int, Parameter]
+    reach: Reach
+    gravity: np.ndarray
+    frames: list[NamedFrame]
+    coupled: list[int]
+    names: Names
 
-class _Link:
-    """The rules, for one joint."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        i: int,
-        own: dict[int, Parameter],
-        reach: Reach,
-        gravity: np.ndarray,
-        frames: list[NamedFrame],
-        coupled: list[int],
-        names: Names,
-    ) -> None:
-        self.robot, self.i, self.own, self.reach = robot, i, own, reach
-        self.gravity, self.frames, self.coupled, self.names = gravity, frames, coupled, names
-        self.of = {p.stem: k for k, p in own.items() if p.is_inertial or p.stem == "ia"}
-        self.omega, self.v = reach.twists[:, :3], reach.twists[:, 3:6]
+    def __post_init__(self) -> None:
+        self.of = {p.stem: k for k, p in self.own.items() if p.is_inertial or p.stem == "ia"}
+        self.omega, self.v = self.reach.twists[:, :3], self.reach.twists[:, 3:6]
         self.turns_across = _any(self.omega[:, :2])
         #: z of the point where all axes before cross this one, None where it has no effect
         self.crossing: Quantity | None = None
         self.functions = self._joint_functions()
+
+    def groups(self) -> LocalGroups:
+        """What the joint feels of its own parameters."""
+        revolute = self.robot.joints[self.i].kind == "revolute"
+        rows = self.revolute_rows() if revolute else self.prismatic_rows()
+        own = self.own
+        heads = reduced(rows, sorted(own, key=lambda k: (_rank(self.robot, own[k]), k)))
+        shares = {
+            k: {head: row[k] for head, row in heads.items() if k in row}
+            for k in own
+            if k not in heads
+        }
+        return LocalGroups(tuple(sorted(heads)), shares, self.reasons(shares))
 
     def row(self, **entries: Quantity | float) -> Row:
         """A row from the stems of the link's own parameters."""
