@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 import sympy
 
-from pivident.dynamics.grouping.expressions import OperationCount, call, cosine, sine, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import OperationCount, call, cosine, sine
 from pivident.symbolic.program import MAX_OPERATIONS, Input, Output, Program, output_array
 from tests.symbolic.evaluation import evaluated
 

@@ -10,8 +10,8 @@ import numpy as np
 from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.friction import FrictionColumn, SignFunction
-from pivident.robot.friction_term import MAX_SHAPES
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import MAX_SHAPES, SignFunction
 
 #: Uses of the screw of a joint, seen from a link: for the links further out, for the columns of
 #: the inertias, for those of first moments and mass.

@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.dynamics.friction_memory import memory_column
-from pivident.robot.friction import FrictionColumn, FrictionLaw, SignFunction
-from pivident.robot.friction_term import OF_POSITION, WITH_MEMORY
+from pivident.robot.friction import FrictionColumn, FrictionLaw
+from pivident.robot.friction_term import OF_POSITION, WITH_MEMORY, SignFunction
 
 
 def friction_column(

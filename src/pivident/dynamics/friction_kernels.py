@@ -21,7 +21,8 @@ import math
 from numba import njit
 
 from pivident.dynamics.elementary import arctangent
-from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import SignFunction
 
 _COULOMB = int(FrictionColumn.COULOMB)
 _POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)

@@ -22,7 +22,8 @@ from typing import Literal
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
+from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
+from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission
 from pivident.text import display

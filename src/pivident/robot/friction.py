@@ -12,39 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pivident.robot.friction_term import (
-    SLOPE_AT_RATED_SPEED,
     FrictionColumn,
     FrictionTerm,
     Shape,
-    SignFunction,
     Smoothing,
 )
 from pivident.robot.naming import nearest
-
-__all__ = [
-    "DEFAULT_FRICTION",
-    "SLOPE_AT_RATED_SPEED",
-    "FrictionColumn",
-    "FrictionLaw",
-    "FrictionTerm",
-    "Shape",
-    "SignFunction",
-    "Smoothing",
-    "asymmetric_coulomb",
-    "asymmetric_viscous",
-    "coulomb",
-    "counterbalance",
-    "dahl",
-    "load_dependent",
-    "lugre",
-    "maxwell_slip",
-    "offset",
-    "power_viscous",
-    "ripple",
-    "spring",
-    "stribeck",
-    "viscous",
-]
 
 
 def viscous() -> FrictionTerm:

@@ -15,7 +15,8 @@ from pivident.dynamics.grouping.expressions import (
     sine,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.robot.friction import FrictionColumn, FrictionTerm, SignFunction
+from pivident.robot.friction import FrictionColumn, FrictionTerm
+from pivident.robot.friction_term import SignFunction
 from pivident.symbolic.model_symbols import ModelSymbols
 
 

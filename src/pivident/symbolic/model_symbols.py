@@ -9,7 +9,8 @@ from typing import Literal
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.dynamics.grouping.expressions import ZERO, Expression, constant, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL, Robot

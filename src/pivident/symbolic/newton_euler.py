@@ -17,6 +17,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import (
     ZERO,
     Constant,
@@ -24,7 +25,6 @@ from pivident.dynamics.grouping.expressions import (
     Multiply,
     Symbol,
     operation_count,
-    symbol,
 )
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot

@@ -12,7 +12,7 @@ from pivident.dynamics.grouping.closed_form import (
     ClosedFormBaseParameters,
     closed_form_base_parameters,
 )
-from pivident.dynamics.grouping.expressions import symbol
+from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot

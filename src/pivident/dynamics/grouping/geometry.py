@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pivident.dynamics.grouping.expressions import Expression, cosine, sine, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import Expression, cosine, sine
 from pivident.dynamics.grouping.polynomial import Polynomial
 from pivident.robot.description import Joint
 

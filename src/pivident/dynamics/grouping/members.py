@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pivident.dynamics.grouping.expressions import ONE, ZERO, Add, Expression, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import ONE, ZERO, Add, Expression
 from pivident.dynamics.grouping.polynomial import Polynomial
 from pivident.dynamics.parameters import Parameter
 from pivident.text.identifiers import latex_name

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pivident.dynamics.grouping.expression_graph import multiply
 from pivident.dynamics.grouping.expressions import (
     ONE,
     ZERO,
@@ -22,7 +23,6 @@ from pivident.dynamics.grouping.expressions import (
     constant,
     cosine,
     divide,
-    multiply,
     power,
     sine,
 )
