@@ -16,7 +16,7 @@ from pivident.logs.bags.decompression import unpacked
 from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import read_table
 from pivident.many.batch.results_folder import ResultsFolder
-from pivident.tables import Table
+from pivident.tables.columns import Table
 from tests.planar_log import write_experiment
 
 PROJECT = Path(__file__).parents[1] / "pyproject.toml"

@@ -9,10 +9,10 @@ import pytest
 
 from pivident.cli import main
 from pivident.cli.app import app
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.export.urdf import to_urdf
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.planar_log import planar_truth, write_log
 
 README = (Path(__file__).resolve().parents[1] / "README.md").read_text(encoding="utf-8")

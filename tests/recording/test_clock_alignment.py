@@ -12,7 +12,7 @@ from pivident.errors import ClocksDisagree, GapInClock, RecordingError
 from pivident.estimation.problem import Problem
 from pivident.recording.clock_alignment import ClockedChannel, onto_one_clock
 from pivident.recording.load import load_recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 
 T = np.arange(2000) / 500.0
 

@@ -147,8 +147,7 @@ def audit_file(
         say(f"reading {path.name}")
         return (audit_log(bare_log(path, robot), say),)
 
-    from pivident.experiment import load_experiment
-    from pivident.experiment.experiment import errors_name
+    from pivident.experiment.experiment import errors_name, load_experiment
 
     given = load_experiment(path if is_experiment else Path(str(experiment)))
     entries = given.content.recording if is_experiment else given.content.recording[:1]

@@ -66,7 +66,7 @@ def run_friction(
     """
     from pivident.cli.workflow import check_output
     from pivident.estimation.identify import identify
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
     from pivident.friction.friction_study import study_friction
     from pivident.friction.ripple.ripple_search import find_ripple
     from pivident.report.friction.friction_files import write_friction

@@ -88,7 +88,7 @@ def run_experiment(
         PividentError: the file, its data or the output folder cannot be used, or no method
             came to a result.
     """
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
 
     with Progress() as progress:
         experiment = load_experiment(path)
@@ -231,8 +231,6 @@ def write_results(
         truth: known values by parameter name.
         report: whether to write ``report.html``.
     """
-    from pivident.report.builder import write_report
-
     found = results.identifications
     several = len(found) > 1
     with atomic_folder(folder) as build:
@@ -247,6 +245,8 @@ def write_results(
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
         if report:
+            from pivident.report.builder import write_report
+
             write_report(
                 list(found.values()),
                 build / "report.html",

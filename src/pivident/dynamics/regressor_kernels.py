@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 from numba import njit
 
+from pivident.compiled import inlined as _inline
+from pivident.compiled import inner
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS, EntryPlan
 from pivident.dynamics.joint_rows import TILE, joint_row
@@ -30,8 +32,6 @@ _COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6
 _ROTATION, _ORIGIN, _FIXED = 7, 16, 19
 # Then 18 rows for the base and for each link: ω, dω, a, and G row by row.
 _A, _G, _LINK = 6, 9, 18
-
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 @_inline
@@ -176,7 +176,7 @@ class _Rows(NamedTuple):
     columns: int
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _layout(plan):
     """Where the links, screws, signals and columns are in the tile."""
     joints, depth = plan.work.shape
@@ -192,7 +192,7 @@ def tile_rows(plan: EntryPlan) -> int:
     return _FIXED + (joints + 1) * _LINK + joints * depth * 6 + 3 * joints + plan.columns
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _prepare(plan, tile):
     """Write the rows of the tile that do not depend on the sample."""
     joints, depth = plan.work.shape
@@ -207,7 +207,7 @@ def _prepare(plan, tile):
     return rows
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
     """Compute all columns of the ``count`` samples from ``start`` on."""
     joints, depth = plan.work.shape
@@ -247,52 +247,43 @@ def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
             joint_row(tile, signals, dq_rows, ddq_rows, index, value, e, out + e)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def packed_entries(plan, tile, place, q, dq, ddq, inner, out):
-    """Packed entries of Φ into the rows ``place`` of ``out``, time last, shape (rows, samples).
+#: Results of ``observe``: packed rows, the dense matrix, or joint torques.
+PACKED, DENSE, TORQUES = 0, 1, 2
 
-    Motion and ``inner`` signals are time last; ``tile`` has ``tile_rows`` or more rows.
+
+# One kernel for all three: most of its code is that of ``_fill``, and would be compiled with each.
+@njit(cache=True, nogil=True, error_model="numpy")
+def observe(plan, tile, kind, place, weight, q, dq, ddq, inner, out):
+    """Entries of Φ, packed or at their places, or weighted sums of them; signals time last.
+
+    ``place`` of each entry is its row of ``out`` (PACKED: rows, samples) or its place in a
+    sample's row-major matrix (DENSE: samples, joints · parameters); for TORQUES (joints, samples)
+    the entries of joint j are ``place[j]:place[j+1]``, with parameter values ``weight``. ``tile``
+    has ``tile_rows`` or more rows.
     """
     samples, source = q.shape[1], plan.source
     rows = _prepare(plan, tile)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
-        for e in range(source.size):
-            target = place[e]
-            for s in range(count):
-                out[target, start + s] = tile[rows.columns + source[e], s]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def dense_entries(plan, tile, place, q, dq, ddq, inner, out):
-    """The same at ``place`` in a sample's row-major matrix: out (samples, joints · parameters)."""
-    samples, source = q.shape[1], plan.source
-    rows = _prepare(plan, tile)
-    for start in range(0, samples, TILE):
-        count = min(TILE, samples - start)
-        _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
-        # eight samples at a time: one cache line of each column, eight lines written in order
-        for first in range(0, count, 8):
-            last = min(first + 8, count)
+        if kind == PACKED:
             for e in range(source.size):
-                column, target = rows.columns + source[e], place[e]
-                for s in range(first, last):
-                    out[start + s, target] = tile[column, s]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def joint_torques(plan, tile, offsets, weight, q, dq, ddq, inner, out):
-    """Weighted sum of each joint's entries: its torque, time last, without storing the matrix."""
-    samples, source = q.shape[1], plan.source
-    rows = _prepare(plan, tile)
-    for start in range(0, samples, TILE):
-        count = min(TILE, samples - start)
-        _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
-        for j in range(q.shape[0]):
-            for s in range(count):
-                out[j, start + s] = 0.0
-            for e in range(offsets[j], offsets[j + 1]):
-                column, factor = rows.columns + source[e], weight[e]
+                target = place[e]
                 for s in range(count):
-                    out[j, start + s] += factor * tile[column, s]
+                    out[target, start + s] = tile[rows.columns + source[e], s]
+        elif kind == DENSE:
+            # eight samples at a time: one cache line of each column, eight lines written in order
+            for first in range(0, count, 8):
+                last = min(first + 8, count)
+                for e in range(source.size):
+                    column, target = rows.columns + source[e], place[e]
+                    for s in range(first, last):
+                        out[start + s, target] = tile[column, s]
+        else:
+            for j in range(q.shape[0]):
+                for s in range(count):
+                    out[j, start + s] = 0.0
+                for e in range(place[j], place[j + 1]):
+                    column, factor = rows.columns + source[e], weight[e]
+                    for s in range(count):
+                        out[j, start + s] += factor * tile[column, s]

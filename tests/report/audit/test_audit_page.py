@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from pivident.cli import main
 from pivident.errors import PividentError
 from pivident.report.audit.audit_files import write_audit
