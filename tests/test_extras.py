@@ -81,7 +81,7 @@ def test_the_core_identifies_without_any_and_says_what_the_report_needs(tmp_path
 
 
 def sympy_door(folder):
-    from pivident.dynamics.grouping.expressions import symbol
+    from pivident.dynamics.grouping.expression_graph import symbol
 
     symbol("x").to_sympy()
 

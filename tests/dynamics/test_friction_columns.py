@@ -13,7 +13,6 @@ from pivident.dynamics.regressor import Regressor
 from pivident.robot.friction import (
     FrictionColumn,
     FrictionLaw,
-    SignFunction,
     coulomb,
     counterbalance,
     dahl,
@@ -27,6 +26,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.friction_term import SignFunction
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.dynamics.friction_laws import LAWS, law, smooth_motion

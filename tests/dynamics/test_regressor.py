@@ -14,13 +14,13 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import BLOCK, Regressor
 from pivident.robot.friction import (
     FrictionLaw,
-    SignFunction,
     asymmetric_coulomb,
     coulomb,
     offset,
     stribeck,
     viscous,
 )
+from pivident.robot.friction_term import SignFunction
 from pivident.robot.gallery import load_robot
 from tests.robot.kinematics import gravity_torque
 

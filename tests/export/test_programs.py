@@ -94,7 +94,7 @@ def test_friction_with_memory_is_an_argument_and_said():
     )
     model = random_model(robot)
     exported = to_numpy(model)
-    assert "friction of 'elbow' remembers the path" in exported.differences[0]
+    assert "friction of 'elbow' has a memory" in exported.differences[0]
     assert verify_numpy(exported, model).agrees
     q, dq, ddq = random_states(robot, 5)
     memory, inner = inner_columns(model, q, dq, ddq)

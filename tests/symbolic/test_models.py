@@ -115,7 +115,7 @@ def test_friction_with_memory_is_an_input_and_named():
     program = inverse_model(load_robot("planar_2r").with_friction(law))
     names = [argument.name for argument in program.inputs]
     assert names == ["q", "dq", "ddq", "inner"]
-    assert any(note.startswith("fc1: its friction remembers the path") for note in program.notes)
+    assert any(note.startswith("fc1: its friction has a memory") for note in program.notes)
     inner = observation_matrix(load_robot("planar_2r").with_friction(law)).inputs[-1]
     assert [s.name for s in inner.symbols] == ["z_fc1", "load_fl1", "z_fc2", "load_fl2"]
 

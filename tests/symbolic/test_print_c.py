@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.grouping.expressions import call, cosine, sine, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import call, cosine, sine
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.gallery import load_robot
 from pivident.symbolic.composite_bodies import mass_matrix

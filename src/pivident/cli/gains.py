@@ -240,7 +240,7 @@ def _temperature_table(found: GainsOfExperiment) -> str:
             ("±2σ", ".", [spread for _, spread in texts]),
             ("F", ".", [f"{r.f_statistic:.1f}" for r in rows]),
             ("p", ">", [f"{r.p_value:.2g}" for r in rows]),
-            ("taken", "<", ["yes" if r.worth else "no, not told from zero" for r in rows]),
+            ("taken", "<", ["yes" if r.is_significant else "no, not significant" for r in rows]),
         ]
     )
     return f"Motor constants k = k₀ (1 + a (T - T₀)), gains are those at T₀:\n{table}"

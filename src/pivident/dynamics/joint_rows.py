@@ -11,7 +11,8 @@ import numpy as np
 from pivident.compiled import inlined as _inline
 from pivident.dynamics.elementary import arctangent, sine_and_cosine
 from pivident.dynamics.entry_plan import ACCELERATION
-from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import SignFunction
 
 TILE = 128  # samples: long enough to vectorise, short enough for the caches
 

@@ -2,7 +2,7 @@
 
 Inside, the matrix is *packed*: only the structurally non-zero entries are computed, one row per
 entry, time last, sorted by joint. On the TX40 that is about a third of the dense matrix. The
-dense form (samples, joints, parameters) is made from it for people who want it.
+dense form (samples, joints, parameters) is filled from it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from pivident.robot.description import Robot
 from pivident.scratch import working_array
 from pivident.threads import run_in_threads
 
-BLOCK = 2048  # samples that a thread takes at a time
+BLOCK = 2048  # samples per block of a thread
 
 _UNWEIGHTED = np.empty(0)
 
@@ -32,33 +32,23 @@ _own = threading.local()
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
-    """The observation matrix of a robot for chosen parameters.
-
-    Attributes:
-        robot: the robot.
-        parameters: the columns, in order.
-        row: joint of each packed entry, ascending, shape (entries,).
-        column: parameter of each packed entry, shape (entries,).
-        offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
-        inner_entries: entries that need more than one sample, friction with memory and friction
-            that depends on load, ascending; most robots have none.
-    """
+    """The observation matrix of a robot for chosen parameters, its columns."""
 
     robot: Robot
     parameters: tuple[Parameter, ...]
-    row: np.ndarray
-    column: np.ndarray
-    offsets: np.ndarray
-    inner_entries: np.ndarray
+    row: np.ndarray  # joint of each packed entry, ascending, (entries,)
+    column: np.ndarray  # parameter of each packed entry, (entries,)
+    offsets: np.ndarray  # entries of joint j: offsets[j]:offsets[j+1], (joints + 1,)
+    inner_entries: np.ndarray  # entries of friction with memory or load, ascending
     _plan: EntryPlan = field(repr=False)
 
     @classmethod
     def build(cls, robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
         """Find the non-zero entries: by the tree's structure, then by probing random states.
 
-        A probe decides because geometry hides zeros that the tree does not show (a vertical
-        first axis does not feel gravity). Friction acts on its own joint whatever its constants,
-        even where a random speed does not show it.
+        The tree does not show all zeros (a vertical first axis does not feel gravity), hence the
+        probe. Friction acts on its own joint whatever its constants, even where a random speed
+        does not show it.
         """
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
@@ -108,22 +98,11 @@ class Regressor:
         inner: np.ndarray | None = None,
         place: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Non-zero entries of the observation matrix, time **last**.
+        """Non-zero entries of Φ, time **last**, of motion (joints, samples): (entries, samples).
 
-        Args:
-            q: joint positions [rad or m], shape (joints, samples); ``dq ddq`` likewise.
-            dq: joint speeds [rad/s or m/s].
-            ddq: joint accelerations [rad/s² or m/s²].
-            out: array (rows, samples) to write into; rows of no entry stay as they are.
-            inner: see :meth:`inner`; needed for a stretch of a longer record. None: these
-                signals are the beginning of their record, and loads are zero.
-            place: row of ``out`` for each entry, shape (entries,); None: one below the other.
-
-        Returns:
-            Entries, shape (entries, samples), or ``out``.
-
-        Raises:
-            ValueError: shapes that do not fit.
+        ``inner`` (see :meth:`inner`) is needed for a stretch of a longer record; None: the record
+        starts here, and loads are zero. ``place`` is the row of ``out`` for each entry; other rows
+        of ``out`` stay as they are.
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
         self._check_motion(q.T, dq.T, ddq.T)
@@ -146,21 +125,9 @@ class Regressor:
         out: np.ndarray | None = None,
         inner: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Dense observation matrix Φ, tau = Φ θ.
+        """Dense Φ, tau = Φ θ, of motion (samples, joints): (samples, joints, parameters).
 
-        Args:
-            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds [rad/s or m/s].
-            ddq: joint accelerations [rad/s² or m/s²].
-            out: array (samples, joints, parameters) of an earlier call to write into. Its
-                structural zeros are taken to be zero already and are not written again.
-            inner: see :meth:`packed`; time last.
-
-        Returns:
-            Φ, shape (samples, joints, parameters).
-
-        Raises:
-            ValueError: shapes that do not fit.
+        ``out`` is the array of an earlier call, whose structural zeros are not written again.
         """
         self._check_motion(q, dq, ddq)
         samples = q.shape[0]
@@ -192,18 +159,7 @@ class Regressor:
         theta: np.ndarray,
         inner: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Tau = Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].
-
-        Args:
-            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
-            theta: parameters, shape (parameters,).
-            inner: see :meth:`inner`; time last. None: made here, with the load of ``theta``.
-
-        Raises:
-            ValueError: shapes that do not fit.
-        """
+        """Torque Φ(q, dq, ddq) θ [N m or N], (samples, joints), with the load of ``theta``."""
         self._check_motion(q, dq, ddq)
         theta = np.asarray(theta, dtype=float)
         own = self._inner_or_own(q.T, dq.T, ddq.T, inner, theta)
@@ -216,21 +172,11 @@ class Regressor:
         ddq: np.ndarray,
         theta: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Columns that need more than one sample: friction with memory, and with load.
+        """Columns that need more than one sample, friction with memory or load, time **last**.
 
-        They are made once for a whole record and handed to :meth:`packed`, :meth:`matrix` and
-        :meth:`torque` with the blocks it is walked through in.
-
-        Args:
-            q: joint positions [rad or m] from the start of the record on, where friction with
-                memory is relaxed, time **last**, shape (joints, samples); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
-            theta: parameters whose torques of inertia, gravity and springs are the load, shape
-                (parameters,); None: the load is zero.
-
-        Returns:
-            Columns of ``inner_entries``, shape (inner entries, samples).
+        They are computed once from the start of a record, where friction with memory is relaxed,
+        and passed to :meth:`packed`, :meth:`matrix` and :meth:`torque` block by block. The torques
+        of inertia, gravity and springs of ``theta`` are the load; None: the load is zero.
         """
         out = np.zeros((self.inner_entries.size, q.shape[1]))
         friction = [self.parameters[self.column[e]].friction for e in self.inner_entries]
@@ -247,12 +193,9 @@ class Regressor:
         return out
 
     def levels(self, dq: np.ndarray) -> np.ndarray:
-        """Inner signals of steady motion with a load of one: the sign of the speed.
+        """Inner signals of steady motion with a load of one: the sign of the speed, time last.
 
-        They stand for the columns with memory or load where states do not follow each other.
-
-        Args:
-            dq: joint speeds [rad/s or m/s], time last, shape (joints, samples).
+        They replace the columns with memory or load where states do not follow each other.
         """
         return np.sign(dq[self.row[self.inner_entries]])
 
@@ -312,7 +255,7 @@ class Regressor:
         return np.ascontiguousarray(inner, dtype=float)
 
     def _check_motion(self, *signals: np.ndarray) -> None:
-        """The compiled loops do not look at shapes; signals are (samples, joints) here."""
+        """Refuse other shapes than (samples, joints): the compiled loops do not check them."""
         shapes = [np.shape(x) for x in signals]
         if any(len(s) != 2 or s[1] != self.robot.size or s != shapes[0] for s in shapes):
             raise ValueError(
@@ -324,8 +267,8 @@ class Regressor:
 def _tile(plan: EntryPlan) -> np.ndarray:
     """Working memory of the compiled loops, kept by each thread.
 
-    Half a megabyte that is asked for at every call comes from the system at every call, page by
-    page, which takes longer than the columns of a thousand samples.
+    Half a megabyte allocated at every call comes from the system page by page, which takes longer
+    than the columns of a thousand samples.
     """
     rows = tile_rows(plan)
     kept: np.ndarray | None = getattr(_own, "tile", None)
@@ -335,7 +278,7 @@ def _tile(plan: EntryPlan) -> np.ndarray:
 
 
 def _blocks(samples: int) -> list[slice]:
-    """Consecutive parts of a record, one for each turn of a thread."""
+    """Consecutive blocks of a record."""
     return [slice(start, min(start + BLOCK, samples)) for start in range(0, samples, BLOCK)]
 
 

@@ -1,9 +1,9 @@
 """Compiled loops of the observation matrix, generic over the robot, many samples at once.
 
 Quantities are stored with time last, in rows of ``TILE`` samples, so that the innermost loops run
-over samples and the compiler turns them into vector instructions. All rows lie in one array, the
-*tile*. The compiler makes sure at run time that the rows of a loop do not overlap, and does not try
-where a loop writes to many rows and reads from many more; such loops are split.
+over samples and the compiler vectorises them. All rows lie in one array, the *tile*. The compiler
+checks at run time that the rows of a loop do not overlap, but not for loops with many rows; such
+loops are split.
 
 The ten inertial parameters enter linearly. With ω, dω, a of the frame's origin (gravity is an
 upward acceleration of the base), I the inertia about that origin and h the first moments,
@@ -168,7 +168,7 @@ def _moment_columns(tile, link, screw, out):
 
 
 class _Rows(NamedTuple):
-    """First rows of what a tile holds behind the fixed rows."""
+    """First row of each part of a tile, after the fixed rows."""
 
     links: int
     screws: int
@@ -194,7 +194,7 @@ def tile_rows(plan: EntryPlan) -> int:
 
 @inner
 def _prepare(plan, tile):
-    """Write the rows of the tile that no sample changes, whatever it was used for before."""
+    """Write the rows of the tile that do not depend on the sample."""
     joints, depth = plan.work.shape
     rows = _layout(plan)
     tile[rows.links : rows.links + _LINK] = 0.0
@@ -247,29 +247,19 @@ def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
             joint_row(tile, signals, dq_rows, ddq_rows, index, value, e, out + e)
 
 
-#: What ``observe`` makes of the entries: packed rows, the dense matrix, or joint torques.
+#: Results of ``observe``: packed rows, the dense matrix, or joint torques.
 PACKED, DENSE, TORQUES = 0, 1, 2
 
 
 # One kernel for all three: most of its code is that of ``_fill``, and would be compiled with each.
 @njit(cache=True, nogil=True, error_model="numpy")
 def observe(plan, tile, kind, place, weight, q, dq, ddq, inner, out):
-    """Entries of the observation matrix, packed or at their places, or weighted sums of them.
+    """Entries of Φ, packed or at their places, or weighted sums of them; signals time last.
 
-    Args:
-        plan: which entries.
-        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
-        kind: PACKED, DENSE or TORQUES.
-        place: of each entry, shape (entries,): its row of ``out`` (packed), its place in a
-            sample's matrix written row by row (dense); for torques shape (joints + 1,), the
-            entries of joint j are ``place[j]:place[j+1]``.
-        weight: for torques the parameter value of each entry, shape (entries,).
-        q: joint positions, time last, shape (joints, samples).
-        dq: joint speeds.
-        ddq: joint accelerations.
-        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the entries, time last, shape (rows, samples); dense ones, shape (samples,
-            joints · parameters); or the torques, time last, shape (joints, samples).
+    ``place`` of each entry is its row of ``out`` (PACKED: rows, samples) or its place in a
+    sample's row-major matrix (DENSE: samples, joints · parameters); for TORQUES (joints, samples)
+    the entries of joint j are ``place[j]:place[j+1]``, with parameter values ``weight``. ``tile``
+    has ``tile_rows`` or more rows.
     """
     samples, source = q.shape[1], plan.source
     rows = _prepare(plan, tile)

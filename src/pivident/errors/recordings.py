@@ -86,7 +86,7 @@ class SaturatedSignal(RecordingError):
         channel: name of the channel, such as ``tau``.
         joint: name of the joint.
         value: the value at which it is cut off.
-        count: number of samples that sit there.
+        count: number of samples at that value.
         samples: number of samples of the recording.
         sample: index of the first such sample.
     """
@@ -137,11 +137,11 @@ class MissingSamples(IrregularSampling):
 
     Attributes:
         missing: how many samples.
-        gaps: in how many places.
+        gaps: number of gaps.
         sample: index of the last sample before the largest gap.
         time: its stamp [s].
         interval: length of the largest gap, from stamp to stamp [s].
-        stretches: what the gaps leave.
+        stretches: the stretches between the gaps.
     """
 
     def __init__(
@@ -173,7 +173,7 @@ class GapInClock(IrregularSampling):
         time: last stamp before the longest gap [s].
         interval: length of that gap [s].
         gaps: number of gaps.
-        stretches: what the gaps leave.
+        stretches: the stretches between the gaps.
     """
 
     def __init__(
@@ -232,7 +232,7 @@ class UnknownColumn(FileFormatError):
 
     Attributes:
         file: name of the file.
-        column: name asked for.
+        column: requested name.
         near: names in the file that look like it.
     """
 
@@ -251,7 +251,7 @@ class BadCell(FileFormatError):
         file: name of the file.
         line: number of the line, counted from one, header included.
         column: name of the column, or None where the whole line is at fault.
-        text: what stands there.
+        text: its text.
     """
 
     def __init__(self, file: str, line: int, column: str | None, text: str, reason: str) -> None:

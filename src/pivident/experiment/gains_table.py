@@ -245,7 +245,7 @@ def _corrected(
     temperatures: Sequence[MotorTemperature],
 ) -> tuple[Recording, ...]:
     """The recordings at the reference temperature, as far as a coefficient is worth it."""
-    coefficients = [t.coefficient if t.worth else 0.0 for t in temperatures]
+    coefficients = [t.coefficient if t.is_significant else 0.0 for t in temperatures]
     reference = [t.reference for t in temperatures]
     given = [r.t for r in recordings] if warmth is None else warmth
     return tuple(

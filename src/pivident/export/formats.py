@@ -1,4 +1,4 @@
-"""All formats by name: how each is written, and how it is loaded back."""
+"""All formats by name: how each is written and loaded back."""
 
 from __future__ import annotations
 
@@ -24,34 +24,22 @@ Format = Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"]
 
 @dataclass(frozen=True)
 class FileOptions:
-    """What some formats need beside the model.
+    """What some formats need besides the model."""
 
-    Attributes:
-        name: what functions of a C file are called.
-        original: URDF in which the inertials are to be replaced; None: a new one.
-        frozen: positions of that file's other joints [rad or m], by name.
-    """
-
-    name: str = "robot_model"
-    original: bytes | None = None
+    name: str = "robot_model"  # prefix of the functions of a C file
+    original: bytes | None = None  # URDF whose inertials are replaced; None: a new one
+    #: Positions of the other joints of that file [rad or m], by name.
     frozen: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class FormatEntry:
-    """One format.
+    """One format; each of its checks loads the file with another program and compares."""
 
-    Attributes:
-        title: what it is called in a sentence.
-        write: makes the file.
-        checks: load it back, each with another program, and compare.
-        not_loaded: why there are none.
-    """
-
-    title: str
+    title: str  # name in a sentence
     write: Callable[[RunnableModel, FileOptions], ExportedText]
     checks: tuple[Callable[[Any, RunnableModel, FileOptions], Verification], ...] = ()
-    not_loaded: str = ""
+    not_loaded: str = ""  # why there are no checks
 
 
 #: All formats.
@@ -105,18 +93,7 @@ def export_model(
     original: bytes | None = None,
     frozen: Mapping[str, float] | None = None,
 ) -> ExportedText:
-    """The model in a format.
-
-    Args:
-        model: the model.
-        to: the format.
-        name: what functions of a C file are called.
-        original: URDF in which the inertials are to be replaced; None: a new one.
-        frozen: positions of that file's other joints [rad or m], by name.
-
-    Raises:
-        ExportError: the format cannot say the model, or there is no such format.
-    """
+    """The model in a format."""
     if to not in FORMATS:
         raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
     return FORMATS[to].write(model, FileOptions(name, original, frozen or {}))
@@ -129,17 +106,7 @@ def verify_export(
     *,
     frozen: Mapping[str, float] | None = None,
 ) -> tuple[Verification, ...]:
-    """Load an export back, with everything that can load it here, and compare.
-
-    Args:
-        exported: what `export_model` returned.
-        model: the model.
-        to: the format.
-        frozen: positions of a URDF's other joints [rad or m], by name.
-
-    Raises:
-        ExportError: a C file does not compile, or a Python file does not run.
-    """
+    """Load an export back, with every program installed here that can, and compare."""
     entry, options = FORMATS[to], FileOptions(frozen=frozen or {})
     if not entry.checks:
         return (Verification(entry.title, skipped=entry.not_loaded),)

@@ -1,8 +1,8 @@
 """Linear models from sampled data: continuous and discrete time, with noise models.
 
 Useful without a robot. Continuous time: `srivc`, `rivc`; discrete time: `arx`, `sriv`, `riv`;
-noise alone: `ar`, `arma`; orders: `select_orders`. All answer with a `LinearEstimate` (noise
-models with a `Noise`), whose polynomials have the highest power first.
+noise alone: `ar`, `arma`; orders: `select_orders`. All return a `LinearEstimate` (noise
+models a `Noise`), whose polynomials have the highest power first.
 """
 
 import lazy_loader

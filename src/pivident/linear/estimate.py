@@ -20,21 +20,13 @@ Hold = Literal["zoh", "foh"]
 
 @dataclass(frozen=True)
 class Fit:
-    """How well a model fits, (C5).
+    """How well a model fits, (C5); x is the simulated output."""
 
-    Attributes:
-        r2: R_T² = 1 - var(y - x)/var(y), x the simulated output.
-        yic: Young's information criterion, ln(s²/var y) + ln(mean of P_ii/θ_i²).
-        aic: n ln s² + 2 n_p.
-        bic: n ln s² + n_p ln n.
-        samples: samples used.
-    """
-
-    r2: float
-    yic: float
-    aic: float
-    bic: float
-    samples: int
+    r2: float  # R_T² = 1 - var(y - x)/var(y)
+    yic: float  # Young's criterion, ln(s²/var y) + ln(mean of P_ii/θ_i²)
+    aic: float  # n ln s² + 2 n_p
+    bic: float  # n ln s² + n_p ln n
+    samples: int  # samples used
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +49,12 @@ class LinearEstimate:
         theta: parameters, shape (parameters,): the denominators without their ones, then the
             numerators.
         covariance: of θ, shape (parameters, parameters).
-        noise: model of the noise; None: taken as white.
-        residual_variance: s², variance of what is left after the noise model.
+        noise: model of the noise; None: white.
+        residual_variance: s², variance of the residual of the noise model.
         fit: criteria.
         iterations: iterations until convergence.
         converged: whether it converged.
-        warnings: whole sentences.
+        warnings: complete sentences.
     """
 
     method: str
@@ -110,7 +102,7 @@ class LinearEstimate:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations of θ, shape (parameters,)."""
+        """Standard errors of θ, shape (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
@@ -179,15 +171,7 @@ class LinearEstimate:
 def fit_of(
     y: np.ndarray, x: np.ndarray, s2: float, theta: np.ndarray, covariance: np.ndarray
 ) -> Fit:
-    """Criteria of a model, (C5).
-
-    Args:
-        y: measured output, shape (samples,).
-        x: simulated output.
-        s2: variance of the (whitened) residual.
-        theta: parameters.
-        covariance: of them.
-    """
+    """Criteria of a model, (C5)."""
     n, size = y.size, theta.size
     total = float(np.var(y))
     relative = np.diag(covariance) / np.maximum(np.square(theta), 1e-300)

@@ -1,7 +1,7 @@
 """Frequency and step responses of linear models with ±2σ bands, as plotly figures.
 
-The bands are those of the delta method: what the covariance of θ means for the curve, to first
-order. They know nothing of a wrong structure.
+The bands are those of the delta method: the covariance of θ propagated to the curve, to first
+order. They do not account for a wrong structure.
 """
 
 from __future__ import annotations
@@ -23,19 +23,15 @@ if TYPE_CHECKING:
 #: Points of a curve.
 _POINTS = 400
 
-#: Deviations on each side of a curve.
+#: Standard errors on each side of a curve.
 _BAND = 2.0
 
-#: Step of a parameter for the derivative of a step response, in its deviations.
+#: Step of a parameter for the derivative of a step response, in its standard errors.
 _DIFFERENCE = 1e-3
 
 
 def bode(model: LinearEstimate) -> go.Figure:
-    """Magnitude [dB] and phase [°] of every input over frequency [Hz], delays included.
-
-    Args:
-        model: the model.
-    """
+    """Magnitude [dB] and phase [°] of every input over frequency [Hz], delays included."""
     frequency = _frequencies(model)
     omega = 2 * np.pi * frequency
     at = 1j * omega if model.continuous else np.exp(1j * omega * model.dt)
@@ -48,8 +44,8 @@ def bode(model: LinearEstimate) -> go.Figure:
     for which in range(len(model.numerators)):
         response, gradient = response_and_gradient(model, at, which)
         relative = gradient / response
-        decibel = 20 / np.log(10) * _deviation(model, relative.real)
-        degrees = np.degrees(_deviation(model, relative.imag))
+        decibel = 20 / np.log(10) * _standard_error(model, relative.real)
+        degrees = np.degrees(_standard_error(model, relative.imag))
         lag = omega * model.delays[which] * model.dt
         phase = np.degrees(np.unwrap(np.angle(response)) - lag)
         _curve(plot, frequency, 20 * np.log10(np.abs(response)), decibel, model, which, "y")
@@ -58,11 +54,7 @@ def bode(model: LinearEstimate) -> go.Figure:
 
 
 def step(model: LinearEstimate) -> go.Figure:
-    """Response of the output to a unit step of every input over time [s].
-
-    Args:
-        model: the model.
-    """
+    """Response of the output to a unit step of every input over time [s]."""
     plot = _empty("step response")
     plot.update_xaxes(title_text="time [s]")
     for which in range(len(model.numerators)):
@@ -79,28 +71,20 @@ def step(model: LinearEstimate) -> go.Figure:
             )
             slopes[i] = (above - below) / (2 * h[i])
         time = dt * np.arange(samples)
-        _curve(plot, time, response, _deviation(model, slopes), model, which, "y")
+        _curve(plot, time, response, _standard_error(model, slopes), model, which, "y")
     return plot
 
 
 def step_response(
     model: LinearEstimate, theta: np.ndarray, which: int, dt: float, samples: int
 ) -> np.ndarray:
-    """Response to a unit step of one input with other parameters, shape (samples,).
-
-    Args:
-        model: the model.
-        theta: parameters in the place of its own.
-        which: index of the input.
-        dt: distance of the points [s]; in discrete time that of the model.
-        samples: number of points.
-    """
+    """Response to a unit step of one input with the parameters θ, points ``dt`` [s] apart."""
     b, a = polynomials(model, theta, which)
     u = delayed(np.ones(samples), round(model.delays[which] * model.dt / dt))
     return continuous_response(b, a, u, dt, "zoh") if model.continuous else lfilter(b, a, u)
 
 
-def _deviation(model: LinearEstimate, slopes: np.ndarray) -> np.ndarray:
+def _standard_error(model: LinearEstimate, slopes: np.ndarray) -> np.ndarray:
     """σ of a curve whose derivatives are the rows of ``slopes``, shape (points,)."""
     variance = np.einsum("ik,ij,jk->k", slopes, model.covariance, slopes)
     return np.sqrt(np.maximum(variance, 0.0))

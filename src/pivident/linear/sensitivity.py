@@ -1,7 +1,7 @@
-"""How a linear model answers to a change of its parameters, for first-order error bands.
+"""Sensitivity of a linear model to its parameters, for first-order error bands.
 
 The covariance P of θ gives any function f(θ) the variance (∂f/∂θ)ᵀ P (∂f/∂θ). For the frequency
-response G = B/A of an input, with s the power of the operator that belongs to a coefficient,
+response G = B/A of an input, with s the power of the operator that multiplies a coefficient,
 
     ∂G/∂b = s/A,    ∂G/∂a = -G s/A.
 """
@@ -18,12 +18,7 @@ _NAME = re.compile(r"([ab])(\d+)(?:_u(\d+))?")
 
 
 def roles(model: LinearEstimate, which: int) -> list[tuple[str, int] | None]:
-    """For every parameter its polynomial, ``a`` or ``b``, and place there; None: another input's.
-
-    Args:
-        model: the model, whose parameters are named ``a1``, ``b0`` or ``b0_u2``.
-        which: index of the input.
-    """
+    """Polynomial (``a`` or ``b``) and place there of every parameter; None: of another input."""
     found: list[tuple[str, int] | None] = []
     for name in model.names:
         match = _NAME.fullmatch(name)
@@ -35,13 +30,7 @@ def roles(model: LinearEstimate, which: int) -> list[tuple[str, int] | None]:
 def response_and_gradient(
     model: LinearEstimate, at: np.ndarray, which: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """B/A of one input without its delay, shape (points,), and ∂(B/A)/∂θ, (parameters, points).
-
-    Args:
-        model: the model.
-        at: values of p, or of z in discrete time, shape (points,).
-        which: index of the input.
-    """
+    """B/A without delay at points of p or z, (points,), and ∂(B/A)/∂θ, (parameters, points)."""
     b, a = model.numerators[which], model.denominators[which]
     at = np.asarray(at, dtype=complex)
     denominator = np.polyval(a, at)
@@ -58,7 +47,7 @@ def response_and_gradient(
 
 
 def gain(model: LinearEstimate, which: int) -> tuple[float, float]:
-    """Static gain of an input and its standard deviation; infinite for an integrator."""
+    """Static gain of an input and its standard error; infinite for an integrator."""
     at = np.array([0.0 if model.continuous else 1.0])
     a = model.denominators[which]
     if abs(np.polyval(a, at[0])) < 1e-12 * np.abs(a).sum():

@@ -22,7 +22,8 @@ from typing import Literal
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
+from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
+from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission
 from pivident.text import display
@@ -121,16 +122,11 @@ class Coupling:
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """The URDF that a robot was read from, so that parameters find their way back into it.
+    """The URDF that a robot was read from, so that parameters can be written back into it."""
 
-    Attributes:
-        path: the file, empty where the text came from elsewhere.
-        sha256: SHA-256 of its text (of a compressed file: unpacked).
-        frozen: position of each joint that could move and does not [rad or m], by name.
-    """
-
-    path: str
-    sha256: str
+    path: str  # empty where the text did not come from a file
+    sha256: str  # of the text, unpacked if it was compressed
+    #: Positions of frozen joints [rad or m], by name.
     frozen: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -265,11 +261,7 @@ class Robot:
 
 
 def check_robot(robot: Robot) -> None:
-    """Refuse a description that is not a tree with proper frames.
-
-    Raises:
-        RobotDescriptionError: names the joint, the value and what was expected.
-    """
+    """Refuse a description that is not a tree with proper frames."""
     if not robot.joints:
         raise RobotDescriptionError(f"robot {robot.name!r} has no moving joint")
     if len(robot.links) != len(robot.joints) or np.shape(robot.rotor_inertia) != (robot.size,):

@@ -1,8 +1,8 @@
 """Friction laws: one object that regressor, simulator and export share.
 
-A law is a sum of terms. Each term is one column of the observation matrix times one parameter
-that is estimated; what else shapes the term, the Stribeck speed for example, is a constant that
-is given or identified around the estimate. Terms that belong together have one constructor.
+A law is a sum of terms. Each term is one column of the observation matrix times one estimated
+parameter; the constants that shape the column, such as the Stribeck speed, are given or identified
+in an outer loop. Terms that belong together have one constructor.
 """
 
 from __future__ import annotations
@@ -12,39 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pivident.robot.friction_term import (
-    SLOPE_AT_RATED_SPEED,
     FrictionColumn,
     FrictionTerm,
     Shape,
-    SignFunction,
     Smoothing,
 )
 from pivident.robot.naming import nearest
-
-__all__ = [
-    "DEFAULT_FRICTION",
-    "SLOPE_AT_RATED_SPEED",
-    "FrictionColumn",
-    "FrictionLaw",
-    "FrictionTerm",
-    "Shape",
-    "SignFunction",
-    "Smoothing",
-    "asymmetric_coulomb",
-    "asymmetric_viscous",
-    "coulomb",
-    "counterbalance",
-    "dahl",
-    "load_dependent",
-    "lugre",
-    "maxwell_slip",
-    "offset",
-    "power_viscous",
-    "ripple",
-    "spring",
-    "stribeck",
-    "viscous",
-]
 
 
 def viscous() -> FrictionTerm:
@@ -69,14 +42,7 @@ def power_viscous(
 ) -> FrictionTerm:
     """Friction fvx sign(dq) |dq|^p [N m (s/rad)^p]: polynomials (2, 3), harmonic drives (1/3).
 
-    Below p = 1 the slope at rest would be infinite, and the smoothed sign is taken.
-
-    Args:
-        exponent: p.
-        stem: of the parameter's name, where a law has several such terms.
-        smoothing: of the sign, for p < 1.
-        gamma: slope of the smoothed sign [s/rad or s/m].
-        free: whether p is identified where shapes are.
+    Below p = 1 the slope at rest would be infinite, and the smoothed sign is used.
     """
     name = "viscous_exponent" if stem == "fvx" else f"{stem}_exponent"
     shape = Shape(name, exponent, "1", 0.02, 5.0, free)
@@ -126,11 +92,8 @@ def load_dependent(smoothing: Smoothing = "atan", gamma: float | None = None) ->
 def ripple(order: float, name: str | None = None) -> tuple[FrictionTerm, FrictionTerm]:
     """Torque A cos(n q) + B sin(n q) that repeats with the position: gear teeth, cogging.
 
-    Args:
-        order: n, periods per 2π of joint position (per revolution); of a prismatic joint 2π
-            times the periods per metre.
-        name: what follows ``rc`` and ``rs`` in the parameters' names, such as ``a``; None: the
-            order between underscores.
+    The order n counts periods per 2π of joint position (prismatic: 2π times the periods per metre);
+    ``name`` follows ``rc`` and ``rs`` in the parameters' names, by default the order.
     """
     label = f"_{order:.6g}_" if name is None else name
     shape = (Shape(f"order{label}", order, "1/position", 1e-6, 1e6, False),)
@@ -148,18 +111,15 @@ def spring() -> FrictionTerm:
 def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTerm]:
     """Torque of a strut or cylinder between two links, force F0 + k l along its length l.
 
-    With b the distance of its fixed end from the joint's axis, a = ρ b that of the moving end,
-    and q = φ where both are in line on the same side,
+    With b the distance of its fixed end from the joint's axis, a = ρ b that of the moving end
+    (0 < ρ < 1: exchange the ends where ρ is larger), and q = φ [rad] where both are in line on the
+    same side,
 
         l = b √(1 + ρ² - 2ρ cos(q - φ)),    torque = (F0 + k l) dl/dq
           = cbf sin(q - φ)/√(1 + ρ² - 2ρ cos(q - φ)) + cbk sin(q - φ)
 
-    cbf = F0 a and cbk = k a b [N m]. A spring of no preload, cbk alone, cannot be told from the
-    weight of an arm; the first term can.
-
-    Args:
-        ratio: ρ = a/b, between 0 and 1 (exchange the ends where it is larger).
-        angle: φ [rad].
+    cbf = F0 a and cbk = k a b [N m]. A spring of no preload, cbk alone, is indistinguishable from
+    the weight of an arm; the first term is not.
     """
     shapes = (
         Shape("strut_ratio", ratio, "1", 0.01, 0.99),
@@ -174,10 +134,8 @@ def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTe
 def dahl(distance: float) -> FrictionTerm:
     """Dahl's presliding friction fc z with dz/dt = (dq - |dq| z)/d: Coulomb friction with a state.
 
-    After a reversal it needs some times d of travel to come to its new level.
-
-    Args:
-        distance: d, presliding distance [rad or m]; stiffness at rest is fc/d.
+    After a reversal it reaches its new level after some multiples of the presliding distance d
+    [rad or m] of travel; the stiffness at rest is fc/d.
     """
     return FrictionTerm("fc", FrictionColumn.PRESLIDING, shapes=_presliding(distance))
 
@@ -189,14 +147,8 @@ def lugre(
 
         dz/dt = (dq - |dq| z/g)/d,    g = 1 + ρ exp(-|dq/v_s|^δ),    friction fc z + fd d dz/dt
 
+    with distance d [rad or m], excess ρ, speed v_s and exponent δ; fd is a term where it is damped.
     In the usual symbols σ0 = fc/d, σ1 = fd, and g fc is the curve from static to Coulomb level.
-
-    Args:
-        distance: d [rad or m].
-        excess: ρ, static level over Coulomb level less one.
-        speed: v_s [rad/s or m/s].
-        exponent: δ.
-        damped: whether the micro-damping fd is a term.
     """
     shapes = (
         *_presliding(distance),
@@ -220,16 +172,9 @@ def maxwell_slip(
         z_i ← min(max(z_i + Δq/d_i, -g), g),    g = 1 + ρ exp(-|dq/v_s|^δ)
 
     Its hysteresis remembers every reversal that has not been passed. An element that slips is at
-    its level at once (the attraction of Al-Bender et al. 2005 in the limit of no delay).
-
-    Args:
-        distances: d_i [rad or m], a grid; not identified unless asked for.
-        excess: ρ.
-        speed: v_s [rad/s or m/s].
-        exponent: δ.
-
-    Raises:
-        ValueError: two elements are alike, or a constant is outside its range.
+    its level at once (the attraction of Al-Bender et al. 2005 in the limit of no delay). The grid
+    d_i [rad or m] is not identified unless asked for; ρ is ``excess``, v_s ``speed``, δ
+    ``exponent``.
     """
     if len(set(distances)) < len(distances):
         raise ValueError(f"slip distances must differ from each other, not {list(distances)}")
@@ -330,5 +275,5 @@ class FrictionLaw:
         )
 
 
-#: Friction of a joint for which nothing else is asked.
+#: Friction of a joint whose description names no law.
 DEFAULT_FRICTION = FrictionLaw((viscous(), coulomb(), offset()))

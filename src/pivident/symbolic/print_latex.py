@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import LATEX, expression_texts
 from pivident.symbolic.print_python import scalar_names
@@ -15,11 +17,7 @@ _BLOCK = 40
 
 
 def latex_document(programs: Sequence[Program]) -> str:
-    """Text of a document with the assignments and outputs of each program.
-
-    Args:
-        programs: what to print.
-    """
+    """Text of a document with the assignments and outputs of each program."""
     lines = [
         r"\documentclass[10pt,a4paper]{article}",
         r"\usepackage[utf8]{inputenc}",
@@ -35,11 +33,7 @@ def latex_document(programs: Sequence[Program]) -> str:
 
 
 def latex_section(program: Program) -> list[str]:
-    """Lines of one program: title, cost, assignments, outputs.
-
-    Args:
-        program: what to print.
-    """
+    """Lines of one program: title, cost, assignments, outputs."""
     names = _latex_names(program)
     texts = expression_texts(program.variables, LATEX, names)
     equations = [f"{names[v]} &= {text}" for v, text in zip(program.variables, texts, strict=True)]
@@ -66,7 +60,7 @@ def latex_section(program: Program) -> list[str]:
 
 
 def _latex_names(program: Program) -> dict[Expression, str]:
-    """What each symbol and variable is called, all different."""
+    """Distinct names of all symbols and variables."""
     texts = scalar_names(program)
     own: dict[Expression, str] = {
         s: s.name for a in (*program.inputs, program.parameters) for s in a.symbols
@@ -85,8 +79,6 @@ def _distinct(names: Iterable[str]) -> list[str]:
 
 
 def _element_names(output: Output) -> list[str]:
-    import numpy as np
-
     head = latex_name(identifiers([output.name])[0])
     return [
         f"{head}_{{{','.join(str(k + 1) for k in place)}}}" for place in np.ndindex(output.shape)

@@ -1,8 +1,8 @@
 """Straight-line programs: inputs, a list of assignments, outputs.
 
-A program is made from the expressions of its outputs. What no output needs is not in it, and what
-is needed twice is assigned to a variable once. Printers for C99, Python, LaTeX and SymPy stand in
-files of their own; `Program.function` runs the Python text.
+A program is built from the expressions of its outputs. It contains nothing that no output needs,
+and a common subexpression is assigned to a variable once. Printers for C99, Python, LaTeX and
+SymPy are in separate files; `Program.function` runs the Python text.
 """
 
 from __future__ import annotations
@@ -35,23 +35,17 @@ from pivident.text.identifiers import identifiers, one_line
 if TYPE_CHECKING:
     import sympy
 
-#: Operations in one assignment above which parts of it get a variable of their own.
-LONGEST = 12
+#: Operations in one assignment above which parts of it become variables.
+MAX_OPERATIONS = 12
 
 
 @dataclass(frozen=True)
 class Input:
-    """An argument of a program.
+    """An argument of a program."""
 
-    Attributes:
-        name: its name, such as ``q``.
-        symbols: what its elements are called inside.
-        meaning: what it is, with its unit.
-    """
-
-    name: str
-    symbols: tuple[Symbol, ...]
-    meaning: str = ""
+    name: str  # such as ``q``
+    symbols: tuple[Symbol, ...]  # names of its elements inside
+    meaning: str = ""  # with its unit
 
     def __len__(self) -> int:
         return len(self.symbols)
@@ -59,17 +53,11 @@ class Input:
 
 @dataclass(frozen=True, eq=False)
 class Output:
-    """A result of a program.
+    """A result of a program."""
 
-    Attributes:
-        name: its name, such as ``tau``.
-        elements: an expression for each element, array of objects of any shape.
-        meaning: what it is, with its unit.
-    """
-
-    name: str
-    elements: np.ndarray
-    meaning: str = ""
+    name: str  # such as ``tau``
+    elements: np.ndarray  # expressions, array of objects of any shape
+    meaning: str = ""  # with its unit
 
     @property
     def shape(self) -> tuple[int, ...]:
@@ -79,25 +67,15 @@ class Output:
 
 @dataclass(frozen=True, eq=False)
 class Program:
-    """Expressions in the order of their evaluation.
+    """Expressions in the order of their evaluation."""
 
-    Attributes:
-        name: name of the function that it becomes.
-        title: what it computes, one line.
-        inputs: arguments that change from sample to sample.
-        parameters: arguments that stay; without symbols where they are numbers.
-        outputs: results.
-        variables: expressions that are assigned to a variable and its name, in their order.
-        notes: what one must know, sentences.
-    """
-
-    name: str
-    title: str
-    inputs: tuple[Input, ...]
-    parameters: Input
+    name: str  # of the generated function
+    title: str  # what it computes, one line
+    inputs: tuple[Input, ...]  # arguments that change from sample to sample
+    parameters: Input  # constant arguments; without symbols where they are numbers
     outputs: tuple[Output, ...]
-    variables: Mapping[Expression, str]
-    notes: tuple[str, ...] = ()
+    variables: Mapping[Expression, str]  # expressions assigned to variables, and their names
+    notes: tuple[str, ...] = ()  # sentences for the user
 
     @classmethod
     def build(
@@ -111,21 +89,10 @@ class Program:
         hints: Iterable[tuple[str, Operand]] = (),
         notes: Sequence[str] = (),
     ) -> Program:
-        """Order what the outputs need, and choose what becomes a variable.
+        """Order what the outputs need, and choose the variables.
 
-        Args:
-            name: name of the function.
-            inputs: arguments that change from sample to sample.
-            parameters: arguments that stay.
-            outputs: results.
-            title: what it computes.
-            hints: name of a variable and its expression, for expressions that should have a
-                telling name; those that turn out to be trivial or unused are passed over, and
-                where only the negative is needed the name gets ``minus_`` before it.
-            notes: what one must know.
-
-        Raises:
-            ValueError: an output depends on a symbol that is no argument.
+        ``hints`` are descriptive names of expressions that should become variables. Trivial and
+        unused ones are ignored, and where only the negative is needed the name gets ``minus_``.
         """
         given = {s for argument in (*inputs, parameters) for s in argument.symbols}
         nodes = ordered(_elements(outputs))
@@ -152,12 +119,12 @@ class Program:
 
     @cached_property
     def operation_count(self) -> OperationCount:
-        """What one evaluation costs, operations on parameters alone included."""
+        """Cost of one evaluation, operations on parameters alone included."""
         return operation_count(self.expressions)
 
     @cached_property
     def parameter_operation_count(self) -> OperationCount:
-        """What of it depends on parameters alone, and is needed once for all samples."""
+        """Cost of operations on parameters alone, needed once for all samples."""
         constant: dict[Expression, bool] = {}
         own = set(self.parameters.symbols)
         for node in ordered(self.expressions):
@@ -173,7 +140,7 @@ class Program:
 
     @property
     def header(self) -> tuple[str, ...]:
-        """What stands on top of generated code: title, cost, arguments, results, notes."""
+        """Header of generated code: title, cost, arguments, results, notes."""
         count, alone = self.operation_count, self.parameter_operation_count
         lines = [self.title, f"Operations: {count}."] if self.title else [f"Operations: {count}."]
         if alone != OperationCount():
@@ -197,13 +164,13 @@ class Program:
         return python_function(self)
 
     def to_python(self) -> str:
-        """Text of a Python module with one function of NumPy arrays."""
+        """A Python module with one function of NumPy arrays."""
         from pivident.symbolic.print_python import python_module
 
         return python_module([self])
 
     def to_c(self) -> str:
-        """Text of a C99 file with one function, and one for many samples."""
+        """A C99 file with one function, and one for many samples."""
         from pivident.symbolic.print_c import c_source
 
         return c_source([self])
@@ -239,8 +206,8 @@ def _variables(
 ) -> dict[Expression, str]:
     """Expressions that become variables, with their names, in the order of evaluation.
 
-    What is used twice, what has a name of its own, sines and cosines, and parts of expressions
-    that would become too long.
+    Expressions used twice, named ones, sines and cosines, and parts of expressions that would
+    become too long.
     """
     uses: dict[Expression, int] = dict.fromkeys(nodes, 0)
     for operand in (x for node in nodes for x in node.operands):
@@ -259,7 +226,7 @@ def _variables(
         if isinstance(node, Negate):
             continue
         circular = isinstance(node, (Sine, Cosine))
-        if uses[node] > 1 or node in wanted or circular or length[node] > LONGEST:
+        if uses[node] > 1 or node in wanted or circular or length[node] > MAX_OPERATIONS:
             chosen[node] = wanted.get(node, "")
     count = 0
     for node, name in chosen.items():
