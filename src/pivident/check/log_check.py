@@ -113,14 +113,14 @@ def check_log(
         remarks.append(of_error(failure, "recording", place, content))
         return LogCheck(tuple(remarks))  # the columns are not what they are called
     audit = audit_log(log)
-    own = [of_finding(f, place) for f in audit.findings if f.severity != "fine"]
+    own = [of_finding(f, place) for f in audit.findings if f.severity != "ok"]
     if failure is not None and not _told(failure, audit):
         remarks.append(of_error(failure, "recording", place, content, _kind(failure)))
     elif failure is not None:
         kinds = _kinds(failure)
         own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
     remarks += own
-    grave = [f.kind for f in audit.findings if f.severity == "wrong"]
+    grave = [f.kind for f in audit.findings if f.severity == "error"]
     if audit.model is not None and not set(grave) & set(HIDES_GEOMETRY):
         remarks += check_geometry(log, audit.timing, audit.model, place)
     slow = entry.rate is not None and entry.rate < LOWEST_RATE
@@ -194,8 +194,8 @@ def _motion(
     found += check_reference(log, place)
     if controller is None:
         return found
-    wrong = any(r.severity == "wrong" for r in found)
-    wrong |= any(f.severity == "wrong" and f.kind in CONSEQUENTIAL for f in audit.findings)
+    wrong = any(r.severity == "error" for r in found)
+    wrong |= any(f.severity == "error" and f.kind in CONSEQUENTIAL for f in audit.findings)
     found += check_limit(log, controller)
     if controller.kp is not None and not wrong:
         reversed_joints = () if audit.power is None else audit.power.reversed
@@ -216,26 +216,25 @@ def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
 def _long_delay(delay: float, place: Place) -> Remark:
     """A declared delay that no logger has."""
     return Remark(
-        "wrong",
+        "error",
         "timing",
         "delay",
         f"The torque is declared to be {delay:g} s late.",
-        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
         "tau",
-        (*place, "delay"),
+        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
+        place=(*place, "delay"),
     )
 
 
 def _no_rate(rate: float, place: Place) -> Remark:
     """A declared rate that no log has."""
     return Remark(
-        "wrong",
+        "error",
         "timing",
         "rate",
         f"The rate is {rate:g} Hz, which no robot's log has.",
-        "It may be a period in seconds, or a rate in kHz; rate is in Hz.",
-        "",
-        (*place, "rate"),
+        next_step="It may be a period in seconds, or a rate in kHz; rate is in Hz.",
+        place=(*place, "rate"),
     )
 
 
@@ -255,4 +254,4 @@ def _kinds(failure: PividentError) -> tuple[str, ...]:
 def _told(failure: PividentError, audit: Audit) -> bool:
     """Whether the audit says what the reader refused."""
     kinds = _kinds(failure)
-    return any(f.kind in kinds and f.severity == "wrong" for f in audit.findings)
+    return any(f.kind in kinds and f.severity == "error" for f in audit.findings)

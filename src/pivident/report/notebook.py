@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from pivident.text.finding import MARKS
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 
 if TYPE_CHECKING:
@@ -103,13 +104,12 @@ def problem_html(problem: Problem) -> str:
 
 
 def verdict_html(verdict: Verdict) -> str:
-    """The statements with their grades.
+    """The statements with their severities.
 
     Args:
         verdict: should one believe it.
     """
-    marks = {"good": "+", "note": "·", "caution": "!", "bad": "×"}
-    return _rendered("verdict", verdict=verdict, marks=marks)
+    return _rendered("verdict", verdict=verdict, marks=MARKS)
 
 
 def comparison_html(comparison: Comparison) -> str:

@@ -9,10 +9,10 @@ from markupsafe import Markup
 
 from pivident import __version__
 from pivident.audit.audit import Audit
-from pivident.audit.finding import Finding, gravest_first, grouped
 from pivident.report.audit import audit_figures as figures
 from pivident.report.builder import page_environment
 from pivident.report.plotly_figures import Figure
+from pivident.text.finding import Finding, counted, gravest_first, serious
 
 #: Checks in the order of the page, with their headings.
 CHECKS = {
@@ -43,8 +43,8 @@ def render_page(audits: Sequence[Audit]) -> str:
     for number, audit in enumerate(audits, start=1):
         tag = f"-{number}" if len(audits) > 1 else ""
         name = f"{audit.log.name}: " if len(audits) > 1 else ""
-        serious = grouped(audit.findings)
-        body = summary.render(audit=audit, serious=serious)
+        grave = serious(audit.findings)
+        body = summary.render(audit=audit, serious=grave, counted=counted(audit.findings))
         sections.append((f"summary{tag}", f"{name}What was found", Markup(body)))
         for check, heading in CHECKS.items():
             drawn = _figures(audit, check)
