@@ -178,7 +178,9 @@ def test_arma_noise_does_as_well_as_ar(fine, results):
     found = identify(problem, PrefilteredIV(noise=Arma(8, 4)))
     assert found.converged
     for joint in found.joints:  # an iteration that does not settle is answered by AR, and said
-        told = any(repr(joint.name) in w and "did not settle" in w for w in found.warnings)
+        told = any(
+            repr(joint.name) in w.message and "did not settle" in w.message for w in found.warnings
+        )
         assert joint.ar_order == 12 or told
     assert sum(j.ar_order == 12 for j in found.joints) >= 3
     assert np.abs((found.theta - truth) / found.std).max() < 4
@@ -190,5 +192,5 @@ def test_a_motion_that_hardly_separates_parameters_is_named(fine):
     problem, _ = fine
     short = dataclasses.replace(problem, recordings=(problem.recordings[0].part(0, 6000),))
     found = identify(short, "ls")
-    text = next(w for w in found.warnings if "hardly separates" in w)
+    text = next(w.advised for w in found.warnings if "hardly separates" in w.message)
     assert "second, different motion" in text and found.condition > 200

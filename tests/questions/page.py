@@ -60,7 +60,7 @@ def answer_of(case: Case) -> str:
             os.chdir(before)
     lines = [*out.getvalue().splitlines(), *err.getvalue().splitlines()]
     line = next(line for line in lines if answered([line], case.answer)).replace(f"{folder}/", "")
-    return re.sub(r"^(\s*(wrong|look)\s+|error: )", "", line)
+    return re.sub(r"^(\s*(error|warning)\s+|error: )", "", line)
 
 
 def row(case: Case, answer: str) -> str:

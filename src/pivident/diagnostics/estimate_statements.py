@@ -20,7 +20,7 @@ WELL = 10.0
 MAX_OF_LAW = 3
 
 #: Topics of an estimator's warnings that have a statement of their own in the verdict.
-REPEATED = ("iteration", "exogeneity", "torque scale", "loop")
+REPEATED = ("iteration", "exogeneity", "torque scale")
 
 
 def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
@@ -137,12 +137,11 @@ def _law_notes(result: Identification) -> tuple[str, ...]:
 
 def further_warnings(result: Identification) -> Iterator[Finding]:
     """The estimator's warnings that no statement above repeats; many of one law are one."""
-    of_law = [w for w in result.warnings if w.topic == "law"]
+    further = [w for w in result.warnings if w.topic not in REPEATED and w.severity != "note"]
+    of_law = [w for w in further if w.topic == "law"]
     if len(of_law) <= MAX_OF_LAW:
         of_law = []
-    for warning in result.warnings:
-        if warning.topic not in REPEATED and warning not in of_law:
-            yield warning
+    yield from (w for w in further if w not in of_law)
     if of_law:
         text = (
             f"The control law found from the record has {len(of_law)} uncertainties (all of them "

@@ -40,10 +40,10 @@ PRACTICAL = 2.0
 
 @dataclass(frozen=True)
 class FrictionFinding(Finding):
-    """One effect, of kind ``level``, ``asymmetry``, ``stribeck``, ``bend``, ``load``,
-    ``position``, ``drift`` or ``prediction``; evidence are ``value`` and ``two_sigma``.
+    """One effect; a warning is what viscous and Coulomb friction do not describe.
 
-    A warning is what viscous and Coulomb friction do not describe.
+    Its kind is ``level``, ``asymmetry``, ``stribeck``, ``bend``, ``load``, ``position``, ``drift``
+    or ``prediction``, its evidence ``value`` and ``two_sigma``.
 
     Attributes:
         clear: whether it stands out of its interval and is of practical size.

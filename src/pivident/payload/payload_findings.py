@@ -99,7 +99,10 @@ def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[Finding
     ]
     if not worse:
         return []
-    text = f"A load does not explain all that the loaded record has more: rms error {', '.join(worse)}."
+    text = (
+        "A load does not explain all that the loaded record has more: rms error "
+        f"{', '.join(worse)}."
+    )
     step = (
         "Look for friction that grows with the load (friction_under_load), a flexible tool, or "
         "saturated torques."
