@@ -48,7 +48,7 @@ def test_tx40_joint_4_has_a_ripple(public_data):
     fourth = joint_friction(friction_torques(problem, identify(problem, FULL_RATE))[3])
     found = {f.kind: f for f in fourth.findings}
     assert found["position"].clear and found["position"].terms == "position ripple"
-    turns = float(found["position"].sentence.split(" times per turn")[0].split()[-1])
+    turns = float(found["position"].message.split(" times per turn")[0].split()[-1])
     assert turns == pytest.approx(30.7, abs=1.0)
     gain, std = fourth.held_out.full.gain(fourth.held_out.by_term["position"])
     assert gain > 30 and gain > 3 * std

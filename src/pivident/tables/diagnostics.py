@@ -1,4 +1,4 @@
-"""Tables of what speaks for a result and against it: tests, held-out motion, verdict."""
+"""Tables of what supports a result, and of reservations: tests, held-out motion, verdict."""
 
 from __future__ import annotations
 
