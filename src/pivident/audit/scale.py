@@ -19,7 +19,7 @@ from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.timing import Timing
-from pivident.errors import PividentError
+from pivident.errors import PividentError, PositionsBeyondLimits
 from pivident.recording.checks import check_within_reach
 from pivident.recording.torque_scale import scale_sentences
 from pivident.robot.description import Robot
@@ -164,23 +164,16 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
     for j, joint in enumerate(robot.joints):
         try:
             check_within_reach("q", finite, _only(robot, j))
-        except PividentError as error:
-            sentence, _, step = str(error).partition("; ")
-            middle = sum(joint.position_limits or (0.0, 0.0)) / 2.0
+        except PositionsBeyondLimits as error:
             findings.append(
                 Finding(
                     "error",
                     "scale",
                     "reach",
-                    sentence + ".",
+                    f"{error.fact}.",
                     joint.name,
-                    step[0].upper() + step[1:],
-                    evidence={
-                        "position": Quantity(
-                            float(finite[np.argmax(np.abs(finite[:, j] - middle)), j]),
-                            "rad" if joint.kind == "revolute" else "m",
-                        )
-                    },
+                    error.advice[0].upper() + error.advice[1:],
+                    {"position": Quantity(error.position, error.unit)},
                 )
             )
             continue

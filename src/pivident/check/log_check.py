@@ -32,6 +32,7 @@ from pivident.errors import (
     MissingSamples,
     NonFiniteSamples,
     PividentError,
+    PositionsBeyondLimits,
     SaturatedSignal,
 )
 from pivident.experiment.recording_tables import recording_of
@@ -41,11 +42,12 @@ from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
 
 #: Errors of the reader that an audit reports with more numbers.
-TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
+REPORTED_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
     NonFiniteSamples: ("missing",),
     IrregularSampling: ("duplicate", "backward", "gap", "jitter", "no clock"),
     ConstantChannel: ("constant",),
     SaturatedSignal: ("clipped",),
+    PositionsBeyondLimits: ("reach",),
 }
 
 #: Findings after which the gains that a log shows say nothing about those of the file.
@@ -114,7 +116,7 @@ def check_log(
         return LogCheck(tuple(remarks))  # the columns are not what they are called
     audit = audit_log(log)
     own = [of_finding(f, place) for f in audit.findings if f.severity != "ok"]
-    if failure is not None and not _told(failure, audit):
+    if failure is not None and not _is_reported(failure, audit):
         remarks.append(of_error(failure, "recording", place, content, _kind(failure)))
     elif failure is not None:
         kinds = _kinds(failure)
@@ -239,7 +241,7 @@ def _no_rate(rate: float, place: Place) -> Remark:
 
 
 def _kind(failure: PividentError) -> str:
-    """The kind of a remark about an error that no finding tells."""
+    """The kind of a remark about an error that no finding reports."""
     return "gap" if isinstance(failure, (MissingSamples, GapInClock)) else "refused"
 
 
@@ -247,11 +249,10 @@ def _kinds(failure: PividentError) -> tuple[str, ...]:
     """Kinds of findings that say the same as an error of the reader."""
     if isinstance(failure, MissingSamples):
         return ("gap",)
-    own = next((k for c, k in TOLD_BY_AUDIT.items() if isinstance(failure, c)), ())
-    return (*own, "reach") if "far beyond its limits" in str(failure) else own
+    return next((k for c, k in REPORTED_BY_AUDIT.items() if isinstance(failure, c)), ())
 
 
-def _told(failure: PividentError, audit: Audit) -> bool:
+def _is_reported(failure: PividentError, audit: Audit) -> bool:
     """Whether the audit says what the reader refused."""
     kinds = _kinds(failure)
     return any(f.kind in kinds and f.severity == "error" for f in audit.findings)
