@@ -77,10 +77,10 @@ def test_two_clocks():
     late[2500:] += 0.02
     found = {f.kind: f for f in serious(replace(planar(), clocks={"t": t, "host": late}))}
     assert found["clocks jump"].sample == 2500
-    assert found["clocks jump"].value == pytest.approx(20.0, rel=0.01)
+    assert found["clocks jump"].quantity.value == pytest.approx(20.0, rel=0.01)
     drift = serious(replace(planar(), clocks={"t": t, "host": 1.0005 * t}))
     assert [f.subject for f in drift] == ["host"]
-    assert drift[0].value == pytest.approx(500.0, rel=1e-6)
+    assert drift[0].quantity.value == pytest.approx(500.0, rel=1e-6)
 
 
 def test_no_clock():

@@ -65,7 +65,7 @@ def test_without_held_out_motion_the_verdict_says_so(simulated):
 def test_least_squares_alone_cannot_tell_its_bias(simulated):
     found = verdict(diagnose_one({"ls": simulated[1]["ls"]}))
     assert statement(found, "feedback").severity == "warning"
-    assert "without instruments" in statement(found, "feedback").message
+    assert "Without instruments" in statement(found, "feedback").message
 
 
 def test_an_iteration_that_did_not_converge_is_no_estimate(simulated):

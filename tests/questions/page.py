@@ -33,10 +33,11 @@ mistakes, sorted by where they are made; each of them is a test. Numbers are tho
 two joints, `shoulder` and `elbow`.
 
 The exit code is 0 without errors, 1 if an identification would stop, 4 if it would run with wrong
-results. `--robot NAME` checks with another robot, `--json` prints everything for programs. The check
-also prints what it has looked at, and which parameters would be estimated from what, with which
-methods, in about what time (to a factor of two, of one processor; compiling is listed apart). A log
-with gaps is looked at between them, and the plan is that for the stretches that are left. In Python: `pivident.check.check_experiment("my_robot.toml")`.
+results. `--robot NAME` checks with another robot, `--json` prints everything for programs. The
+check also prints what it has looked at, and which parameters would be estimated from what, with
+which methods, in about what time (to a factor of two, of one processor; compiling is listed apart).
+A log with gaps is looked at between them, and the plan is that for the stretches that are left. In
+Python: `pivident.check.check_experiment("my_robot.toml")`.
 """
 
 
