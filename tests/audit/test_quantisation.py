@@ -23,7 +23,7 @@ def test_step_of_an_encoder():
 def test_noise_has_no_grid():
     rng = np.random.default_rng(3)
     assert np.isnan(find_grid("x", rng.standard_normal(5000)).step)
-    assert np.isnan(find_grid("x", planar().channels["tau"][:, 0]).next_step)
+    assert np.isnan(find_grid("x", planar().channels["tau"][:, 0]).step)
 
 
 def test_encoder_below_the_digits_of_a_text_file():

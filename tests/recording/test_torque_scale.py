@@ -68,7 +68,7 @@ def test_verdict_report_and_file_say_that_the_scale_is_assumed(tmp_path, tau, he
     (said,) = [s for s in found.statements if s.topic == "torque scale"]
     assert said.severity == "warning" and "[recording.units]" in said.message
     assert sum(said.message == s.message for s in found.statements) == 1
-    assert said.message in to_dict(result)["warnings"]
+    assert said.as_json() in to_dict(result)["warnings"]
     assert mark.basis in ("guessed", "masses") and mark.unit == "A"
     head = render_report([result]).split('id="', 1)[1].split("key-figures")[0]
     assert headline.split(";")[0].split("'")[0] in head
