@@ -161,7 +161,9 @@ def _power_finding(
     if j in negative:
         # Of a torque that the model hardly explains, a fraction proves nothing.
         severity = "error" if model.relative_errors[j] < EXPLAINED else "warning"
-        step = "Flip tau or q of this joint: a list under units, -1.0 in place of N m, N, rad or m."
+        step = (
+            f"Flip tau or q of {name}: a list under units with -1.0 in place of N m, N, rad or m."
+        )
         if len(negative) == model.robot.size and len(negative) > 1:
             step = "All joints give power: flip tau as a whole, units = {tau = -1.0}."
     size, spread = with_spread(power, 2 * deviation)
