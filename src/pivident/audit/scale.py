@@ -165,6 +165,7 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
         try:
             check_within_reach("q", finite, _only(robot, j))
         except PositionsBeyondLimits as error:
+            bound = error.limits[int(error.position > error.limits[1])]
             findings.append(
                 Finding(
                     "error",
@@ -173,7 +174,7 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
                     f"{error.fact}.",
                     joint.name,
                     error.advice[0].upper() + error.advice[1:],
-                    {"position": Quantity(error.position, error.unit)},
+                    {"position": Quantity(error.position, error.unit, bound=bound)},
                 )
             )
             continue
