@@ -99,4 +99,4 @@ def only_rows(log: Log, rows: np.ndarray, rate: float | None = None) -> Log:
 
 def serious(audit) -> set[tuple[str, str, str]]:
     """Everything that is not fine: severity, kind and place."""
-    return {(f.severity, f.kind, f.where) for f in audit.findings if f.severity != "fine"}
+    return {(f.severity, f.kind, f.subject) for f in audit.findings if f.severity != "ok"}

@@ -114,9 +114,9 @@ def test_piv_is_as_precise_as_with_the_known_law():
     assert (np.abs(found.theta - known.theta) < 0.1 * known.std).all()
     np.testing.assert_allclose(found.std, known.std, rtol=0.02)
     assert found.method == "IDIM-PIV (Ĉ)"
-    assert any("compensates gravity at the measured position" in w for w in found.warnings)
-    (told,) = [s for s in verdict(found).statements if "compensates gravity" in s.text]
-    assert told.grade == "note"
+    assert any("compensates gravity at the measured position" in w.message for w in found.warnings)
+    (told,) = [s for s in verdict(found).statements if "compensates gravity" in s.message]
+    assert told.severity == "note"
 
 
 def test_the_gravity_model_is_told_and_stored():

@@ -157,7 +157,11 @@ def test_fields_of_public_classes_are_documented(name):
     doc = inspect.getdoc(found)
     assert doc, name
     fields = getattr(found, "__dataclass_fields__", {})
-    told = entries(section(doc, "Attributes", "Args") or "")
+    told = {}
+    for base in reversed(found.__mro__):  # inherited fields are documented where they are declared
+        if "__dataclass_fields__" in vars(base) or base is found:
+            own_doc = inspect.getdoc(base) or ""
+            told |= entries(section(own_doc, "Attributes", "Args") or "")
     own = [field for field in fields if fields[field].init and not field.startswith("_")]
     assert not [field for field in own if field not in told], f"{name}: fields not documented"
     hints = {field: str(fields[field].type) for field in own}

@@ -187,7 +187,10 @@ def test_arma_noise_does_as_well_as_ar(fine, results):
     for (
         joint
     ) in found.joints:  # an iteration that does not converge falls back to AR, with a warning
-        warned = any(repr(joint.name) in w and "did not converge" in w for w in found.warnings)
+        warned = any(
+            repr(joint.name) in w.message and "did not converge" in w.message
+            for w in found.warnings
+        )
         assert joint.ar_order == 12 or warned
     assert sum(j.ar_order == 12 for j in found.joints) >= 3
     assert np.abs((found.theta - truth) / found.std).max() < 4
@@ -199,5 +202,5 @@ def test_a_motion_that_hardly_separates_parameters_is_named(fine):
     problem, _ = fine
     short = dataclasses.replace(problem, recordings=(problem.recordings[0].part(0, 6000),))
     found = identify(short, "ls")
-    text = next(w for w in found.warnings if "hardly separates" in w)
+    text = next(w.advised for w in found.warnings if "hardly separates" in w.message)
     assert "second, different motion" in text and found.condition > 200

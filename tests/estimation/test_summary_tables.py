@@ -6,11 +6,14 @@ from pivident.estimation.summary_tables import (
     identification_table,
     shortened,
 )
+from pivident.text.finding import Finding
 from tests.synthetic_identification import synthetic_identification, true_parameters
 
 
 def test_table_says_how_the_result_came_about():
-    text = synthetic_identification(warnings=("The wrist hardly moved.",)).summary()
+    text = synthetic_identification(
+        warnings=(Finding("warning", "motion", "small", "The wrist hardly moved."),)
+    ).summary()
     assert text.startswith("IDIM-PIV of planar 2R: converged in 5 iterations, relative error 3.4 %")
     assert "3.4 % (all samples)" in text and "over all samples, 1000 Hz" in text
     assert "Warning: The wrist hardly moved." in text

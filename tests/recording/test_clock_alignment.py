@@ -165,7 +165,10 @@ def test_the_delay_of_a_topic_is_found_within_its_interval(two_topics, tmp_path)
     assert deviation < 1e-3
     assert any("Resampled to 500 Hz" in note for note in audit.log.notes)
     (finding,) = [f for f in audit.of("delay") if f.kind == "late"]
-    assert finding.interval[0] < 1e3 * DELAY + 0.05 and finding.interval[1] > 1e3 * DELAY - 0.05
+    assert (
+        finding.quantity.interval[0] < 1e3 * DELAY + 0.05
+        and finding.quantity.interval[1] > 1e3 * DELAY - 0.05
+    )
 
 
 def test_estimates_agree_with_those_of_the_clean_record(two_topics):

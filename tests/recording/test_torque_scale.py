@@ -66,9 +66,9 @@ def test_verdict_report_and_file_say_that_the_scale_is_assumed(tmp_path, tau, he
     found = verdict(result)
     assert headline in found.headline
     (said,) = [s for s in found.statements if s.topic == "torque scale"]
-    assert said.grade == "caution" and "[recording.units]" in said.text
-    assert sum(said.text == s.text for s in found.statements) == 1
-    assert said.text in to_dict(result)["warnings"]
+    assert said.severity == "warning" and "[recording.units]" in said.message
+    assert sum(said.message == s.message for s in found.statements) == 1
+    assert said.as_json() in to_dict(result)["warnings"]
     assert mark.basis in ("guessed", "masses") and mark.unit == "A"
     head = render_report([result]).split('id="', 1)[1].split("key-figures")[0]
     assert headline.split(";")[0].split("'")[0] in head
@@ -87,4 +87,4 @@ def test_an_audit_does_not_take_an_assumed_scale_for_confirmed(tmp_path):
         (entry,) = experiment.content.recording
         audit = audit_log(entry_log(entry, experiment.robot, tmp_path))
         assumed = [f for f in audit.of("scale") if f.kind == "assumed"]
-        assert [f.severity for f in assumed] == ["look"] * count
+        assert [f.severity for f in assumed] == ["warning"] * count

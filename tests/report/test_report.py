@@ -13,6 +13,7 @@ from pivident.estimation.identification import JointFit
 from pivident.report.builder import render_report, write_report
 from pivident.report.drawing_library import drawing_library
 from pivident.report.report_data import MIN_POINTS, TOTAL_POINTS, ReportData
+from pivident.text.finding import Finding
 from tests.synthetic_identification import (
     synthetic_identification,
     synthetic_loop,
@@ -231,7 +232,7 @@ def test_names_that_break_html_do_not(name):
         joints=joints,
         recordings=(replace(identification.recordings[0], name=name),),
         options={name: {name: name}},
-        warnings=(name,),
+        warnings=(Finding("warning", name, "kind", name, name, name, basis=name),),
         sources={name: name},
         version=name,
     )

@@ -119,7 +119,7 @@ def test_an_audit_has_its_findings(problem, tmp_path):
     (audit, *_) = audit_file(next(tmp_path.glob("*.toml")))
     frame = table(audit).to_polars()
     assert frame.height == len(audit.findings) > 0
-    assert {"severity", "value", "unit", "sentence", "step"} <= set(frame.columns)
+    assert {"severity", "value", "unit", "message", "next_step"} <= set(frame.columns)
 
 
 def test_unknown_tables_and_things_are_named(result):

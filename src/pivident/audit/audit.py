@@ -15,7 +15,6 @@ import numpy as np
 
 from pivident.audit.delay import Delay, check_delay
 from pivident.audit.excitation import Excitation, check_excitation
-from pivident.audit.finding import Finding, Severity, worst
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.log import Log
 from pivident.audit.order import Order, check_order
@@ -28,9 +27,10 @@ from pivident.audit.speed import check_speeds
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
 from pivident.robot.description import Robot
+from pivident.text.finding import Finding, Quantity, Severity, worst
 
 #: Version of the layout of ``audit.json``.
-SCHEMA = 1
+SCHEMA = 2
 
 #: Share of a joint's torque that its inverse model may leave unexplained.
 UNEXPLAINED = 0.5
@@ -75,7 +75,7 @@ class Audit:
 
     def of(self, check: str) -> tuple[Finding, ...]:
         """Findings of one check, such as ``delay``."""
-        return tuple(finding for finding in self.findings if finding.check == check)
+        return tuple(finding for finding in self.findings if finding.topic == check)
 
     def as_json(self) -> dict[str, Any]:
         """Everything as plain values."""
@@ -174,7 +174,7 @@ def _excited_together(audits: Sequence[Audit]) -> tuple[Audit, ...]:
         else replace(
             audit,
             excitation=together,
-            findings=(*(f for f in audit.findings if f.check != "excitation"), *together.findings),
+            findings=(*(f for f in audit.findings if f.topic != "excitation"), *together.findings),
         )
         for audit in audits
     )
@@ -191,7 +191,7 @@ def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
     say("looking at clock and channels")
     timing = check_timing(log)
     quantisation = check_quantisation(log)
-    findings = [Finding("fine", "reading", "columns", note) for note in log.notes]
+    findings = [Finding("ok", "reading", "columns", note) for note in log.notes]
     findings += check_assumed(log)
     findings += [*timing.findings, *check_channels(log), *quantisation.findings]
     findings += check_speeds(log, timing)
@@ -230,11 +230,11 @@ def _with_model(
 ) -> Audit:
     """The checks that need the inverse model; each fault is made good for the next."""
     order = check_order(model)
-    if any(f.severity == "wrong" for f in order.findings):
+    if any(f.severity == "error" for f in order.findings):
         model = model.reordered(order.torque_of)
     say("looking for a delay")
     delay = check_delay(log, model)
-    if any(f.severity == "wrong" and f.where == "" for f in delay.findings):
+    if any(f.severity == "error" and f.subject == "" for f in delay.findings):
         model = model.delayed(delay.common[0])
     say("looking at signs, gains and excitation")
     power = check_power(log, model)
@@ -264,15 +264,15 @@ def _unexplained(model: InverseModel) -> list[Finding]:
             share = "nothing" if not np.isfinite(error) else f"{100 * (1 - error):.3g} %"
             findings.append(
                 Finding(
-                    "look",
+                    "warning",
                     "model",
                     "unexplained",
                     f"The inverse model explains {share} of the torque of {joint.name}.",
                     joint.name,
                     "Check the column, the geometry and the friction law of this joint.",
-                    value=100 * float(error),
-                    unit="%",
-                    bound=100 * UNEXPLAINED,
+                    evidence={
+                        "unexplained": Quantity(100 * float(error), "%", bound=100 * UNEXPLAINED)
+                    },
                 )
             )
     return findings
@@ -281,11 +281,11 @@ def _unexplained(model: InverseModel) -> list[Finding]:
 def _not_judged(reason: str) -> Finding:
     """What could not be said, and why."""
     return Finding(
-        "fine",
+        "ok",
         "reading",
         "not judged",
         f"Delay, signs, gains and excitation were not judged: {reason}.",
-        step="Give the robot (--robot) and the columns (--experiment).",
+        next_step="Give the robot (--robot) and the columns (--experiment).",
     )
 
 

@@ -47,7 +47,9 @@ def file_problems(
         kind = "unknown key" if unknown else "value"
         seen, step = split_advice(without_table(sentence))
         place = with_key(_place(loc, content), sentence, plain)
-        remarks.append(Remark("wrong", "file", kind, seen, step, "", place, refused=True))
+        remarks.append(
+            Remark("error", "file", kind, seen, next_step=step, place=place, refused=True)
+        )
     usable = _without(plain, [loc for loc, _, unknown in problems if unknown])
     if problems and every_problem(usable):
         usable = _without(usable, [(loc[0],) for loc, _, _ in every_problem(usable) if loc])

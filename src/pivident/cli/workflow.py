@@ -311,7 +311,7 @@ def _print_results(
             print(f"\n{truth_lines(found, truth)}")
         for result in found:
             for warning in result.warnings:
-                note(f"{result.method}: {warning}")
+                note(f"{result.method}: {warning.advised}")
     if results.diagnostics.out_of_sample is not None:
         print(f"\n{results.diagnostics.out_of_sample.table()}")
     for estimate in results.diagnostics.consistent.values():

@@ -29,6 +29,38 @@ class NonFiniteSamples(RecordingError):
         )
 
 
+class PositionsBeyondLimits(RecordingError):
+    """Positions so far beyond a joint's limits that they mostly are in another unit.
+
+    Attributes:
+        channel: name of the channel, such as ``q``.
+        joint: name of the joint.
+        position: the farthest one [unit].
+        limits: of the joint [unit].
+        unit: ``rad`` or ``m``.
+        fact: what is wrong, without the next step.
+        advice: the next step.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        joint: str,
+        position: float,
+        limits: tuple[float, float],
+        unit: str,
+        advice: str,
+    ) -> None:
+        self.channel, self.joint, self.position = channel, joint, position
+        self.limits, self.unit, self.advice = limits, unit, advice
+        low, high = limits
+        self.fact = (
+            f"{channel} of joint {joint!r} reaches {position:.4g} {unit}, far beyond its limits "
+            f"{low:.4g} to {high:.4g} {unit}"
+        )
+        super().__init__(f"{self.fact}; {advice}")
+
+
 class ShapeMismatch(RecordingError):
     """Arrays of one recording that do not belong together.
 

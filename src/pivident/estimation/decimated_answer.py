@@ -20,6 +20,7 @@ from pivident.estimation.iteration import (
 from pivident.estimation.methods import InstrumentalVariables, LeastSquares
 from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
+from pivident.text.finding import Finding
 
 
 def decimated_answer(
@@ -31,7 +32,7 @@ def decimated_answer(
     variance: np.ndarray,
     history: Sequence[Iteration],
     converged: bool,
-    warnings: Sequence[str] = (),
+    warnings: Sequence[Finding] = (),
 ) -> Identification:
     """Residuals, scores and plots on the decimated rows.
 
@@ -44,7 +45,7 @@ def decimated_answer(
         variance: λ of each joint, shape (joints,).
         history: iterations.
         converged: whether they converged.
-        warnings: sentences.
+        warnings: what was noticed.
     """
     theta = solution.theta
     torques = [decimated_torque(problem.regressor, r, theta) for r in records]

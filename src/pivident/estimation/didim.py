@@ -35,7 +35,7 @@ from pivident.estimation.full_rate import FullRateRecord, accumulate, voting
 from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
 from pivident.estimation.inner_signals import with_inner
-from pivident.estimation.iteration import iterate, torque_units
+from pivident.estimation.iteration import iterate, law_findings, torque_units
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import PrefilteredIV
@@ -43,6 +43,7 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.whitening import Whitening
+from pivident.text.finding import Finding
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
 #: a noise model of that would be a high-pass filter that the iteration then hardly gets through.
@@ -197,16 +198,14 @@ def settled_starts(
     return starts
 
 
-def _notes(problem: Problem) -> list[str]:
-    """What has to be said about law and reference."""
-    loop = problem.loop
-    if loop is None:
-        return []
-    return [*loop.notes, *(loop.identified.warnings if loop.identified is not None else ())]
+def _notes(problem: Problem) -> list[Finding]:
+    """Reservations about law and reference."""
+    notes, warnings = law_findings(problem.loop)
+    return [*notes, *warnings]
 
 
-def _far_from_measured(records: Sequence[FullRateRecord]) -> list[str]:
-    """A sentence about joints whose measured positions tell the simulated ones to be wrong."""
+def _far_from_measured(records: Sequence[FullRateRecord]) -> list[Finding]:
+    """Joints whose measured positions contradict the simulated ones."""
     squares, noise, samples = 0.0, 0.0, 0
     for kin in (r.kinematics for r in records):
         part = slice(kin.start, kin.stop)
@@ -223,8 +222,9 @@ def _far_from_measured(records: Sequence[FullRateRecord]) -> list[str]:
     ]
     if not far:
         return []
-    return [
+    text = (
         "The simulated motion is further from the measured one than the encoder's noise explains "
-        f"(rms, rad or m): {', '.join(far)}. Measured positions then know more than the "
-        "simulation; compare with piv."
-    ]
+        f"(rms, rad or m): {', '.join(far)}."
+    )
+    step = "Compare with piv, which uses the measured positions."
+    return [Finding("warning", "simulation", "far from measured", text, next_step=step)]

@@ -23,6 +23,7 @@ from pivident.estimation.normal_equations import JointSums, Solution
 from pivident.estimation.problem import Problem
 from pivident.estimation.whitening import NoiseModel
 from pivident.signals.prefilter import Prefilter
+from pivident.text.finding import Finding
 
 
 def full_rate_answer(
@@ -39,7 +40,7 @@ def full_rate_answer(
     weight_power: float = 1.0,
     models: Sequence[NoiseModel] = (),
     at_bound: Sequence[bool] = (),
-    warnings: Sequence[str] = (),
+    warnings: Sequence[Finding] = (),
     reported: CovarianceKind = "formula",
 ) -> Identification:
     """Residuals, scores and plots on all samples.
@@ -58,7 +59,7 @@ def full_rate_answer(
         weight_power: power of λ in the weights.
         models: noise models, where there are any.
         at_bound: whether their orders are the largest allowed.
-        warnings: sentences.
+        warnings: what was noticed.
         reported: which covariance is the estimate's.
     """
     regressor, theta = problem.regressor, solution.theta

@@ -11,6 +11,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.recording.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 from pivident.text import display
+from pivident.text.finding import Finding
 
 if TYPE_CHECKING:
     from pivident.estimation.equations import Equations
@@ -133,7 +134,7 @@ class Identification:
         condition: condition number of the column-scaled observation matrix.
         recordings: signals for plots.
         options: the method's options, plain values.
-        warnings: what the estimator noticed, whole sentences.
+        warnings: what the estimator noticed.
         sources: SHA-256 of every input file by its name.
         version: version of pivident.
         loop: control loop that was simulated for the instruments; None: no loop was.
@@ -160,7 +161,7 @@ class Identification:
     condition: float
     recordings: tuple[FittedRecording, ...]
     options: dict[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[Finding, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
     version: str = ""
     loop: Loop | None = None

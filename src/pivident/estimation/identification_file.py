@@ -75,7 +75,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "controller": loop["controller"],
         "reference": loop["reference"],
         "options": identification.options,
-        "warnings": identification.warnings,
+        "warnings": [warning.as_json() for warning in identification.warnings],
         "sources": identification.sources,
         "version": identification.version,
         "robot_description": robot_values(identification.robot),

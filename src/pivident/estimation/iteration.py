@@ -25,6 +25,7 @@ from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.signs import sign_warnings
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.recording.torque_scale import scale_sentences
+from pivident.text.finding import Finding, Quantity
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0
@@ -118,13 +119,13 @@ def iterate(
         previous, theta = theta, start
     residual = np.inf
     history: list[Iteration] = []
-    doubt = ""
+    doubt: list[Finding] = []
     for k in range(max_iterations):
         try:
             motions, theta, halvings = _simulate(auxiliary, previous, theta, k, prepare)
         except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
-            if doubt:
-                error.add_note(doubt)
+            for finding in doubt:
+                error.add_note(finding.advised)
             raise
         sums = stage(k, theta, motions)
         solution, variance = weighted_solution(sums, problem.names, theta, weight_power)
@@ -180,8 +181,10 @@ def option_values(method: Any) -> dict[str, Any]:
     return dataclasses.asdict(method)
 
 
-def loop_warnings(problem: Problem, sums: Sequence[JointSums], variance: np.ndarray) -> list[str]:
-    """What has to be said about instruments from this loop.
+def loop_warnings(
+    problem: Problem, sums: Sequence[JointSums], variance: np.ndarray
+) -> list[Finding]:
+    """Reservations about instruments from this loop.
 
     Args:
         problem: what is given.
@@ -190,19 +193,35 @@ def loop_warnings(problem: Problem, sums: Sequence[JointSums], variance: np.ndar
     """
     if problem.loop is None:
         return []
-    known = [*problem.loop.notes]
+    notes, warnings = law_findings(problem.loop)
+    known = [*notes]
     if problem.loop.reconstructed or problem.loop.reference == "smoothed":
-        known.append(str(durbin_wu_hausman(sums, variance, len(problem.names))))
-    if problem.loop.identified is not None:
-        known += problem.loop.identified.warnings
+        test = str(durbin_wu_hausman(sums, variance, len(problem.names)))
+        known.append(Finding("warning", "exogeneity", "tested", test))
+    known += warnings
     if problem.loop.reference == "smoothed":
-        return [
-            *known,
+        text = (
             "The reference was not recorded: the smoothed measurement stands for it, with the "
             "declared control law as a virtual one. Instruments then share the noise that the "
-            "smoother let through.",
-        ]
+            "smoother let through."
+        )
+        known.append(Finding("warning", "reference", "smoothed", text))
     return known
+
+
+def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
+    """Notes on the loop, and warnings about a law found from the record.
+
+    Args:
+        loop: the loop, or None.
+    """
+    if loop is None:
+        return [], []
+    if loop.identified is None:
+        return [Finding("warning", "loop", "reconstructed", text) for text in loop.notes], []
+    notes = [Finding("note", "law", "found", text) for text in loop.notes]
+    doubts = loop.identified.warnings
+    return notes, [Finding("warning", "law", "uncertain", text) for text in doubts]
 
 
 def simulated_loop(problem: Problem, method: Any) -> Loop | None:
@@ -217,14 +236,24 @@ def method_label(problem: Problem, method: Any) -> str:
     return f"{method.label} (Ĉ)" if identified else method.label
 
 
-def _poor_motion(solution: Solution) -> str:
-    """What to do about parameters that the motion does not tell apart; empty if it does."""
+def _poor_motion(solution: Solution) -> list[Finding]:
+    """Parameters that the motion hardly separates."""
     if solution.condition <= LARGE_CONDITION:
-        return ""
-    return (
+        return []
+    text = (
         f"The motion hardly separates {', '.join(solution.weakest)} (condition number "
-        f"{solution.condition:.0f}): add a second, different motion, or estimate fewer parameters."
+        f"{solution.condition:.0f})."
     )
+    return [
+        Finding(
+            "warning",
+            "motion",
+            "ill-conditioned",
+            text,
+            next_step="Add a second, different motion, or estimate fewer parameters.",
+            evidence={"condition number": Quantity(float(solution.condition))},
+        )
+    ]
 
 
 def make_identification(
@@ -238,7 +267,7 @@ def make_identification(
     joints: Sequence[JointFit],
     relative_error: float,
     recordings: Sequence[FittedRecording],
-    warnings: Sequence[str],
+    warnings: Sequence[Finding],
 ) -> Identification:
     """Put the answer together; see :class:`Identification` for the fields."""
     from pivident.version import __version__
@@ -248,15 +277,14 @@ def make_identification(
     parameters = problem.regressor.parameters
     signs = sign_warnings(problem.robot, parameters, problem.names, solution.theta, std)
     scales = [s for r in problem.recordings for s in r.torque_scale]
-    noticed = [*warnings, *signs, *scale_sentences(scales)]
-    if doubt := _poor_motion(solution):
-        noticed.append(doubt)
+    assumed = [Finding("warning", "torque scale", "assumed", s) for s in scale_sentences(scales)]
+    noticed = [*warnings, *signs, *assumed, *_poor_motion(solution)]
     if not converged:
-        noticed.insert(
-            0,
-            f"Not converged after {len(history)} iterations; the last change was "
-            f"{100 * history[-1].change:.2g} %. Look at the convergence plot before using it.",
-        )
+        change = 100 * float(history[-1].change)
+        text = f"Not converged after {len(history)} iterations; the last change was {change:.2g} %."
+        step = "Look at the convergence plot before using it."
+        evidence = {"last change": Quantity(change, "%")}
+        noticed.insert(0, Finding("error", "iteration", "not converged", text, "", step, evidence))
     sources = {s.name: s.sha256 for r in problem.recordings for s in r.sources}
     return Identification(
         method=method_label(problem, method),

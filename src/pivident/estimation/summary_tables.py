@@ -50,7 +50,7 @@ def identification_table(identification: Identification) -> str:
     columns.append(_column("group", [shortened(row.expression, room) for row in rows], "<"))
     parts = [headline(identification), _lines(columns), _joint_table(identification)]
     parts.append(f"{rows_line(identification)}\n{friction_line(identification)}")
-    parts += [f"Warning: {text}" for text in identification.warnings]
+    parts += [f"Warning: {warning.advised}" for warning in identification.warnings]
     return "\n\n".join(parts)
 
 

@@ -30,6 +30,7 @@ from pivident.estimation.standstill import (
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
+from pivident.text.finding import Finding
 from pivident.threads import run_in_threads
 
 #: The first estimate's residual decides on the AR orders: flips of the criterion must not go on
@@ -158,26 +159,29 @@ class Whitening:
         """Unit of the residual behind the inverse controller: the encoder's."""
         return position_units(self.problem)
 
-    def warnings(self) -> list[str]:
-        """Sentences about noise models that did not come out as they were asked for."""
+    def warnings(self) -> list[Finding]:
+        """Noise models that did not come out as they were asked for."""
         names = self.problem.robot.joint_names
         return [
-            f"Noise model of joint {name!r}: {text}"
+            Finding("warning", "noise model", "replaced", f"Noise model of {name!r}: {text}", name)
             for name, m in zip(names, self.models, strict=False)
             for text in m.warnings
         ] + self._order_warning()
 
-    def _order_warning(self) -> list[str]:
-        """One sentence about all joints whose order is the largest allowed."""
+    def _order_warning(self) -> list[Finding]:
+        """Joints whose order is the largest allowed."""
         joints = zip(self.problem.robot.joint_names, self.models, self.at_bound, strict=False)
         bound = [(name, m.order) for name, m, at_bound in joints if at_bound]
         if not bound or self.method.as_printed:
             return []
-        return [
+        text = (
             f"Noise models of {', '.join(name for name, _ in bound)}: the criterion is still "
-            f"falling at order {bound[0][1]}. Raise p_max or cap the smoother (f50_max) to see "
-            "whether the estimate depends on it."
-        ]
+            f"falling at order {bound[0][1]}."
+        )
+        step = (
+            "Raise p_max or cap the smoother (f50_max) to see whether the estimate depends on it."
+        )
+        return [Finding("warning", "noise model", "order at its bound", text, next_step=step)]
 
 
 @dataclass(frozen=True, eq=False)

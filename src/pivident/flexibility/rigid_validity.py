@@ -19,9 +19,10 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.recording.recording import Recording
+from pivident.text.finding import Severity
 
-#: Error of the inertia from which it should be looked at, and from which it is wrong [%].
-LOOK, WRONG = 2.0, 10.0
+#: Error of the inertia from which it is a warning, and from which it is an error [%].
+WARNING, ERROR = 2.0, 10.0
 
 #: Share of the antiresonance that a loop or a filter may reach without remark.
 REACH = 1.0 / 3.0
@@ -49,7 +50,7 @@ class RigidValidity:
         viscous_error: of the viscous friction [N m s/rad].
         coulomb_error: of the Coulomb friction [N m].
         missing_torque: rms of the torque that the rigid model lacks after the fit [N m].
-        severity: ``fine``, ``look`` or ``wrong``.
+        severity: ``ok``, ``warning`` or ``error``.
         sentences: in plain words.
     """
 
@@ -63,7 +64,7 @@ class RigidValidity:
     viscous_error: float
     coulomb_error: float
     missing_torque: float
-    severity: Literal["fine", "look", "wrong"]
+    severity: Severity
     sentences: tuple[str, ...]
 
 
@@ -194,13 +195,13 @@ def _judged(
     bandwidth: float | None,
     error: float,
     at_edge: float,
-) -> tuple[Literal["fine", "look", "wrong"], tuple[str, ...]]:
+) -> tuple[Severity, tuple[str, ...]]:
     """Severity and sentences."""
-    severity: Literal["fine", "look", "wrong"] = "fine"
-    if abs(error) >= LOOK or band > REACH * antiresonance:
-        severity = "look"
-    if abs(error) >= WRONG or band >= antiresonance:
-        severity = "wrong"
+    severity: Severity = "ok"
+    if abs(error) >= WARNING or band > REACH * antiresonance:
+        severity = "warning"
+    if abs(error) >= ERROR or band >= antiresonance:
+        severity = "error"
     size = "beyond all bounds" if not np.isfinite(at_edge) else f"by {at_edge:+.2g} %"
     sentences = [
         f"the rigid model's inertia of {joint} is wrong by about {error:+.2g} % on this motion",
@@ -218,8 +219,8 @@ def _judged(
             f"the loop's bandwidth of {bandwidth:.3g} Hz is {bandwidth / antiresonance:.2g} of it: "
             "a rigid simulation of the loop is not the loop; lower the bandwidth of the virtual law"
         )
-        severity = "look" if severity == "fine" else severity
-    if cutoff > REACH * antiresonance and severity != "fine":
+        severity = "warning" if severity == "ok" else severity
+    if cutoff > REACH * antiresonance and severity != "ok":
         sentences.append(
             f"signals up to {cutoff:.3g} Hz enter the fit; a cut-off below "
             f"{REACH * antiresonance:.2g} Hz would keep the resonance out"

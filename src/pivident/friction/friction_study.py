@@ -10,7 +10,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
-from pivident.friction.friction_findings import Finding, findings
+from pivident.friction.friction_findings import FrictionFinding, findings
 from pivident.friction.friction_map import FrictionMap, FrictionPlane, friction_map, friction_plane
 from pivident.friction.friction_torque import FrictionTorque, friction_torques
 from pivident.friction.held_out_friction import HeldOutError, constant_law_error, held_out_error
@@ -69,7 +69,7 @@ class JointFriction:
     held_out: HeldOut
     maps: dict[str, FrictionMap]
     plane: FrictionPlane
-    findings: tuple[Finding, ...]
+    findings: tuple[FrictionFinding, ...]
 
     @property
     def name(self) -> str:

@@ -51,6 +51,7 @@ from pivident.payload.restricted_solution import (
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
+from pivident.text.finding import Finding
 
 #: Directions of the load that are told no better than this many natural sizes (1 kg, 0.1 m) are
 #: called undetermined.
@@ -86,7 +87,7 @@ class PayloadIdentification:
         converged: whether the iteration stood still.
         iterations: number of estimates.
         known: what was known of the load.
-        warnings: what was noticed, whole sentences.
+        warnings: what was noticed.
         sources: SHA-256 of the loaded recordings' files by name.
         version: version of pivident.
     """
@@ -107,7 +108,7 @@ class PayloadIdentification:
     converged: bool
     iterations: int
     known: KnownParts
-    warnings: tuple[str, ...]
+    warnings: tuple[Finding, ...]
     sources: dict[str, str]
     version: str
 

@@ -39,7 +39,7 @@ def payload_text(found: PayloadIdentification) -> str:
     ]
     if changed := _friction_sentence(found):
         parts.append(changed)
-    parts += [f"! {sentence}" for sentence in found.warnings]
+    parts += [str(warning) for warning in found.warnings]
     return "\n\n".join(parts)
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pivident.errors import (
     ConstantChannel,
     NonFiniteSamples,
+    PositionsBeyondLimits,
     RecordingError,
     RecordingTooShort,
     SaturatedSignal,
@@ -105,7 +106,7 @@ def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object =
         unit: the unit that the log was said to have, where that is known; or a list, by joint.
 
     Raises:
-        RecordingError: a joint is more than `TOLERATED_REACH` spans beyond its limits.
+        PositionsBeyondLimits: a joint is more than `TOLERATED_REACH` spans beyond its limits.
     """
     for j, joint in enumerate(robot.joints):
         if joint.position_limits is None:
@@ -125,10 +126,7 @@ def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object =
         )
         if own is not None and own != si:
             advice = f"check the unit {own!r}, position_offset and the limits of the robot"
-        raise RecordingError(
-            f"{channel} of joint {joint.name!r} reaches {farthest:.4g} {si}, far beyond its limits "
-            f"{low:.4g} to {high:.4g} {si}; {advice}"
-        )
+        raise PositionsBeyondLimits(channel, joint.name, farthest, (low, high), si, advice)
 
 
 def check_not_saturated(

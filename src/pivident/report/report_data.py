@@ -61,7 +61,7 @@ class ReportData:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Which estimate to take, and what speaks for and against it."""
+        """Which estimate to take, what supports it, and the reservations."""
         return verdict(self.diagnostics)
 
     @property

@@ -36,6 +36,7 @@ from pivident.friction.laws.variable_projection import (
     Projection,
     SeparableSearch,
 )
+from pivident.text.finding import Finding
 from pivident.text.numbers import format_significant
 
 #: Passes of estimate and search before it is given up.
@@ -313,7 +314,10 @@ def _answer(
             covariance=covariance[:n, :n],
             robust_covariance=covariance[:n, :n],
             formula_covariance=formula[:n, :n],
-            warnings=(*found.warnings, *(s.note for s in shapes if s.note)),
+            warnings=(
+                *found.warnings,
+                *(Finding("warning", "shape", "searched", s.note) for s in shapes if s.note),
+            ),
         ),
         problem,
         tuple(shapes),
