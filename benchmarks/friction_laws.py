@@ -28,7 +28,7 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import repeated_motion
 from pivident.friction.laws.shapes import identify_shapes
 from pivident.recording.public_records import (
@@ -57,6 +57,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd

@@ -20,10 +20,11 @@ from pivident.estimation.methods import (
     Method,
     PrefilteredIV,
 )
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import Repetition
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.robot import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd

@@ -19,8 +19,8 @@ from pivident.estimation.identification import (
     Iteration,
     JointFit,
 )
-from pivident.estimation.problem import Loop
 from pivident.robot import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.linear_law import LinearLaw
 
 

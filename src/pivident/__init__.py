@@ -11,7 +11,7 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-__version__ = "0.1.0"
+from pivident.version import __version__
 
 if TYPE_CHECKING:
     from pivident.comparison.compare import compare
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
         PrefilteredIV,
         RandomWalk,
     )
-    from pivident.estimation.problem import Loop, Problem
+    from pivident.estimation.problem import Problem
     from pivident.estimation.stored_identification import load_identification
     from pivident.experiment import load_experiment
     from pivident.friction.laws.law_choice import choose_laws
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from pivident.recording.recording import Recording
     from pivident.report.builder import write_report
     from pivident.robot import Robot, load_robot
+    from pivident.simulation.control_loop import Loop
     from pivident.simulation.controllers import PD, PID, Cascade, PythonController
     from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
     from pivident.simulation.simulated_record import SimulatedRecord, simulate
@@ -62,7 +63,7 @@ _HOME = {
     "Identification": "pivident.estimation.identification",
     "InstrumentalVariables": "pivident.estimation.methods",
     "LeastSquares": "pivident.estimation.methods",
-    "Loop": "pivident.estimation.problem",
+    "Loop": "pivident.simulation.control_loop",
     "PD": "pivident.simulation.controllers",
     "PID": "pivident.simulation.controllers",
     "PividentError": "pivident.errors",

@@ -13,8 +13,8 @@ from pivident.robot.description import Robot
 
 if TYPE_CHECKING:
     from pivident.estimation.equations import Equations
-    from pivident.estimation.problem import Loop
     from pivident.estimation.torque_sums import TorqueSums
+    from pivident.simulation.control_loop import Loop
 
 
 @dataclass(frozen=True, eq=False)

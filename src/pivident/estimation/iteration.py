@@ -21,10 +21,12 @@ from pivident.estimation.identification import (
 )
 from pivident.estimation.methods import CovarianceKind
 from pivident.estimation.normal_equations import JointSums, Solution, solve
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.estimation.signs import sign_warnings
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.recording.torque_scale import scale_sentences
+from pivident.simulation.control_loop import Loop
+from pivident.version import __version__
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0
@@ -241,8 +243,6 @@ def make_identification(
     warnings: Sequence[str],
 ) -> Identification:
     """Put the answer together; see :class:`Identification` for the fields."""
-    from pivident import __version__
-
     covariance = solution.covariance if reported == "formula" else robust_covariance
     std = np.sqrt(np.diag(covariance))
     parameters = problem.regressor.parameters

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 import plotly.graph_objects as go
 
-from pivident.control_law.identified_law import ControllerIdentification
 from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.report.downsampling import kept_samples, stretches
+from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
 
@@ -101,7 +101,7 @@ def torque_figure(
     )
 
 
-def law_figure(found: ControllerIdentification, joint: int, method: int, points: int) -> Figure:
+def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:
     """Recorded controller output of one joint, what its law makes of it, and the difference.
 
     Args:

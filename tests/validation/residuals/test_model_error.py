@@ -8,7 +8,7 @@ import pytest
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import (
     RepeatedMotion,
     Repetition,
@@ -17,6 +17,7 @@ from pivident.estimation.repetition import (
 )
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.robot import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.residuals.model_error import (
