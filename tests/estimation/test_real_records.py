@@ -65,8 +65,8 @@ def test_tx40_laboratorys_essential_parameters(tx40):
     )
     weights = np.array([1.0 / j.noise_std**2 for j in full.joints])
     record = found.recordings[0]
-    error = np.where(record.mask, 0.0, record.tau - record.tau_model)
-    torque = np.where(record.mask, 0.0, record.tau)
+    error = np.where(record.used, record.tau - record.tau_model, 0.0)
+    torque = np.where(record.used, record.tau, 0.0)
     relative = np.sqrt((weights * error**2).sum() / (weights * torque**2).sum())
     assert 100 * relative == pytest.approx(6.2, abs=0.2)
 

@@ -122,7 +122,7 @@ def _limits(joint: Joint, file: str) -> Iterator[Remark]:
             "wrong",
             "rated speed",
             f"The rated speed of {joint.name} is {speed:.4g} {unit}/s in {file}.",
-            f"It may be {other} per second; rows below 1 % of the rated speed do not vote, so "
+            f"It may be {other} per second; rows below 1 % of the rated speed are excluded, so "
             "that most of the record would be left out.",
             joint.name,
         )

@@ -22,7 +22,7 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import Windows
-from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
@@ -41,7 +41,7 @@ class DriveRecord:
 
     Attributes:
         kinematics: estimated motion, and commands (as torques) on the same instants.
-        limits: speeds below which a joint's samples do not vote, shape (joints,).
+        limits: speeds below which a joint's samples are excluded, shape (joints,).
         load: number of the load that the robot carried: 0 none, 1 the payload.
         motion: simulated motion that makes the instruments; None: least squares.
     """
@@ -105,7 +105,7 @@ def drive_sums(
     for record, own in zip(records, windows, strict=True):
         k = with_inner(regressor, record.kinematics)
         motion = None if record.motion is None else with_inner(regressor, record.motion)
-        votes = voting(k, k.dq if motion is None else motion.dq, record.limits)
+        used = valid_samples(k, k.dq if motion is None else motion.dq, record.limits)
         commands = rows @ k.tau
         for start in range(0, own.samples, BLOCK):
             span = slice(start, min(start + BLOCK, own.samples))
@@ -119,7 +119,7 @@ def drive_sums(
                     motor_rows(regressor, rows[m], columns[m], phi),
                     None if motion is None else motor_rows(regressor, rows[m], columns[m], z),
                     commands[m, span],
-                    motor_votes(rows[m], votes[:, span]),
+                    used_by_motor(rows[m], used[:, span]),
                     shares,
                 )
     return sums
@@ -147,9 +147,9 @@ def motor_rows(
     return made
 
 
-def motor_votes(row: np.ndarray, votes: np.ndarray) -> np.ndarray:
+def used_by_motor(row: np.ndarray, used: np.ndarray) -> np.ndarray:
     """A motor's sample counts where those of all its joints do, shape (samples,)."""
-    return np.all(votes[np.flatnonzero(row)], axis=0, out=np.empty(votes.shape[1], dtype=bool))
+    return np.all(used[np.flatnonzero(row)], axis=0, out=np.empty(used.shape[1], dtype=bool))
 
 
 def refuse_load_friction(regressor: Regressor) -> None:

@@ -170,7 +170,7 @@ def identify_drive_gains(
 
 
 def _check_rows(sums: Sequence[Sequence[JointSums]]) -> None:
-    """Refuse a motor that hardly has any rows that vote."""
+    """Refuse a motor that hardly has any rows in use."""
     for loaded in sums:
         for own in loaded:
             if own.rows <= own.columns.size:

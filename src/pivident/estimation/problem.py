@@ -25,7 +25,7 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
 
-#: Share of the rated speed below which rows do not vote on measured records.
+#: Share of the rated speed below which rows are excluded on measured records.
 LOW_SPEED = 0.01
 
 
@@ -39,9 +39,10 @@ class Problem:
         loop: the control loop; only IV and PIV need it.
         parameters: names of the base parameters to estimate (with or without the trailing
             ``r``); None: all of them.
-        mask: ``auto``: rows of a joint below 1 % of its rated speed do not vote on measured
-            records; on simulated ones they do, unless PIV finds its residual much noisier there
-            than in motion. A number: that share of the rated speed. None or 0: all rows vote.
+        mask: ``auto``: rows of a joint below 1 % of its rated speed are excluded on measured
+            records; on simulated ones they are used, unless PIV finds its residual much noisier
+            there than in motion. A number: that share of the rated speed. None or 0: all rows are
+            used.
         initial: starting values by parameter name; base parameters not named start at their
             nominal value, frictions at zero.
     """
@@ -127,7 +128,7 @@ class Problem:
         return tuple(expressions[k] for k in self.selection)
 
     def speed_limits(self, recording: Recording) -> np.ndarray:
-        """Speed below which joints of a recording do not vote [rad/s or m/s], shape (joints,)."""
+        """Speed below which samples of a joint are excluded [rad/s or m/s], shape (joints,)."""
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED
@@ -159,6 +160,16 @@ class Problem:
         for name, value in self.initial.items():
             values[parameter_index(self.base, name)] = float(value)
         return values[list(self.selection)]
+
+
+def torque_units(problem: Problem) -> list[str]:
+    """N m or N, for each joint."""
+    return ["N m" if j.kind == "revolute" else "N" for j in problem.robot.joints]
+
+
+def position_units(problem: Problem) -> list[str]:
+    """Unit of each joint's position, rad or m."""
+    return ["rad" if j.kind == "revolute" else "m" for j in problem.robot.joints]
 
 
 def _selection(base: BaseParameters, names: Sequence[str] | None) -> tuple[int, ...]:

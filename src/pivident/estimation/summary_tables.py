@@ -83,7 +83,7 @@ def comparison_table(
         for label, i in zip(labels, identifications, strict=True)
     )
     parts = [lines_of(columns), f"relative error of the torque: {errors}"]
-    if len({is_decimated(i) for i in identifications}) > 1:
+    if len({i.is_decimated for i in identifications}) > 1:
         parts.append(
             "  filtered rows have lost most of the noise that all samples still have; compare "
             "these errors among the same rows"
@@ -104,14 +104,9 @@ def headline(identification: Identification) -> str:
     )
 
 
-def is_decimated(identification: Identification) -> bool:
-    """Whether the method worked on low-passed and thinned rows rather than on all samples."""
-    return "decimation" in identification.options.get("signals", {})
-
-
 def rows_kind(identification: Identification) -> str:
     """Which rows a relative error of the torque is taken over, in two words."""
-    return "filtered rows" if is_decimated(identification) else "all samples"
+    return "filtered rows" if identification.is_decimated else "all samples"
 
 
 def error_rows(identification: Identification) -> str:
@@ -124,7 +119,7 @@ def error_rows(identification: Identification) -> str:
 def rows_line(identification: Identification) -> str:
     """What the rows are that the errors are taken over."""
     rows = f"Errors: over {error_rows(identification)}"
-    if is_decimated(identification):
+    if identification.is_decimated:
         return f"{rows}: low-passed and thinned, which takes most of the noise out of the torque"
     return f"{rows}, with all the noise of the logged torque"
 

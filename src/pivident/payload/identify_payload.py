@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from pivident.errors import ExperimentError
+from pivident.estimation.answer import method_label
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.iteration import method_label
 from pivident.estimation.methods import (
     InstrumentalVariables,
     LeastSquares,
