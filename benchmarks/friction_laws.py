@@ -30,6 +30,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import repeated_motion
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.friction.laws.shapes import identify_shapes
 from pivident.recording.public_records import (
     load_emps,
@@ -59,7 +60,6 @@ from pivident.robot.friction import (
 )
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.held_out.prediction import Judge, pooled

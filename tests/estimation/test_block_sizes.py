@@ -5,7 +5,7 @@ import pytest
 
 from pivident.estimation import equations, full_rate
 from pivident.estimation.identify import identify
-from pivident.simulation import scenarios
+from pivident.experiment import simulated_tx40 as scenarios
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import Bandpass, InstrumentalVariables, LeastSquares
 from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.robot import load_robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
 
 pytestmark = pytest.mark.record

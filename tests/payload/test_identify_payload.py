@@ -13,7 +13,7 @@ from pivident.payload import KnownParts, identify_payload
 from pivident.payload.arm_and_load import load_columns
 from pivident.payload.payload_text import payload_text
 from pivident.robot.frames import Pose, rotation_from_rpy
-from pivident.simulation.load_scenario import LOAD, tx40_with_load
+from tests.load_scenario import LOAD, tx40_with_load
 
 SAMPLES = 9000
 TRUE = LOAD.known()

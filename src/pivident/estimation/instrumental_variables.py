@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
@@ -84,7 +85,8 @@ class DecimatedSteps:
         signals, load = self.signals, self.signals.load(last.number, simulated.theta)
         regressor = signals.problem.regressor
         again = not last.records or regressor.depends_on_load  # then Φ changes with θ
-        earlier = [None] * len(signals.kinematics) if again else last.records
+        made = cast(Sequence[DecimatedRecord], last.records)
+        earlier = [None] * len(signals.kinematics) if again else made
         records = [
             decimate_record(regressor, kin, self.recipe, limits, motion, before)
             for kin, limits, motion, before in zip(

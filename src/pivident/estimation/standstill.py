@@ -13,7 +13,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.full_rate import BLOCK, FullRateRecord
+from pivident.estimation.equation_record import EquationRecord
+from pivident.estimation.full_rate import BLOCK
 from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.problem import Problem
 from pivident.signals.prefilter import Prefilter
@@ -35,7 +36,7 @@ def decided_by_residual(problem: Problem) -> bool:
 def noisy_standstill(
     problem: Problem,
     filters: Sequence[Prefilter],
-    records: Sequence[FullRateRecord],
+    records: Sequence[EquationRecord],
     residuals: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Joints whose filtered residual is much larger at standstill than in motion.
@@ -76,7 +77,7 @@ def noisy_standstill(
     return enough & (still > NOISY_STANDSTILL * moving)
 
 
-def slow_samples(problem: Problem, record: FullRateRecord) -> np.ndarray:
+def slow_samples(problem: Problem, record: EquationRecord) -> np.ndarray:
     """Samples at which the instruments stand still, shape (joints, samples)."""
     source = record.kinematics if record.motion is None else record.motion
     low = problem.low_speeds(record.kinematics.recording)

@@ -15,7 +15,8 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.full_rate import FullRateRecord, residual_of
+from pivident.estimation.equation_record import EquationRecord
+from pivident.estimation.full_rate import residual_of
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Arma, PrefilteredIV
 from pivident.estimation.problem import Problem
@@ -88,7 +89,7 @@ class Prefilters:
         """Orders of the noise models."""
         return tuple(m.order for m in self.models)
 
-    def exclude(self, problem: Problem, records: Sequence[FullRateRecord]) -> None:
+    def exclude(self, problem: Problem, records: Sequence[EquationRecord]) -> None:
         """Exclude samples that would bias the estimate: filter transients, noisy standstill.
 
         Args:
@@ -157,7 +158,7 @@ class Whitening:
         before: Prefilters,
         number: int,
         theta: np.ndarray,
-        records: Sequence[FullRateRecord],
+        records: Sequence[EquationRecord],
     ) -> Prefilters:
         """Prefilters from the residual (P-30) of an estimate; those before, once settled.
 
@@ -236,7 +237,7 @@ class Whitening:
         self,
         j: int,
         residuals: Sequence[np.ndarray],
-        records: Sequence[FullRateRecord],
+        records: Sequence[EquationRecord],
         order: int | None,
     ) -> NoiseModel:
         """Model of one joint's residual behind the inverse controller, (P-29), all recordings."""

@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.normal_equations import JointSums
@@ -54,7 +54,7 @@ MAX_STRETCH = 2**17
 
 def stationary_covariance(
     regressor: Regressor,
-    records: Sequence[FullRateRecord],
+    records: Sequence[EquationRecord],
     filters: Sequence[Prefilter],
     sums: Sequence[JointSums],
     variance: np.ndarray,
@@ -82,7 +82,7 @@ def stationary_covariance(
 
 def score_variance(
     regressor: Regressor,
-    records: Sequence[FullRateRecord],
+    records: Sequence[EquationRecord],
     filters: Sequence[Prefilter],
     sums: Sequence[JointSums],
     variance: np.ndarray,
@@ -125,7 +125,7 @@ def score_variance(
 
 
 def _spectra(
-    records: Sequence[FullRateRecord], sums: Sequence[JointSums], metric: np.ndarray
+    records: Sequence[EquationRecord], sums: Sequence[JointSums], metric: np.ndarray
 ) -> list[JointSpectra]:
     """Empty sums of every joint."""
     rate = records[0].kinematics.recording.rate

@@ -1,4 +1,4 @@
-"""Simulated records with known truth: the TX40 as the estimators are compared on it.
+"""Simulated records with known truth: the TX40 as demo and tests identify it.
 
 Truth are the 28 essential parameters of Brunot et al. (2018, Table 1) at the robot's nominal
 values and no others. The motion is drawn once, the noise anew for each seed.
