@@ -29,7 +29,6 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
 from pivident.estimation.problem import Problem
-from pivident.estimation.repetition import repeated_motion
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.friction.laws.shapes import identify_shapes
 from pivident.recording.public_records import (
@@ -39,6 +38,7 @@ from pivident.recording.public_records import (
     load_staubli_tx40,
 )
 from pivident.recording.recording import Recording
+from pivident.recording.repeated_motion import repeated_motion
 from pivident.robot import Robot, load_robot
 from pivident.robot.friction import (
     FrictionLaw,

@@ -16,8 +16,8 @@ from pivident.estimation.methods import (
     Method,
     PrefilteredIV,
     RandomWalk,
+    Repetition,
 )
-from pivident.estimation.repetition import Repetition
 
 _METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV)
 _PARTS = {

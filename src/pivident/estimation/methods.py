@@ -124,6 +124,22 @@ class AutoRegressive:
 
 
 @dataclass(frozen=True)
+class Repetition(AutoRegressive):
+    """AR noise model fitted to what does not repeat, for records in which the motion repeats.
+
+    Standard errors that the paper's formula gives with it would describe repeatability alone; those
+    of the sandwich contain the model error as it differs from one part of the record to the next.
+
+    Attributes:
+        motion_band: none is needed: model error is gone from the residual.
+        period: samples of a period of the reference; None: found from it.
+    """
+
+    motion_band: Literal["auto"] | float | None = None
+    period: int | None = None
+
+
+@dataclass(frozen=True)
 class Arma:
     """ARMA noise model by maximum likelihood (section 4.4 of the paper), of given orders.
 

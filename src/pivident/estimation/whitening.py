@@ -17,16 +17,16 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.full_rate import residual_of
-from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.methods import Arma, PrefilteredIV
+from pivident.estimation.kinematics import Kinematics, usable_samples
+from pivident.estimation.methods import Arma, PrefilteredIV, Repetition
 from pivident.estimation.problem import Problem
-from pivident.estimation.repetition import Repetition
 from pivident.estimation.standstill import (
     decided_by_residual,
     noisy_standstill,
     slow_samples,
     without_recent,
 )
+from pivident.recording.repeated_motion import repeated_motion
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
@@ -173,7 +173,8 @@ class Whitening:
         own = [replace(r.kinematics, inner=None) for r in records]  # with the load of θ
         residuals = [residual_of(self.problem.regressor, k, theta) for k in own]
         if isinstance(self.method.noise, Repetition):
-            residuals = self.method.noise.non_repeating(residuals, own)
+            motion = repeated_motion([k.recording for k in own], self.method.noise.period)
+            residuals = motion.split(residuals, [usable_samples(k) for k in own])[1]
         n = self.problem.robot.size
         models: list[NoiseModel | None] = [None] * n
 

@@ -4,7 +4,7 @@ On real machines most of the residual is what the model misses, and deviations t
 noise say the wrong thing. Two ways to tell them apart:
 
 * a *repeated* motion (periodic reference, or two recordings of the same one): what repeats is model
-  error, what does not is noise, see ``pivident.estimation.repetition``;
+  error, what does not is noise, see ``pivident.recording.repeated_motion``;
 * *held-out blocks* otherwise: the prediction error is compared with what the noise level just
   beyond the motion's highest frequency would give. This is coarser: model error that reaches
   beyond that frequency counts as noise, and the estimate's own error counts as model error.
@@ -31,10 +31,10 @@ from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.full_rate import torque_of
 from pivident.estimation.identification import Identification
-from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics, usable_samples
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem, torque_units
-from pivident.estimation.repetition import RepeatedMotion, repeated_motion, usable_samples
+from pivident.recording.repeated_motion import RepeatedMotion, repeated_motion
 from pivident.signals.bandpass import butterworth
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
