@@ -10,7 +10,12 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk, Repetition
 from pivident.estimation.problem import Problem
 from pivident.recording.public_records import load_emps, load_emps_pulses
-from pivident.recording.repeated_motion import RepeatedMotion, find_period, find_repetition
+from pivident.recording.repeated_motion import (
+    RepeatedMotion,
+    find_period,
+    find_repetition,
+    repeated_motion,
+)
 from pivident.robot import load_robot
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
