@@ -11,7 +11,6 @@ from .estimation.methods import InstrumentalVariables as InstrumentalVariables
 from .estimation.methods import LeastSquares as LeastSquares
 from .estimation.methods import PrefilteredIV as PrefilteredIV
 from .estimation.methods import RandomWalk as RandomWalk
-from .estimation.problem import Loop as Loop
 from .estimation.problem import Problem as Problem
 from .estimation.stored_identification import load_identification as load_identification
 from .experiment.experiment import load_experiment as load_experiment
@@ -20,6 +19,7 @@ from .recording.recording import Recording as Recording
 from .report.builder import write_report as write_report
 from .robot.description import Robot as Robot
 from .robot.gallery import load_robot as load_robot
+from .simulation.control_loop import Loop as Loop
 from .simulation.controllers import PD as PD
 from .simulation.controllers import PID as PID
 from .simulation.simulated_record import simulate as simulate

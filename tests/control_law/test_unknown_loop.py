@@ -8,11 +8,12 @@ import pytest
 from pivident.control_law.unknown_loop import feedback_from_noise, reconstruct_loop
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_scenario
 from pivident.recording.public_records import load_emps, load_staubli_tx40
 from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_scenario
 
 EMPS_GAIN = 35.15065188248547
 

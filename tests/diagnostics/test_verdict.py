@@ -15,8 +15,8 @@ from pivident.diagnostics.verdict import Verdict, save_verdict, verdict
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
+from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.signals.spectral_lines import SpectralLine
-from pivident.simulation.scenarios import tx40_fine
 from pivident.text.finding import Finding
 
 

@@ -8,7 +8,7 @@ import re
 import numpy as np
 
 from pivident.estimation.methods import METHODS
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from tests.docs.page_blocks import DOCS, blocks_of
 from tests.planar_log import write_log
 

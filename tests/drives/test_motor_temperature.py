@@ -11,7 +11,7 @@ from pivident.drives.motor_temperature import (
     identify_motor_temperature,
 )
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.simulation.payload_scenario import tx40_in_amperes
+from tests.payload_scenario import tx40_in_amperes
 
 COEFFICIENT = -0.0015
 

@@ -9,11 +9,12 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation import didim
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, PrefilteredIV
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.recording.public_records import load_emps
 from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD, Cascade
-from pivident.simulation.scenarios import tx40_scenario
 from pivident.simulation.virtual_pd import virtual_pd
 
 

@@ -6,12 +6,13 @@ import pytest
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import Bandpass, InstrumentalVariables, LeastSquares
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
 
 pytestmark = pytest.mark.record
@@ -57,8 +58,8 @@ def test_tx40_laboratorys_essential_parameters(tx40):
     )
     weights = np.array([1.0 / j.noise_std**2 for j in full.joints])
     record = found.recordings[0]
-    error = np.where(record.mask, 0.0, record.tau - record.tau_model)
-    torque = np.where(record.mask, 0.0, record.tau)
+    error = np.where(record.used, record.tau - record.tau_model, 0.0)
+    torque = np.where(record.used, record.tau, 0.0)
     relative = np.sqrt((weights * error**2).sum() / (weights * torque**2).sum())
     assert 100 * relative == pytest.approx(6.2, abs=0.2)
 

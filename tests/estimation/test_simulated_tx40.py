@@ -17,11 +17,12 @@ from pivident.estimation.methods import (
     LeastSquares,
     PrefilteredIV,
 )
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine, tx40_scenario
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
-from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_fine, tx40_scenario
 
 
 def truth_of(problem, truth):

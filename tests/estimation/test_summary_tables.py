@@ -1,5 +1,6 @@
 from dataclasses import replace
 
+from pivident.estimation.methods import LeastSquares
 from pivident.estimation.summary_tables import (
     WIDTH,
     comparison_table,
@@ -94,7 +95,7 @@ def test_texts_are_cut_at_blanks():
 
 
 def filtered(identification):
-    return replace(identification, options={"signals": {"cutoff": 50.0, "decimation": None}})
+    return replace(identification, method_used=LeastSquares())
 
 
 def test_tables_say_which_rows_an_error_is_taken_over():

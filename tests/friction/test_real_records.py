@@ -6,12 +6,12 @@ import pytest
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, RandomWalk
 from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.friction.contrasts import common_speeds, offset
 from pivident.friction.friction_study import joint_friction
 from pivident.friction.friction_torque import friction_torques
 from pivident.recording.public_records import load_emps, load_staubli_tx40
 from pivident.robot.gallery import load_robot
-from pivident.simulation.scenarios import TX40_ESSENTIAL
 
 pytestmark = pytest.mark.record
 

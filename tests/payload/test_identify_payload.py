@@ -14,7 +14,7 @@ from pivident.payload.identify_payload import identify_payload
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.payload_text import payload_text
 from pivident.robot.frames import Pose, rotation_from_rpy
-from pivident.simulation.load_scenario import LOAD, tx40_with_load
+from tests.load_scenario import LOAD, tx40_with_load
 
 SAMPLES = 9000
 TRUE = LOAD.known()

@@ -15,7 +15,7 @@ from pivident.errors import (
     UnknownColumn,
 )
 from pivident.logs.source_files import SourceFile
-from pivident.recording import load_recording
+from pivident.recording.load import load_recording
 from pivident.robot.drives import with_drives
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission

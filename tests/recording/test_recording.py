@@ -11,7 +11,7 @@ from pivident.errors import (
     SaturatedSignal,
     ShapeMismatch,
 )
-from pivident.recording import Recording
+from pivident.recording.recording import Recording
 from pivident.robot.transmission import Transmission
 
 

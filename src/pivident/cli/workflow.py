@@ -155,7 +155,7 @@ def run_demo(out: Path, seed: int = 0) -> bool:
     Returns:
         Whether all methods converged.
     """
-    from pivident.simulation.scenarios import tx40_fine
+    from pivident.experiment.simulated_tx40 import tx40_fine
 
     check_output(out)
     compile_ahead(ESTIMATORS)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from pivident.estimation.summary_tables import error_rows, is_decimated
+from pivident.estimation.summary_tables import error_rows
 from pivident.text.numbers import format_significant, with_spread
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def _not_shared(comparison: Comparison) -> Iterator[str]:
 def _rows(comparison: Comparison) -> Iterator[str]:
     """Relative errors over rows that are not alike."""
     decimated = {
-        e.label: is_decimated(e.identification)
+        e.label: e.identification.is_decimated
         for e in comparison.entries
         if e.identification is not None
     }

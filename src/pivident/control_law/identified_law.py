@@ -36,6 +36,7 @@ from pivident.control_law.law_gravity import (
     gravity_models,
     gravity_notes,
 )
+from pivident.control_law.law_table import controller_table
 from pivident.control_law.speed_setpoint import (
     EXPLAINED,
     SpeedSetpoint,
@@ -100,8 +101,6 @@ class ControllerIdentification:
         return gravity_notes([j.name for j in self.joints], [j.gravity for j in self.joints])
 
     def __str__(self) -> str:
-        from pivident.estimation.summary_tables import controller_table
-
         return controller_table(self)
 
 

@@ -16,19 +16,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pivident.control_law.identified_law import (
     identify_controller,
 )
+from pivident.control_law.joint_law import differentiator_values
 from pivident.control_law.reference_reconstruction import (
     reconstruct_reference,
 )
 from pivident.errors import IdentificationError
-from pivident.estimation.problem import Loop
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
 from pivident.simulation.linear_law import LinearLaw, differentiated
 from pivident.simulation.virtual_pd import virtual_pd
@@ -69,6 +71,20 @@ class Feedback:
     def known(self) -> bool:
         """Whether the law can be believed."""
         return self.explained > EXPLAINED and self.kp > 0.0 and self.kd > 0.0
+
+    def to_values(self) -> dict[str, Any]:
+        """The law as plain values; one found from noise has no fit and no saturated samples."""
+        return {
+            "joint": self.name,
+            "terms": ("kp", "kd"),
+            "gains": (self.kp, self.kd),
+            "std": (self.kp_std, self.kd_std),
+            "differentiator": differentiator_values(self.averaged),
+            "relative_error": None,
+            "saturated": None,
+            "f_tests": {},
+            "gravity": None,
+        }
 
 
 def feedback_from_noise(recording: Recording, drive_gain: np.ndarray) -> tuple[Feedback, ...]:

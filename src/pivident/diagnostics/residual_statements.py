@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
+from pivident.estimation.methods import AutoRegressive, PrefilteredIV
 from pivident.text.finding import Finding, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
@@ -56,11 +56,12 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
 def _continues_level(result: Identification) -> bool:
     """Whether the noise level beyond the motion's band was continued into it."""
     equations = result.equations
-    noise = result.options.get("noise")
-    if equations is None or not isinstance(noise, dict) or noise.get("motion_band") is None:
+    method = result.method_used
+    if equations is None or not isinstance(method, PrefilteredIV):
         return False
-    records = [r for r in equations.records if isinstance(r, FullRateRecord)]
-    return any(not r.kinematics.recording.simulated for r in records)
+    if not isinstance(method.noise, AutoRegressive) or method.noise.motion_band is None:
+        return False
+    return any(not r.kinematics.recording.simulated for r in equations.records)
 
 
 def spectral_lines(result: Identification) -> Iterator[Finding]:
@@ -71,7 +72,6 @@ def spectral_lines(result: Identification) -> Iterator[Finding]:
         f"{joint} at {format_significant(line.frequency)} Hz, {format_significant(line.std, 2)} "
         f"{units[joint]}"
         for r in records
-        if isinstance(r, FullRateRecord)
         for joint, lines in zip(units, r.kinematics.lines, strict=False)
         for line in lines
     }

@@ -22,7 +22,7 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import Windows
-from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
@@ -83,7 +83,7 @@ def drive_sums(
     for record, own in zip(records, windows, strict=True):
         k = with_inner(regressor, record.kinematics)
         motion = None if record.motion is None else with_inner(regressor, record.motion)
-        valid = voting(k, k.dq if motion is None else motion.dq, record.limits)
+        valid = valid_samples(k, k.dq if motion is None else motion.dq, record.limits)
         commands = rows @ k.tau
         for start in range(0, own.samples, BLOCK):
             span = slice(start, min(start + BLOCK, own.samples))

@@ -28,7 +28,7 @@ from pivident.drives.drive_equations import (
 from pivident.drives.log_units import independent_columns, restricted, solved_row
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.covariance.sandwich import Windows
-from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import RandomWalk
@@ -186,7 +186,7 @@ def _sums(
     ]
     for r, (k, limit, warm) in enumerate(zip(kinematics, limits, warmth, strict=True)):
         windows = Windows(k.q.shape[1], WINDOWS, r * WINDOWS)
-        valid, commands = voting(k, k.dq, limit), rows @ k.tau
+        valid, commands = valid_samples(k, k.dq, limit), rows @ k.tau
         for start in range(0, windows.samples, BLOCK):
             span = slice(start, min(start + BLOCK, windows.samples))
             packed = packed_stretch(regressor, k, span)

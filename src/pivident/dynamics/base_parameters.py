@@ -21,7 +21,9 @@ import numpy as np
 
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Relative length of a column's remainder below which it depends on the columns before it.
 DEPENDENCE = 1e-9
@@ -205,3 +207,21 @@ def _cleaned(regrouping: np.ndarray) -> np.ndarray:
     cleaned = np.where(np.abs(regrouping) < 1e-9, 0.0, regrouping)
     nearest = np.round(cleaned)
     return np.where(np.abs(cleaned - nearest) < 1e-9, nearest, cleaned)
+
+
+def parameter_index(base: BaseParameters, name: str) -> int:
+    """Index of a base parameter by its name.
+
+    Args:
+        base: the base parameters.
+        name: with or without the trailing ``r``.
+
+    Raises:
+        ExperimentError: names the nearest ones that there are.
+    """
+    try:
+        return base.index(name)
+    except KeyError:
+        bare = name.lower().removesuffix("r")
+        heads = [p.name for p in base.parameters]
+        raise ExperimentError(f"no base parameter {name!r}; {nearest(bare, heads)}") from None

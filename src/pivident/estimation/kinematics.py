@@ -120,6 +120,13 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines)
 
 
+def usable_samples(kinematics: Kinematics) -> np.ndarray:
+    """Samples between the ends that the smoother spoils, shape (joints, samples)."""
+    usable = np.zeros(kinematics.q.shape, bool)
+    usable[:, kinematics.start : kinematics.stop] = True
+    return usable
+
+
 def _aligned(recording: Recording, joint: int, align: bool) -> AlignedTorque:
     """Torque of one joint on the instants of the positions.
 

@@ -23,6 +23,7 @@ from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA
+from pivident.estimation.method_options import method_of_options
 from pivident.files import regular_file
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -265,6 +266,7 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         condition=_number(content.condition, math.inf),
         recordings=(),
         options=content.options,
+        method_used=method_of_options(content.options),
         warnings=tuple(map(_warning, content.warnings)),
         sources=content.sources,
         version=content.version,

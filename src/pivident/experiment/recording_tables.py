@@ -11,7 +11,6 @@ import numpy as np
 
 from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.errors import ExperimentError
-from pivident.estimation.problem import Loop
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.bags.read_bag import is_bag
 from pivident.recording import public_records
@@ -19,6 +18,7 @@ from pivident.recording.load import load_recording
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PID, Cascade, Controller
 from pivident.simulation.virtual_pd import virtual_pd
 

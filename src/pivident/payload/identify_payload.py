@@ -16,9 +16,9 @@ from functools import cached_property
 import numpy as np
 
 from pivident.errors import ExperimentError
+from pivident.estimation.answer import method_label
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.iteration import method_label
 from pivident.estimation.methods import (
     InstrumentalVariables,
     LeastSquares,
@@ -28,7 +28,7 @@ from pivident.estimation.methods import (
     method_named,
 )
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.payload.arm_and_load import ArmAndLoad, arm_and_load, widened
 from pivident.payload.compatibility import (
     check_recordings,
@@ -51,6 +51,7 @@ from pivident.payload.restricted_solution import (
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
+from pivident.simulation.control_loop import Loop
 from pivident.text.finding import Finding
 
 #: Directions of the load that are told no better than this many natural sizes (1 kg, 0.1 m) are

@@ -36,6 +36,9 @@ INERTIAL = ("xx", "xy", "xz", "yy", "yz", "zz", "mx", "my", "mz", "m")
 
 STANDARD_GRAVITY = 9.81
 
+#: Most joints of a robot that files may hold.
+MAX_JOINTS = 1000
+
 
 @dataclass(frozen=True, eq=False)
 class Joint:

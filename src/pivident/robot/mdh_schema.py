@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import STANDARD_GRAVITY
+from pivident.robot.description import MAX_JOINTS, STANDARD_GRAVITY
 from pivident.robot.naming import nearest
 
 GRAVITY_BY_NAME = {
@@ -34,9 +34,6 @@ GRAVITY_BY_NAME = {
 }
 
 _SIGN = {"smoothing", "gamma"}
-
-#: Maximum number of joints in a file.
-MAX_JOINTS = 1000
 
 #: Maximum number of problems in one error, and of characters of a quoted value.
 MAX_PROBLEMS, MAX_VALUE = 20, 60

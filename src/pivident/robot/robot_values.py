@@ -18,7 +18,7 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationEr
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import Coupling, Joint, Link, Robot, UrdfFile
+from pivident.robot.description import MAX_JOINTS, Coupling, Joint, Link, Robot, UrdfFile
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape, ShapeUnit, Smoothing
 from pivident.robot.naming import errors_name, nearest
@@ -26,9 +26,6 @@ from pivident.robot.transmission import Transmission
 
 #: Maximum number of characters of a name.
 MAX_NAME = 1000
-
-#: Maximum number of joints, more than any identifiable robot has.
-MAX_JOINTS = 128
 
 #: How many constants of shape each function of friction may have; functions not listed have none.
 SHAPES = {

@@ -89,8 +89,8 @@ def test_the_order_of_the_noise_model_is_counted():
     residuals = joint_residuals(synthetic_identification())
     assert [r.order for r in residuals] == [20, 21]
     assert all(r.prefiltered and r.rate == 1000.0 for r in residuals)
-    with_options = synthetic_identification(options={"noise": {"criterion": "aic"}})
-    assert joint_residuals(with_options)[0].penalty == 2.0
+    with_order_search = synthetic_identification(method_used=PrefilteredIV())
+    assert joint_residuals(with_order_search)[0].penalty == 2.0
     assert joint_residuals(synthetic_identification())[0].penalty is None
 
 

@@ -1,7 +1,7 @@
 """Identification with friction laws whose constants of shape are not known.
 
 Around any estimator: the estimate is made with the constants of the last pass, the constants are
-then found on its own equations (signals, instruments, prefilters, votes and weights as they are),
+then found on its own equations (signals, instruments, prefilters, samples and weights as they are),
 joint after joint, and so on until they stand still. The covariance is the sandwich of the equations
 in which parameters and constants are unknowns together, so that the interval of a friction level
 knows that its Stribeck speed is an estimate too.

@@ -54,7 +54,7 @@ _CELL = 2.0 * math.pi / math.sqrt(12.0)
 
 @dataclass(frozen=True, eq=False)
 class WhiteRows:
-    """Whitened residual of one joint on the rows that vote, with the angle it is looked at over.
+    """Whitened residual of one joint on the rows in use, with the angle it is looked at over.
 
     Attributes:
         white: A e / s, of unit variance, shape (rows,).

@@ -15,7 +15,7 @@ from pivident.friction.ripple.ripple_series import (
     ResidualSeries,
     Wave,
     WaveFit,
-    settled_votes,
+    settled_rows,
     whitened,
 )
 from pivident.robot.description import Robot
@@ -58,23 +58,23 @@ def measured_line(
     near = int(np.argmin(np.abs(left.orders - wave.order)))
     excess = max(float(left.floor[near]), 1.0)
     order_std = float(fit.order_std[n]) * math.sqrt(excess)
-    votes = [s.votes[:, joint] for s in series]
+    used = [s.used[:, joint] for s in series]
     phases = np.concatenate(
-        [wave.order * wave.angle(s)[v] for s, v in zip(series, votes, strict=True)]
+        [wave.order * wave.angle(s)[v] for s, v in zip(series, used, strict=True)]
     )
     torque = a * np.cos(phases) + b * np.sin(phases)
-    error = np.concatenate([s.error[v, joint] for s, v in zip(series, votes, strict=True)])
+    error = np.concatenate([s.error[v, joint] for s, v in zip(series, used, strict=True)])
     speed = np.concatenate(
-        [np.abs(s.dq @ angle.coefficients)[v] for s, v in zip(series, votes, strict=True)]
+        [np.abs(s.dq @ angle.coefficients)[v] for s, v in zip(series, used, strict=True)]
     )
     frequency = wave.order * speed / (2.0 * math.pi)
     loads = [s.load[:, joint] for s in series]
-    mean = float(np.mean(np.concatenate([x[v] for x, v in zip(loads, votes, strict=True)])))
+    mean = float(np.mean(np.concatenate([x[v] for x, v in zip(loads, used, strict=True)])))
     by_load = _modulation(
         series, joint, fit, wave, [x / max(mean, 1e-300) - 1.0 for x in loads], excess
     )
     signs = [np.sign(s.dq @ angle.coefficients) for s in series]
-    tilt = float(np.mean(np.concatenate([x[v] for x, v in zip(signs, votes, strict=True)])))
+    tilt = float(np.mean(np.concatenate([x[v] for x, v in zip(signs, used, strict=True)])))
     by_direction = _modulation(series, joint, fit, wave, [x - tilt for x in signs], excess)
     size = max(math.hypot(a, b), 1e-300)
     along = np.array([a, b]) / size**2
@@ -128,7 +128,7 @@ def _modulation(
         joint: whose.
         fit: all waves, taken out.
         wave: the line.
-        factors: of mean zero over the rows that vote, per recording.
+        factors: of mean zero over the rows in use, per recording.
         excess: floor over white noise.
     """
     from scipy.stats import chi2
@@ -138,9 +138,9 @@ def _modulation(
         phase = wave.order * wave.angle(s)
         plain = np.column_stack([np.cos(phase), np.sin(phase)])
         stack = np.hstack([plain, factor[:, None] * plain])
-        votes = settled_votes(s.votes[:, joint], fit.noise.order)
-        columns.append(whitened(fit.filter, stack)[votes])
-        right.append(whitened(fit.filter, left - fit.noise.mean)[votes])
+        used = settled_rows(s.used[:, joint], fit.noise.order)
+        columns.append(whitened(fit.filter, stack)[used])
+        right.append(whitened(fit.filter, left - fit.noise.mean)[used])
     matrix, values = np.vstack(columns), np.concatenate(right)
     spread = np.linalg.pinv(matrix.T @ matrix)
     solution = spread @ (matrix.T @ values)
@@ -191,7 +191,7 @@ def visibility_notes(
         f"orders {low:.4g} to {high:.4g} of {angle.name} searched, from {visible:.2g} {unit} on "
         f"half of them are found; below, the record has fewer than {cycles:g} cycles"
     ]
-    speed = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.votes[:, joint]] for s in series])
+    speed = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.used[:, joint]] for s in series])
     typical = float(np.median(speed))
     gears = [(name, gear) for name, gear in angle.motors if gear != 1.0]
     for name, gear in gears:

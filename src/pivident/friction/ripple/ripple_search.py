@@ -35,7 +35,7 @@ from pivident.friction.ripple.ripple_series import (
     delayed,
     fit_waves,
     residual_series,
-    settled_votes,
+    settled_rows,
     whitened,
 )
 from pivident.friction.ripple.ripple_spectra import (
@@ -249,9 +249,9 @@ def _gained(
     after = fit_waves(series, joint, [*fit.waves, *more], (fit.noise, fit.scale))
     rows = [
         sum(
-            float(np.sum(whitened(fit.filter, e - fit.noise.mean)[votes] ** 2))
-            for e, votes in (
-                (e, settled_votes(s.votes[:, joint], fit.noise.order))
+            float(np.sum(whitened(fit.filter, e - fit.noise.mean)[used] ** 2))
+            for e, used in (
+                (e, settled_rows(s.used[:, joint], fit.noise.order))
                 for s, e in zip(series, left, strict=True)
             )
         )
@@ -283,9 +283,9 @@ def _best_in_time(
     length = next_fast_len(_PADDING * max(s.t.size for s in series), real=True)
     gain = np.zeros(length // 2 + 1)
     for s, left in zip(series, fit.left, strict=True):
-        votes = settled_votes(s.votes[:, joint], fit.noise.order)
-        white = np.where(votes, whitened(fit.filter, left - fit.noise.mean), 0.0)
-        gain += np.abs(rfft(white, length)) ** 2 / max(int(votes.sum()), 1)
+        used = settled_rows(s.used[:, joint], fit.noise.order)
+        white = np.where(used, whitened(fit.filter, left - fit.noise.mean), 0.0)
+        gain += np.abs(rfft(white, length)) ** 2 / max(int(used.sum()), 1)
     frequency = np.arange(gain.size) * series[0].rate / length
     longest = max(s.t.size for s in series) / series[0].rate
     reach = min(2 * _NEIGHBOURS * _PADDING + 1, gain.size // 4 * 2 + 1)
@@ -303,7 +303,7 @@ def _band(
     series: Sequence[ResidualSeries], joint: int, angle: np.ndarray, order: float
 ) -> tuple[float, float]:
     """Frequencies that an order passes through [Hz]; only a line there can be taken for it."""
-    speed = np.concatenate([np.abs(s.dq @ angle)[s.votes[:, joint]] for s in series])
+    speed = np.concatenate([np.abs(s.dq @ angle)[s.used[:, joint]] for s in series])
     low, high = np.quantile(speed, [0.02, 0.98]) * order / (2.0 * math.pi)
     return 0.95 * float(low), 1.05 * float(high)
 

@@ -49,7 +49,7 @@ def highest_order(
         angle: what is searched over.
         highest: what was asked for, or None.
     """
-    steps = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.votes[:, joint]] for s in series])
+    steps = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.used[:, joint]] for s in series])
     if not steps.size or not np.any(steps > 0):
         return 0.0
     slow = max(float(np.quantile(steps, MIN_SHARE)), 1e-3 * float(steps.max()))
@@ -72,7 +72,7 @@ def visited_grid(
         angle: what is searched over.
         highest: largest order.
     """
-    visited = np.concatenate([(s.q @ angle.coefficients)[s.votes[:, joint]] for s in series])
+    visited = np.concatenate([(s.q @ angle.coefficients)[s.used[:, joint]] for s in series])
     return order_grid(visited, highest) if visited.size else np.empty(0)
 
 

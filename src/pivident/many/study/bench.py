@@ -17,13 +17,14 @@ from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.many.study.motion import per_joint, reference_of
 from pivident.many.study.scenario import Scenario
 from pivident.many.study.starts import deviating_values
 from pivident.recording.recording import Recording
 from pivident.robot.naming import nearest
 from pivident.simulation.closed_loop import Trajectory
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
 from pivident.simulation.counted_law import counted
 from pivident.simulation.excitation import FourierSeries

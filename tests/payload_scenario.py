@@ -16,15 +16,16 @@ from pivident.drives.known_payload import Payload
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import _KD, _KP, _KTAU
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.noise import Noise, stream
 from pivident.simulation.reference import point_to_point
-from pivident.simulation.scenarios import _KD, _KP, _KTAU
 
 #: Two kilograms beside the axis of the flange: a cylinder of 8 cm diameter and 5 cm height.
 PAYLOAD = Payload(

@@ -1,6 +1,6 @@
 """Simulated records of an arm without and with a load that nobody knows, torques in N m.
 
-Motion, loop and encoder noise are those of `pivident.simulation.payload_scenario`; the log holds
+Motion, loop and encoder noise are those of `tests.payload_scenario`; the log holds
 joint torques with sensor noise, and the load is what is sought.
 """
 
@@ -12,13 +12,14 @@ import numpy as np
 
 from pivident.drives.drive_equations import motor_coupling
 from pivident.drives.known_payload import Payload
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import _KD, _KP
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.noise import stream
-from pivident.simulation.payload_scenario import tx40_in_amperes
-from pivident.simulation.scenarios import _KD, _KP
+from tests.payload_scenario import tx40_in_amperes
 
 #: One kilogram on the flange, beside its axis, with an inertia that is not aligned with it.
 LOAD = Payload(

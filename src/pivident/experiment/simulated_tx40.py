@@ -1,4 +1,4 @@
-"""Simulated records with known truth: the TX40 as the estimators are compared on it.
+"""Simulated records with known truth: the TX40 as demo and tests identify it.
 
 Truth are the 28 essential parameters of Brunot et al. (2018, Table 1) at the robot's nominal
 values and no others. The motion is drawn once, the noise anew for each seed.
@@ -13,11 +13,12 @@ import numpy as np
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, Trajectory, simulate
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.noise import Noise
 from pivident.simulation.reference import point_to_point

@@ -14,13 +14,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.methods import AutoRegressive
 from pivident.recording.recording import Recording
 from pivident.signals.lagged_sums import lagged_products
 from pivident.signals.noise_models import unmasked_stretches
@@ -84,44 +81,6 @@ class RepeatedMotion:
             rest.append(np.where(known, (signal - m) * scale, 0.0))
             repetitions.append(n)
         return repeating, rest, repetitions
-
-
-@dataclass(frozen=True)
-class Repetition(AutoRegressive):
-    """AR noise model fitted to what does not repeat, for records in which the motion repeats.
-
-    Deviations that the paper's formula gives with it would describe repeatability alone; those of
-    the sandwich contain the model error as it differs from one part of the record to the next.
-
-    Attributes:
-        motion_band: none is needed: model error is gone from the residual.
-        period: samples of a period of the reference; None: found from it.
-    """
-
-    motion_band: Literal["auto"] | float | None = None
-    period: int | None = None
-
-    def non_repeating(
-        self, residuals: Sequence[np.ndarray], kinematics: Sequence[Kinematics]
-    ) -> list[np.ndarray]:
-        """The noise in the residuals of all recordings, shape (joints, samples) each.
-
-        Args:
-            residuals: τ - Φθ [N m or N].
-            kinematics: of the recordings; they say which samples are usable.
-
-        Raises:
-            IdentificationError: no motion repeats.
-        """
-        motion = repeated_motion([k.recording for k in kinematics], self.period)
-        return motion.split(residuals, [usable_samples(k) for k in kinematics])[1]
-
-
-def usable_samples(kinematics: Kinematics) -> np.ndarray:
-    """Samples between the ends that the smoother spoils, shape (joints, samples)."""
-    usable = np.zeros(kinematics.q.shape, bool)
-    usable[:, kinematics.start : kinematics.stop] = True
-    return usable
 
 
 def repeated_motion(recordings: Sequence[Recording], period: int | None = None) -> RepeatedMotion:
