@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from pivident.audit import audit_file, audit_log, bare_log, described_log
-from pivident.audit.column_names import channel_of, guess_channels
 from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
+from pivident.logs.recognition.column_names import channel_of, guess_channels
 from pivident.robot import load_robot
 from tests.audit.logs import delayed, planar, serious
 from tests.planar_log import EXPERIMENT, write_experiment

@@ -26,7 +26,7 @@ PACKAGES = (
 #: Other names that the reference promises.
 OTHERS = (
     "pivident.init.Draft",
-    "pivident.init.Guess",
+    "pivident.init.Assumption",
     "pivident.init.draft_experiment",
     "pivident.simulation.joint_loop.JointLoop",
     "pivident.simulation.joint_loop.joint_feedbacks",

@@ -2,8 +2,8 @@
 
 import pytest
 
-from pivident.recording.channel_words import words_of
-from pivident.recording.column_series import column_series
+from pivident.logs.recognition.channel_words import words_of
+from pivident.logs.recognition.column_series import column_series
 
 UR = [f"{p}_joint" for p in ("shoulder_pan", "shoulder_lift", "elbow")]
 

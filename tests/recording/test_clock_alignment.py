@@ -10,7 +10,7 @@ from tests.planar_log import RATE, planar_log, planar_truth
 from pivident.audit.audit import audit_file
 from pivident.errors import ClocksDisagree, GapInClock, RecordingError
 from pivident.estimation.problem import Problem
-from pivident.recording.clock_alignment import ClockedChannel, onto_one_clock
+from pivident.logs.clocks.clock_alignment import ClockedChannel, onto_one_clock
 from pivident.recording.load import load_recording
 from pivident.robot import load_robot
 

@@ -6,26 +6,26 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pivident.errors import RecordingError, UnknownColumn
-from pivident.recording.columns import Channel, array_of, assemble, locate
+from pivident.logs.channel_places import ChannelPlace, array_of, assemble, locate
 
 TALL = np.arange(60.0).reshape(20, 3)
 
 
 def channel(*columns, per_joint=None):
-    return Channel("q", "log", columns, len(columns) > 1 if per_joint is None else per_joint)
+    return ChannelPlace("q", "log", columns, len(columns) > 1 if per_joint is None else per_joint)
 
 
 def test_the_only_file_is_the_channels_file():
-    assert locate("q", "qm", ["log"]) == Channel("q", "log", ("qm",), False)
+    assert locate("q", "qm", ["log"]) == ChannelPlace("q", "log", ("qm",), False)
 
 
 def test_a_file_with_the_channels_name_is_its_file():
-    assert locate("tau", ["a", "b"], ["q", "tau"]) == Channel("tau", "tau", ("a", "b"), True)
+    assert locate("tau", ["a", "b"], ["q", "tau"]) == ChannelPlace("tau", "tau", ("a", "b"), True)
 
 
 def test_a_named_file_wins():
     spec = {"file": "q", "columns": "clock"}
-    assert locate("t", spec, ["q", "tau"]) == Channel("t", "q", ("clock",), False)
+    assert locate("t", spec, ["q", "tau"]) == ChannelPlace("t", "q", ("clock",), False)
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pivident.errors import IrregularSampling, MissingSamples, RecordingError, RecordingTooShort
-from pivident.recording import timestamps
+from pivident.logs.clocks import timestamps
 
 
 @given(st.floats(0.5, 2e4), st.floats(-1e3, 1e3), st.integers(20, 2000))

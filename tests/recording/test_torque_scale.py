@@ -4,17 +4,17 @@ import pytest
 from tests.planar_log import EXPERIMENT, write_experiment
 
 from pivident.audit.audit import audit_log
-from pivident.audit.reading import entry_log
 from pivident.diagnostics.verdict import verdict
 from pivident.errors import RecordingError
 from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
 from pivident.experiment import load_experiment
-from pivident.recording.torque_scale import TorqueScale, scale_sentences, torque_scales
-from pivident.recording.units import factor_to_si
+from pivident.logs.bare_log import entry_log
+from pivident.logs.torque_scale import TorqueScale, scale_sentences, torque_scales
+from pivident.logs.units import factor_to_si
 from pivident.report.builder import render_report
 
-GUESS = '{unit = "A", gain = 2.0, scale = "guessed"}'
+ASSUMED = '{unit = "A", gain = 2.0, scale = "assumed"}'
 MASSES = '{unit = "A", gain = 2.0, scale = "masses"}'
 
 
@@ -25,38 +25,41 @@ def experiment_with(folder, tau):
 
 def test_a_mark_is_part_of_the_unit():
     assert factor_to_si("tau", {"unit": "mA", "gain": 2.0, "scale": "masses"}) == (2e-3, False)
-    assert factor_to_si("tau", {"unit": "kN m", "scale": "guessed"}) == (1e3, False)
+    assert factor_to_si("tau", {"unit": "kN m", "scale": "assumed"}) == (1e3, False)
     for unit in (
         {"unit": "A", "gain": 2.0, "scale": "weighed"},
-        {"unit": "A", "scale": "guessed"},  # amperes without any gain
-        {"gain": 2.0, "scale": "guessed"},
+        {"unit": "A", "scale": "assumed"},  # amperes without any gain
+        {"gain": 2.0, "scale": "assumed"},
     ):
         with pytest.raises(RecordingError):
             factor_to_si("tau", unit)
-    with pytest.raises(RecordingError, match="'masses' or 'guessed'"):
+    with pytest.raises(RecordingError, match="'masses' or 'assumed'"):
         factor_to_si("tau", {"unit": "A", "gain": 2.0, "scale": "weighed"})
 
 
 def test_marks_are_those_of_their_joints():
-    known, guessed = {"unit": "A", "gain": 2.0}, {"unit": "A", "gain": 1.0, "scale": "guessed"}
-    (only,) = torque_scales([known, guessed], ("shoulder", "elbow"))
-    assert only == TorqueScale("elbow", "A", "guessed")
-    assert len(torque_scales(guessed, ("shoulder", "elbow"))) == 2
+    known, assumed = {"unit": "A", "gain": 2.0}, {"unit": "A", "gain": 1.0, "scale": "assumed"}
+    (only,) = torque_scales([known, assumed], ("shoulder", "elbow"))
+    assert only == TorqueScale("elbow", "A", "assumed")
+    assert len(torque_scales(assumed, ("shoulder", "elbow"))) == 2
     assert torque_scales("N m", ("shoulder", "elbow")) == torque_scales(None, ("elbow",)) == ()
 
 
 def test_each_basis_has_its_sentence():
-    marks = [TorqueScale("a", "A", "guessed"), TorqueScale("b", "V", "masses")]
-    guess, masses = scale_sentences([*marks, *marks])
-    assert guess.startswith("The torque of a is in units of the log (A)")
+    marks = [TorqueScale("a", "A", "assumed"), TorqueScale("b", "V", "masses")]
+    assumed, masses = scale_sentences([*marks, *marks])
+    assert assumed.startswith("The torque of a is in units of the log (A)")
     assert "torque of b (V) was taken from the masses" in masses
-    assert all("[recording.units]" in s and "pivident gains" in s for s in (guess, masses))
+    assert all("[recording.units]" in s and "pivident gains" in s for s in (assumed, masses))
 
 
 @pytest.mark.parametrize(
     ("tau", "headline"),
     [
-        (GUESS, "Parameters are in units of the logged torque; its scale to N m is a guess."),
+        (
+            ASSUMED,
+            "Parameters are in units of the logged torque; its scale to N m is an assumption.",
+        ),
         (f'["N m", {MASSES}]', "The torque scale was taken from the description's masses"),
     ],
 )
@@ -69,7 +72,7 @@ def test_verdict_report_and_file_say_that_the_scale_is_assumed(tmp_path, tau, he
     assert said.grade == "caution" and "[recording.units]" in said.text
     assert sum(said.text == s.text for s in found.statements) == 1
     assert said.text in to_dict(result)["warnings"]
-    assert mark.basis in ("guessed", "masses") and mark.unit == "A"
+    assert mark.basis in ("assumed", "masses") and mark.unit == "A"
     head = render_report([result]).split('id="', 1)[1].split("key-figures")[0]
     assert headline.split(";")[0].split("'")[0] in head
 

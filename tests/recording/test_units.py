@@ -3,7 +3,7 @@ import math
 import pytest
 
 from pivident.errors import RecordingError
-from pivident.recording.units import check_kind, factor_to_si
+from pivident.logs.units import check_kind, factor_to_si
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ from pivident.audit.audit import Audit as Audit
 from pivident.audit.audit import audit_file as audit_file
 from pivident.audit.audit import audit_log as audit_log
 from pivident.audit.audit import write_audit as write_audit
-from pivident.audit.described_reading import described_log as described_log
 from pivident.audit.finding import Finding as Finding
-from pivident.audit.log import Log as Log
-from pivident.audit.reading import bare_log as bare_log
+from pivident.logs.bare_log import bare_log as bare_log
+from pivident.logs.described_log import described_log as described_log
+from pivident.logs.log import Log as Log

@@ -19,16 +19,16 @@ from pivident.audit.delay import Delay, check_delay
 from pivident.audit.excitation import Excitation, check_excitation
 from pivident.audit.finding import Finding, Severity, worst
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.order import Order, check_order
 from pivident.audit.power import Power, check_power, mechanical_power
 from pivident.audit.quantisation import Quantisation, check_quantisation
-from pivident.audit.reading import bare_log, entry_log
 from pivident.audit.saturation import check_channels
 from pivident.audit.scale import Scale, check_assumed, check_positions, check_reach, check_scale
 from pivident.audit.speed import check_speeds
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
+from pivident.logs.bare_log import bare_log, entry_log
+from pivident.logs.log import Log
 from pivident.robot.description import Robot
 
 #: Version of the layout of ``audit.json``.

@@ -19,7 +19,7 @@ import numpy as np
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
 from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import InverseModel
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.text.numbers import with_spread
 
 #: Shifts that are tried [s], but at least so many samples on each side.

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.audit.finding import Finding
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 
 #: Values examined of a channel.
 MAX_VALUES = 20_000

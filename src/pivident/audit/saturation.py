@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from pivident.audit.finding import Finding, Severity
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.recording.checks import TOLERATED_CLIPPING
 from pivident.recording.saturation import clipped_samples
 

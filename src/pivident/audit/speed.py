@@ -6,8 +6,8 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pivident.audit.finding import Finding, Severity
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
+from pivident.logs.log import Log
 from pivident.signals.bandpass import butterworth, central_difference
 
 #: Factors further from 1 than this deserve a look, or are wrong.

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from pivident.audit.finding import Finding, Severity
-from pivident.audit.log import Log
-from pivident.recording.gaps import GAP, bridged_interval, stretches
-from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
+from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
+from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
+from pivident.logs.log import Log
 
 #: Two clocks that drift apart by more than this deserve a look; quartz keeps 1e-4.
 DRIFT_LOOK = 2e-4

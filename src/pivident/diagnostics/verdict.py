@@ -32,7 +32,7 @@ from pivident.diagnostics.residual_statements import (
 )
 from pivident.diagnostics.statement import Grade, Statement
 from pivident.estimation.identification import Identification
-from pivident.recording.torque_scale import scale_headline
+from pivident.logs.torque_scale import scale_headline
 
 #: Number of the layout of ``verdict.json``.
 SCHEMA = 1

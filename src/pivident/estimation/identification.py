@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.recording.torque_scale import TorqueScale
+from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 
 if TYPE_CHECKING:

@@ -24,7 +24,7 @@ from pivident.estimation.normal_equations import JointSums, Solution, solve
 from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.signs import sign_warnings
 from pivident.estimation.simulated_motion import SimulatedMotion
-from pivident.recording.torque_scale import scale_sentences
+from pivident.logs.torque_scale import scale_sentences
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0

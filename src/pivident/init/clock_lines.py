@@ -5,14 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pivident.init.bag_topics import OwnClock
-from pivident.init.clock_guess import Clock
-from pivident.init.guess import Guess, Question
+from pivident.init.assumption import Assumption, Question
+from pivident.logs.bags.bag_table import OwnClock
 from pivident.logs.bags.read_bag import STAMP
-from pivident.recording.clock_alignment import ClockedChannel
+from pivident.logs.clocks.clock_alignment import ClockedChannel
+from pivident.logs.recognition.log_clock import LogClock
 
 
-def clock_lines(clock: Clock, others: Mapping[str, OwnClock]) -> list[Guess]:
+def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumption]:
     """Rate and resampling.
 
     Args:
@@ -23,13 +23,15 @@ def clock_lines(clock: Clock, others: Mapping[str, OwnClock]) -> list[Guess]:
     correct = "In Hz; every speed and acceleration depends on it."
     if clock.by_rate:
         question = None
-        if clock.sure == "guess":
+        if clock.sure == "assumed":
             question = Question("rate", "At what rate was the log taken, in Hz?")
         rate = float(f"{clock.rate:.8g}")
-        lines.append(Guess("recording", "rate", rate, clock.sure, clock.seen, correct, question))
+        lines.append(
+            Assumption("recording", "rate", rate, clock.sure, clock.seen, correct, question)
+        )
     elif others:
         lines.append(
-            Guess(
+            Assumption(
                 "recording", "rate", _common_rate(clock, others.get("tau")), "likely",
                 "new samples are made at the rate of the positions, or of the torques where these "
                 "are slower; without this line they are made at that of the slowest channel "
@@ -41,7 +43,7 @@ def clock_lines(clock: Clock, others: Mapping[str, OwnClock]) -> list[Guess]:
         seen = f"{_listed(others)} by clocks of their own, so that all channels are interpolated"
         if clock.resample:
             seen = f"the clock is irregular ({clock.seen}), so that samples are interpolated"
-        lines.append(Guess("recording", "resample", True, "certain", seen))
+        lines.append(Assumption("recording", "resample", True, "certain", seen))
     return lines
 
 
@@ -59,7 +61,7 @@ def clock_place(column: str, others: Mapping[str, OwnClock], channels: Iterable[
     return {name: others[name].column if name in others else column for name in channels}
 
 
-def _common_rate(clock: Clock, torque: OwnClock | None) -> float:
+def _common_rate(clock: LogClock, torque: OwnClock | None) -> float:
     """The rate of the positions to three digits: new samples need not hit the old ones.
 
     References are smooth, and a spline carries them to any rate; torques are not.

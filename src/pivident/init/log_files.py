@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.audit.clocked_reading import shown
-from pivident.audit.file_columns import read_columns
-from pivident.init.bag_topics import OwnClock, bag_table
-from pivident.init.guess import DraftError
+from pivident.init.assumption import DraftError
+from pivident.logs.bags.bag_table import OwnClock, bag_table
 from pivident.logs.bags.read_bag import is_bag
-from pivident.recording.channel_words import Reading, read_words, words_of
-from pivident.recording.column_series import JOINT, Series, column_series
+from pivident.logs.clocks.common_clock import shown
+from pivident.logs.file_columns import read_columns
+from pivident.logs.recognition.channel_words import Reading, read_words, words_of
+from pivident.logs.recognition.column_series import JOINT, Series, column_series
 
 #: Endings that say nothing about a log.
 ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")

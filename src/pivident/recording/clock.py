@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.recording import timestamps
-from pivident.recording.clock_alignment import (
+from pivident.logs.clocks import timestamps
+from pivident.logs.clocks.clock_alignment import (
     ClockedChannel,
     have_one_clock,
     is_reduced,

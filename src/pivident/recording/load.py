@@ -15,15 +15,15 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
+from pivident.logs.channel_places import ChannelPlace, ColumnSpec, locate
+from pivident.logs.channel_reading import read_channels, stamp_channels
+from pivident.logs.clocks.clock_alignment import ClockedChannel
 from pivident.logs.source_files import SourceFile
+from pivident.logs.torque_scale import torque_scales
+from pivident.logs.units import UnitSpec, check_kind, factor_to_si
 from pivident.recording import checks
-from pivident.recording.channel_reading import read_channels, stamp_channels
 from pivident.recording.clock import Clock, beside_torque, on_one_clock
-from pivident.recording.clock_alignment import ClockedChannel
-from pivident.recording.columns import Channel, ColumnSpec, locate
 from pivident.recording.recording import CHANNELS, Recording
-from pivident.recording.torque_scale import torque_scales
-from pivident.recording.units import UnitSpec, check_kind, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
@@ -65,10 +65,10 @@ def load_recording(
             A ROS 2 bag is a folder, or a file like a ROS 1 bag.
         columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``,
             ``q_link`` (encoders behind the gear) where they were logged, in the notation of
-            `pivident.recording.columns`; known inputs by name under ``inputs``. ``t`` is one
+            `pivident.logs.channel_places`; known inputs by name under ``inputs``. ``t`` is one
             column for all channels, or a table with one for each channel that has a clock of its
             own; channels from a bag have the stamps of their messages without it.
-        units: unit of each channel in the notation of `pivident.recording.units`, one for all
+        units: unit of each channel in the notation of `pivident.logs.units`, one for all
             joints or a list with one per joint; SI where it is not given. Under ``inputs``: unit
             or factor of each input.
         side: ``joint`` or ``motor`` for everything, or by channel; references are on the side of
@@ -190,7 +190,7 @@ def _paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:
     return {"log": Path(files)}
 
 
-def _channels(columns: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str, Channel]:
+def _channels(columns: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str, ChannelPlace]:
     """Where each channel is, the inputs under ``inputs.<name>``."""
     specs = {key: spec for key, spec in columns.items() if key != "inputs"}
     unknown = [key for key in specs if key not in (*CHANNELS, "t")]
@@ -207,7 +207,7 @@ def _channels(columns: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str
     return found | stamp_channels(stamps, found, paths)
 
 
-def _in_use(channels: Mapping[str, Channel], paths: Mapping[str, Path]) -> list[Path]:
+def _in_use(channels: Mapping[str, ChannelPlace], paths: Mapping[str, Path]) -> list[Path]:
     """The files from which something is read."""
     return [paths[key] for key in dict.fromkeys(channel.file for channel in channels.values())]
 

@@ -13,9 +13,10 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
+from pivident.logs.clocks import timestamps
 from pivident.logs.source_files import SourceFile
+from pivident.logs.torque_scale import TorqueScale, scale_sentences
 from pivident.recording import checks
-from pivident.recording.torque_scale import TorqueScale, scale_sentences
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
 from pivident.text.printable import is_printable
@@ -77,7 +78,7 @@ class Recording:
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
-        RecordingTooShort: fewer than `checks.MINIMUM_SAMPLES` samples.
+        RecordingTooShort: fewer than 16 samples.
         NonFiniteSamples: a channel holds NaN or infinite values.
         ConstantChannel: a position or torque never changes, and `allow_constant` is false.
         SaturatedSignal: a torque is cut off for more than `checks.TOLERATED_CLIPPING` of the
@@ -131,7 +132,7 @@ class Recording:
             )
         for channel, values in self.channels().items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
-        checks.check_length(self.samples)
+        timestamps.check_length(self.samples)
         for channel, values in self.channels().items():
             checks.check_finite(channel, values, self.joint_names)
         if not self.allow_constant:
@@ -142,8 +143,8 @@ class Recording:
 
     def _check_options(self) -> None:
         """Refuse rates, times and choices that mean nothing."""
-        checks.check_positive("rate", self.rate)
-        checks.check_positive("control_rate", self.control_rate)
+        timestamps.check_positive("rate", self.rate)
+        timestamps.check_positive("control_rate", self.control_rate)
         for name in ("delay", "drive_delay", "start_time"):
             if not np.isfinite(getattr(self, name)):
                 raise RecordingError(f"{name} is {getattr(self, name)!r} s; a number is needed")

@@ -15,7 +15,7 @@ import numpy as np
 from pivident.errors import RecordingError, UnknownColumn
 from pivident.logs.bags.joint_topics import TopicTable
 from pivident.logs.bags.read_bag import RECEIVED, STAMP, Bag
-from pivident.recording.clock_alignment import ClockedChannel, in_order, onto_sparsest
+from pivident.logs.clocks.clock_alignment import ClockedChannel, in_order, onto_sparsest
 from pivident.robot.naming import near_names
 
 #: What the fields of messages hold, by the channel that a robot's record has for it.

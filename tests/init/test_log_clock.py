@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.init.clock_guess import read_clock, speed_rate
+from pivident.logs.recognition.log_clock import read_clock, speed_rate
 
 T = np.arange(2000) / 250.0
 Q = np.sin(T)
@@ -30,7 +30,7 @@ def test_unit_and_rate_follow_from_name_and_values(name, stamps, unit):
 
 def test_stamps_that_repeat_leave_their_rate_only():
     clock = read_clock({"time": np.floor(T * 100) / 100, "q": Q}, None, None)
-    assert clock.column is None and clock.by_rate and clock.sure == "guess"
+    assert clock.column is None and clock.by_rate and clock.sure == "assumed"
     assert abs(clock.rate - 250.0) < 1.0
 
 
@@ -51,7 +51,7 @@ def test_logged_speeds_tell_a_rate_that_nobody_logged():
     rate = speed_rate(Q[:, None], np.cos(T)[:, None])
     assert rate is not None and abs(rate - 250.0) < 1.0
     assert read_clock({"q": Q}, rate, None).sure == "likely"
-    assert read_clock({"q": Q}, None, None).sure == "guess"
+    assert read_clock({"q": Q}, None, None).sure == "assumed"
     assert read_clock({"q": Q}, None, 400.0).rate == 400.0
     # Unknown units of stamps, too: steps of 4 are ms.
     assert read_clock({"time": 1e3 * T, "q": Q}, rate, None).unit == "ms"

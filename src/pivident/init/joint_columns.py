@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.init.bag_topics import OwnClock
-from pivident.init.guess import DraftError, Sureness
+from pivident.init.assumption import DraftError, Sureness
 from pivident.init.log_files import LogFile, Run
-from pivident.recording.column_series import JOINT, Series
+from pivident.logs.bags.bag_table import OwnClock
+from pivident.logs.recognition.column_series import JOINT, Series
 from pivident.robot.naming import nearest
 
 #: Share of samples with one and the same value from which on a torque is no signal.
@@ -22,7 +22,7 @@ STILL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Channel:
+class ChannelColumns:
     """One channel as the log has it.
 
     Attributes:
@@ -62,7 +62,7 @@ class JointMap:
         seen: what it follows from.
     """
 
-    channels: dict[str, Channel]
+    channels: dict[str, ChannelColumns]
     sure: Sureness
     seen: str
 
@@ -176,7 +176,7 @@ def _joints_of(series: Series, joint_names: Sequence[str]) -> tuple[dict[str, st
             pairs = {own[k]: numbered[int(k) - 1] for k in own}
             return (
                 pairs,
-                "guess",
+                "assumed",
                 f"numbers {', '.join(numbers)} taken as those of the joints' names",
             )
     if len(numbers) < len(joint_names):
@@ -185,13 +185,13 @@ def _joints_of(series: Series, joint_names: Sequence[str]) -> tuple[dict[str, st
             f"{len(numbers)} numbered columns for {len(joint_names)} joints: taken for the first "
             "ones from the base on"
         )
-        return pairs, "guess", seen
+        return pairs, "assumed", seen
     pairs = dict(zip(numbers, joint_names, strict=False))
     seen = (
         f"{len(numbers)} numbered columns for {len(joint_names)} joints: the first "
         f"{len(joint_names)} are taken"
     )
-    return pairs, "guess", seen
+    return pairs, "assumed", seen
 
 
 def _by_number(joint_names: Sequence[str]) -> list[tuple[int, list[str]]]:
@@ -211,7 +211,7 @@ def _channel(
     joints: Mapping[str, str],
     keys: Sequence[str],
     joint_names: Sequence[str],
-) -> Channel:
+) -> ChannelColumns:
     """The best series of a channel with its columns by joint.
 
     Other series count from another first number than the positions do now and then; as many
@@ -231,7 +231,9 @@ def _channel(
         columns = {}
     others = tuple(next(iter(s.columns.values())) for _, s in ranked[1:])
     columns = {joint: columns[joint] for joint in joint_names if joint in columns}
-    return Channel(name, file, columns, series.reading.unit, series.channel == "current", others)
+    return ChannelColumns(
+        name, file, columns, series.reading.unit, series.channel == "current", others
+    )
 
 
 def _not_found(what: str, run: Run) -> str:

@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.audit.clocked_reading import bag_log, shown
-from pivident.audit.column_names import guess_channels
-from pivident.audit.described_reading import described_log
-from pivident.audit.file_columns import clocks_in, read_columns
-from pivident.audit.log import Log
 from pivident.errors import RecordingError
 from pivident.logs.bags.read_bag import is_bag
+from pivident.logs.clocks.common_clock import bag_log, shown
+from pivident.logs.described_log import described_log
+from pivident.logs.file_columns import clocks_in, read_columns
+from pivident.logs.log import Log
+from pivident.logs.recognition.column_names import guess_channels
 from pivident.logs.source_files import SourceFile
 from pivident.recording import public_records
 from pivident.robot.description import Robot

@@ -16,7 +16,7 @@ import math
 from collections.abc import Mapping
 
 from pivident.errors import RecordingError
-from pivident.recording.torque_scale import BASES
+from pivident.logs.torque_scale import BASES, EARLIER
 from pivident.robot.naming import nearest
 
 #: What a user may write for the unit of one channel of one joint.
@@ -107,7 +107,7 @@ def _scaled(channel: str, spec: dict[str, str | float]) -> tuple[float, bool]:
 
 def _check_scale(basis: object) -> None:
     """Refuse what a scale cannot rest on."""
-    if basis not in BASES:
+    if basis not in (*BASES, *EARLIER):
         raise RecordingError(
             f"scale of tau is {basis!r}; it is {' or '.join(map(repr, BASES))} where a gain is "
             "assumed, and left out where somebody knows it"

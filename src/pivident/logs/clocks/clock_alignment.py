@@ -19,9 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import ClocksDisagree, GapInClock, RecordingError
-from pivident.recording import timestamps
-from pivident.recording.checks import check_positive
-from pivident.recording.gaps import GAP, bridged_interval, stretches_of
+from pivident.logs.clocks import timestamps
+from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches_of
 
 #: A channel that is faster than the grid by this factor is low-passed before it is reduced.
 REDUCED = 1.1
@@ -146,7 +145,7 @@ def onto_one_clock(
     _check_gaps(channels, start, stop)
     if rate is None:
         rate = min(channel.rate for channel in channels)
-    check_positive("rate to resample to", rate)
+    timestamps.check_positive("rate to resample to", rate)
     rate = timestamps.round_rate(float(rate))
     samples = int(np.floor((stop - start) * rate + 5e-7)) + 1
     most = timestamps.MAX_NEW_SAMPLES * max(len(channel.t) for channel in channels)

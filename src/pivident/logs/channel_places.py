@@ -34,7 +34,7 @@ _RANGE = re.compile(r"(-?\d+)?:(-?\d+)?")
 
 
 @dataclass(frozen=True)
-class Channel:
+class ChannelPlace:
     """Where the numbers of one channel are.
 
     Attributes:
@@ -50,7 +50,7 @@ class Channel:
     per_joint: bool
 
 
-def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> Channel:
+def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
     """Settle which file a channel comes from.
 
     Args:
@@ -85,7 +85,7 @@ def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> Channel:
             f"the file of {name} {given}; write {{file = …, columns = …}} with one of "
             f"{', '.join(files)}"
         )
-    return Channel(name, str(file), tuple(str(entry) for entry in entries), per_joint)
+    return ChannelPlace(name, str(file), tuple(str(entry) for entry in entries), per_joint)
 
 
 def array_of(column: str, known: Sequence[str], path: Path) -> str:
@@ -104,7 +104,7 @@ def array_of(column: str, known: Sequence[str], path: Path) -> str:
 
 
 def assemble(
-    channel: Channel,
+    channel: ChannelPlace,
     table: Mapping[str, np.ndarray],
     joints: int | None,
     samples_axis: int | None = None,
@@ -145,7 +145,7 @@ def assemble(
     return together
 
 
-def _part(channel: Channel, column: str, table: Mapping[str, np.ndarray]) -> np.ndarray:
+def _part(channel: ChannelPlace, column: str, table: Mapping[str, np.ndarray]) -> np.ndarray:
     """A whole array, or the part of it that the brackets select."""
     if column in table:
         return np.asarray(table[column], dtype=float)
@@ -172,7 +172,7 @@ def _axis(text: str) -> int | slice:
     return slice(*(None if end is None else int(end) for end in ends.groups()))
 
 
-def _vector(channel: Channel, column: str, table: Mapping[str, np.ndarray]) -> np.ndarray:
+def _vector(channel: ChannelPlace, column: str, table: Mapping[str, np.ndarray]) -> np.ndarray:
     """One joint's samples from an array (samples,), (samples, 1) or (1, samples)."""
     array = _part(channel, column, table)
     if array.size != max(array.shape, default=0):
@@ -184,7 +184,7 @@ def _vector(channel: Channel, column: str, table: Mapping[str, np.ndarray]) -> n
 
 
 def _oriented(
-    channel: Channel,
+    channel: ChannelPlace,
     array: np.ndarray,
     joints: int | None,
     samples_axis: int | None,
@@ -225,7 +225,7 @@ def _one_for_each(joint_names: Sequence[str], columns: int) -> str:
     return advice
 
 
-def _samples_axis(channel: Channel, shape: tuple[int, ...], joints: int | None) -> int:
+def _samples_axis(channel: ChannelPlace, shape: tuple[int, ...], joints: int | None) -> int:
     """The axis that is not as long as there are joints; the longer one where both are open."""
     fits = [axis for axis in (0, 1) if joints is None or shape[1 - axis] == joints]
     if joints is None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pivident.errors import RecordingError
 from pivident.logs.source_files import SourceFile
-from pivident.recording.torque_scale import TorqueScale
+from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 
 #: Channels with one column per joint that an audit knows.

@@ -2,7 +2,7 @@
 
 The vocabulary of all that reads names of columns stands here. Plain words are trusted in the name
 of a single column, as an audit or a check of an experiment file meets it; the others only where
-`pivident.recording.column_series` has found columns that differ in the joint alone.
+`pivident.logs.recognition.column_series` has found columns that differ in the joint alone.
 """
 
 from __future__ import annotations

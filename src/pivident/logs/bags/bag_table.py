@@ -15,9 +15,9 @@ from pivident.errors import PividentError
 from pivident.logs.bags.bag_channels import bag_channel
 from pivident.logs.bags.joint_topics import TopicTable
 from pivident.logs.bags.read_bag import RECEIVED, STAMP, Bag, open_bag
-from pivident.recording.clock_alignment import ONE_CLOCK, ClockedChannel, resampled
-from pivident.recording.column_series import Series, column_series
-from pivident.recording.gaps import bridged_interval
+from pivident.logs.clocks.clock_alignment import ONE_CLOCK, ClockedChannel, resampled
+from pivident.logs.clocks.gaps import bridged_interval
+from pivident.logs.recognition.column_series import Series, column_series
 
 #: What is looked for in other topics, and what each stands for beside the positions.
 KINDS = {

@@ -13,20 +13,20 @@ from typing import Any
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.errors import FileFormatError, GapInClock
 from pivident.logs.bags.bag_channels import bag_channel, joint_fields
 from pivident.logs.bags.joint_topics import TopicTable
 from pivident.logs.bags.read_bag import Bag, open_bag
-from pivident.logs.source_files import SourceFile
-from pivident.recording.channel_reading import read_channels
-from pivident.recording.clock_alignment import (
+from pivident.logs.channel_places import ChannelPlace
+from pivident.logs.channel_reading import read_channels
+from pivident.logs.clocks.clock_alignment import (
     ClockedChannel,
     have_one_clock,
     onto_one_clock,
 )
-from pivident.recording.columns import Channel
-from pivident.recording.units import factor_to_si
+from pivident.logs.log import Log
+from pivident.logs.source_files import SourceFile
+from pivident.logs.units import factor_to_si
 from pivident.robot.description import Robot
 from pivident.text.printable import escaped
 
@@ -76,7 +76,7 @@ def bag_log(path: Path, robot: Robot | None = None) -> Log:
 
 
 def aligned_channels(
-    places: Mapping[str, Channel],
+    places: Mapping[str, ChannelPlace],
     paths: Mapping[str, Path],
     joint_names: Sequence[str],
     samples_axis: int | None,

@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.audit.column_names import is_clock
 from pivident.errors import BadCell, FileFormatError
+from pivident.logs.clocks.timestamps import LIKELY_RATES, LOWEST_RATE
+from pivident.logs.recognition.column_names import is_clock
 from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import names_in, read_table
-from pivident.recording.timestamps import LIKELY_RATES, LOWEST_RATE
-from pivident.recording.units import TIME
+from pivident.logs.units import TIME
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.init.guess import Sureness
-from pivident.recording.channel_words import TIME_UNITS, TIME_WORDS, words_of
-from pivident.recording.gaps import bridged_interval
-from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, round_rate
-from pivident.recording.units import TIME
+from pivident.logs.clocks.gaps import bridged_interval
+from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, LIKELY_RATES, round_rate
+from pivident.logs.recognition.channel_words import TIME_UNITS, TIME_WORDS, words_of
+from pivident.logs.recognition.sureness import Sureness
+from pivident.logs.units import TIME
 
 #: Time of day since 1970 [s], from 1985 to 2128.
 EPOCH = (5e8, 5e9)
@@ -23,7 +23,7 @@ COARSE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
-class Clock:
+class LogClock:
     """What is known about time.
 
     Attributes:
@@ -48,7 +48,7 @@ class Clock:
     seconds: np.ndarray
 
 
-def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> Clock:
+def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> LogClock:
     """Find the clock of a table.
 
     Args:
@@ -73,12 +73,14 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
             f"{repeats} of {samples} stamps in column {column!r} ({why}) repeat the one before or "
             f"go backward, so that only the rate is taken from them: {rate:.6g} Hz"
         )
-        return Clock(None, unit, rate, "guess", seen, False, True, np.arange(samples) / rate)
+        return LogClock(None, unit, rate, "assumed", seen, False, True, np.arange(samples) / rate)
     period = float(np.median(steps))
     worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
     jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
     seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"
-    return Clock(column, unit, rate, sure, seen, worst > JITTER_TOLERANCE, False, seconds + start)
+    return LogClock(
+        column, unit, rate, sure, seen, worst > JITTER_TOLERANCE, False, seconds + start
+    )
 
 
 def stamp_unit(
@@ -108,10 +110,10 @@ def stamp_unit(
         if abs(np.log(hint * period * TIME[near])) < 0.2:
             return near, f"steps of {period:.4g} fit the logged speeds as {near}", "certain"
     if likely:
-        sure: Sureness = "likely" if likely[0] == "s" or len(likely) == 1 else "guess"
+        sure: Sureness = "likely" if likely[0] == "s" or len(likely) == 1 else "assumed"
         rate = 1.0 / (period * TIME[likely[0]])
         return likely[0], f"steps of {period:.4g} are {rate:.4g} Hz as {likely[0]}", sure
-    return "s", f"steps of {period:.4g} make a likely rate in no unit", "guess"
+    return "s", f"steps of {period:.4g} make a likely rate in no unit", "assumed"
 
 
 def speed_rate(q: np.ndarray, dq: np.ndarray) -> float | None:
@@ -154,7 +156,7 @@ def _roughness(stamps: np.ndarray) -> tuple[float, float]:
 
 def _without(
     columns: dict[str, np.ndarray], samples: int, hint: float | None, given: float | None
-) -> Clock:
+) -> LogClock:
     """The rate of a log without time column."""
     pair = _seconds_and_rest(columns)
     sure: Sureness
@@ -167,9 +169,9 @@ def _without(
         rate, sure = float(f"{hint:.3g}"), "likely"
         seen = f"there is no time column; logged speeds fit the positions at {rate:.4g} Hz"
     else:
-        rate, sure = 1000.0, "guess"
+        rate, sure = 1000.0, "assumed"
         seen = "there is no time column, and nothing in the log tells the rate"
-    return Clock(None, "s", rate, sure, seen, False, True, np.arange(samples) / rate)
+    return LogClock(None, "s", rate, sure, seen, False, True, np.arange(samples) / rate)
 
 
 def _seconds_and_rest(columns: dict[str, np.ndarray]) -> tuple[str, float] | None:

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.errors import IrregularSampling, MissingSamples, RecordingError
-from pivident.recording.checks import check_length, check_positive
-from pivident.recording.gaps import GAP, bridged_interval, stretches
-from pivident.recording.units import TIME
+from pivident.errors import (
+    IrregularSampling,
+    MissingSamples,
+    RecordingError,
+    RecordingTooShort,
+)
+from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
+from pivident.logs.units import TIME
+
+#: Fewest samples that can be differentiated twice and still leave something to fit.
+MIN_SAMPLES = 16
 
 #: Largest deviation of one interval from the median interval, relative.
 JITTER_TOLERANCE = 0.1
 
 #: Largest disagreement between a given rate and the one of the stamps, relative.
 RATE_TOLERANCE = 0.01
-
 
 #: Rates below this are no robot's log but stamps in another unit [Hz].
 LOWEST_RATE = 5.0
@@ -24,6 +30,26 @@ LIKELY_RATES = (20.0, 20e3)
 
 #: Most samples of a uniform grid for each sample that was logged.
 MAX_NEW_SAMPLES = 100
+
+
+def check_length(samples: int) -> None:
+    """Refuse a recording of fewer than `MIN_SAMPLES` samples.
+
+    Raises:
+        RecordingTooShort: with the number of samples.
+    """
+    if samples < MIN_SAMPLES:
+        raise RecordingTooShort(samples, MIN_SAMPLES)
+
+
+def check_positive(name: str, value: float) -> None:
+    """Refuse a rate that is not a positive, finite number.
+
+    Raises:
+        RecordingError: names the quantity and the value.
+    """
+    if not (np.isfinite(value) and value > 0):
+        raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
 
 
 def check_seconds(t: np.ndarray) -> None:

@@ -12,14 +12,14 @@ import numpy as np
 from pivident.errors import RecordingError
 from pivident.logs.bags.bag_channels import bag_channel
 from pivident.logs.bags.read_bag import is_bag, open_bag
+from pivident.logs.channel_places import ChannelPlace, array_of, assemble, locate
+from pivident.logs.clocks.clock_alignment import ClockedChannel
 from pivident.logs.tables.tables import names_in, read_table
-from pivident.recording.clock_alignment import ClockedChannel
-from pivident.recording.columns import Channel, array_of, assemble, locate
 
 
 def stamp_channels(
-    spec: Any, channels: Mapping[str, Channel], paths: Mapping[str, Path]
-) -> dict[str, Channel]:
+    spec: Any, channels: Mapping[str, ChannelPlace], paths: Mapping[str, Path]
+) -> dict[str, ChannelPlace]:
     """The columns of time stamps: one as ``t``, or one for each channel as ``t.<channel>``.
 
     Args:
@@ -63,7 +63,7 @@ def stamp_channels(
 
 
 def read_channels(
-    channels: Mapping[str, Channel],
+    channels: Mapping[str, ChannelPlace],
     paths: Mapping[str, Path],
     joints: int | None,
     samples_axis: int | None,
@@ -122,7 +122,7 @@ def read_channels(
 
 
 def _from_bag(
-    channels: Sequence[Channel], path: Path, joint_names: Sequence[str]
+    channels: Sequence[ChannelPlace], path: Path, joint_names: Sequence[str]
 ) -> dict[str, ClockedChannel]:
     """Channels from a bag, with the stamps of their messages."""
     bag = open_bag(path)

@@ -10,7 +10,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from pivident.recording.channel_words import Reading, read_words, without_unit, words_of
+from pivident.logs.recognition.channel_words import Reading, read_words, without_unit, words_of
 
 #: What stands for the joint in the words of a series.
 JOINT = "{}"

@@ -18,14 +18,14 @@ import numpy as np
 from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.power import check_power
 from pivident.audit.scale import check_positions, check_scale
 from pivident.audit.timing import check_timing
 from pivident.errors import PividentError
-from pivident.init.guess import Question, Sureness
-from pivident.recording.torque_scale import GUESSED, MASSES
-from pivident.recording.units import COMMAND, TORQUE
+from pivident.init.assumption import Question, Sureness
+from pivident.logs.log import Log
+from pivident.logs.torque_scale import ASSUMED, MASSES
+from pivident.logs.units import COMMAND, TORQUE
 from pivident.robot.description import Robot
 from pivident.text.numbers import plus_minus
 
@@ -228,8 +228,8 @@ def torque_unit(
             seen += f" ({found.trouble})"
         correct = 'Name the unit: "N m", "N" for sliding joints, or {unit = "A", gain = …}.'
         question = Question("unit of tau", "In what unit are the torques?", ANSWERS)
-        value = {"unit": "N m", "scale": GUESSED}
-        return TorqueUnit(value, "guess", seen, correct, question=question)
+        value = {"unit": "N m", "scale": ASSUMED}
+        return TorqueUnit(value, "assumed", seen, correct, question=question)
     return _command(
         robot, found, "command", "the scale of the torque is not that of the robot's masses"
     )
@@ -271,21 +271,21 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
     if given is not None and np.all(given):
         seen = f"{reason}; the robot's description has drive gains"
         return TorqueUnit(unit, "likely", seen, "They are under drive_gain of [robot].", True)
-    gains, guessed = gains_of(robot, found, COMMAND[unit])
+    gains, assumed = gains_of(robot, found, COMMAND[unit])
     value = [
-        {"unit": unit, "gain": float(f"{gain:.4g}"), "scale": GUESSED if j in guessed else MASSES}
+        {"unit": unit, "gain": float(f"{gain:.4g}"), "scale": ASSUMED if j in assumed else MASSES}
         for j, gain in enumerate(gains)
     ]
     if not np.isfinite(found.factors).any():
         seen = f"{reason}, and no description tells N m per unit: all torques and parameters are "
         seen += f"in units of {unit} until gains are set"
         correct = "Set gain = N m per unit for each joint, on the joint side, and leave scale out."
-        return TorqueUnit(value, "guess", seen, correct)
+        return TorqueUnit(value, "assumed", seen, correct)
     seen = f"{reason}; N m per unit follow from the masses of the robot's description, whose own "
     seen += "errors come on top"
     texts = []
     for j, joint in enumerate(robot.joints):
-        if j in guessed:
+        if j in assumed:
             texts.append(f"{joint.name} unknown, taken from the others")
         else:
             spread = 2.0 * found.deviations[j] / abs(found.factors[j])
@@ -301,7 +301,7 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
     question = None
     if unit == "command":
         question = Question("unit of tau", "In what unit are the torques?", ANSWERS)
-    return TorqueUnit(value, "guess", seen, correct, question=question)
+    return TorqueUnit(value, "assumed", seen, correct, question=question)
 
 
 def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, list[int]]:
@@ -316,11 +316,11 @@ def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, 
     """
     gains = 1.0 / (found.factors * unit)
     known = np.isfinite(gains)
-    guessed = [j for j in range(robot.size) if not known[j]]
-    for j in guessed:
+    assumed = [j for j in range(robot.size) if not known[j]]
+    for j in assumed:
         magnitude = _typical_gain(robot, np.where(known, np.abs(gains), np.nan), j, 1.0 / unit)
         gains[j] = -magnitude if j in found.reversed else magnitude
-    return gains, guessed
+    return gains, assumed
 
 
 def _typical_gain(robot: Robot, gains: np.ndarray, j: int, default: float) -> float:

@@ -11,17 +11,17 @@ from typing import Any
 
 import numpy as np
 
-from pivident.audit.clocked_reading import aligned_channels, shown
-from pivident.audit.column_names import is_clock
-from pivident.audit.file_columns import clocks_in, numeric_columns, numeric_table
-from pivident.audit.log import CHANNELS, Log
 from pivident.errors import RecordingError
 from pivident.logs.bags.read_bag import is_bag
+from pivident.logs.channel_places import ChannelPlace, array_of, assemble, locate
+from pivident.logs.channel_reading import stamp_channels
+from pivident.logs.clocks.common_clock import aligned_channels, shown
+from pivident.logs.file_columns import clocks_in, numeric_columns, numeric_table
+from pivident.logs.log import CHANNELS, Log
+from pivident.logs.recognition.column_names import is_clock
 from pivident.logs.source_files import SourceFile
-from pivident.recording.channel_reading import stamp_channels
-from pivident.recording.columns import Channel, array_of, assemble, locate
-from pivident.recording.torque_scale import torque_scales
-from pivident.recording.units import factor_to_si
+from pivident.logs.torque_scale import torque_scales
+from pivident.logs.units import factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
 
@@ -123,8 +123,8 @@ def described_log(
 
 def _on_common_rows(
     paths: Mapping[str, Path],
-    places: Mapping[str, Channel],
-    clock_place: Channel | None,
+    places: Mapping[str, ChannelPlace],
+    clock_place: ChannelPlace | None,
     joint_names: Sequence[str] | None,
     samples_axis: int | None,
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.init.guess import Sureness
-from pivident.recording.units import POSITION, SPEED
+from pivident.logs.recognition.sureness import Sureness
+from pivident.logs.units import POSITION, SPEED
 from pivident.robot.description import Robot
 
 #: How far beyond its limits a joint may be logged, in spans of its limits.
@@ -31,7 +31,7 @@ FOLLOWS = 0.9
 
 
 @dataclass(frozen=True)
-class UnitGuess:
+class AssumedUnits:
     """Unit of each joint of a channel.
 
     Attributes:
@@ -54,7 +54,9 @@ class UnitGuess:
         return np.array([table[unit] for unit in self.units])
 
 
-def position_unit(robot: Robot, q: np.ndarray, named: str | None, answer: str | None) -> UnitGuess:
+def position_unit(
+    robot: Robot, q: np.ndarray, named: str | None, answer: str | None
+) -> AssumedUnits:
     """Unit of the logged positions.
 
     Args:
@@ -83,7 +85,7 @@ def position_unit(robot: Robot, q: np.ndarray, named: str | None, answer: str | 
     units = tuple(slide if j in sliding else unit for j in range(robot.size))
     if sliding and turning:
         seen += f"; sliding joints in {slide}, by their {'names' if by_name else 'limits'}"
-    return UnitGuess(units, sure, seen)  # type: ignore[arg-type]
+    return AssumedUnits(units, sure, seen)  # type: ignore[arg-type]
 
 
 def _angle(robot: Robot, q: np.ndarray, turning: Sequence[int]) -> tuple[str, str, str]:
@@ -100,10 +102,14 @@ def _angle(robot: Robot, q: np.ndarray, turning: Sequence[int]) -> tuple[str, st
     other = "deg" if unit == "rad" else "rad"
     moved = float((np.nanmax(logged, axis=0) - np.nanmin(logged, axis=0)).max()) * POSITION[unit]
     if outside[unit] > 0:
-        return unit, "guess", f"{text}: beyond the limits in either unit, least so as {unit}"
+        return unit, "assumed", f"{text}: beyond the limits in either unit, least so as {unit}"
     if outside[other] > 0 or (unit == "deg" and high - low > 20.0):
         return unit, "certain" if known else "likely", f"{text}: too far for {other}"
-    return unit, "likely" if moved > SPEAKING else "guess", f"{text}: as {other} hardly any motion"
+    return (
+        unit,
+        "likely" if moved > SPEAKING else "assumed",
+        f"{text}: as {other} hardly any motion",
+    )
 
 
 def _best(

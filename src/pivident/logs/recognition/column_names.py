@@ -7,14 +7,14 @@ from collections.abc import Mapping, Sequence, Sized
 
 import numpy as np
 
-from pivident.recording.channel_words import (
+from pivident.logs.recognition.channel_words import (
     PLAIN_FILLING,
     PLAIN_MEASURED,
     PLAIN_QUANTITIES,
     PLAIN_REFERENCE,
     TIME_WORDS,
 )
-from pivident.recording.column_series import column_series
+from pivident.logs.recognition.column_series import column_series
 
 #: Words that name a channel; a current stands for a torque.
 WORDS = {
@@ -120,9 +120,9 @@ def _by_words(
     """Channels from the words of single names."""
     families: dict[str, dict[str, dict[str, str]]] = {}
     for name in names:
-        guess = channel_of(name)
-        if guess is not None:
-            kind, joint = guess
+        assumption = channel_of(name)
+        if assumption is not None:
+            kind, joint = assumption
             family = "" if joint_names else " ".join(re.findall(r"[a-z]+", joint))
             families.setdefault(family, {}).setdefault(kind, {}).setdefault(joint, name)
     # Several sets of positions: the one that has torques too is the arm.

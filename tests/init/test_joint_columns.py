@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.init.channel_guess import joint_map
+from pivident.init.joint_columns import joint_map
 from pivident.init.log_files import LogFile, Run
-from pivident.recording.column_series import column_series
+from pivident.logs.recognition.column_series import column_series
 
 
 def mapped(names, joints):

@@ -1,15 +1,12 @@
-"""One guess: what stands in the file, how sure it is, what was seen, how to correct it."""
+"""One assumption: what stands in the file, how sure it is, what was seen, how to correct it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 from pivident.errors import PividentError
-
-#: ``certain``: the log or the robot says so. ``likely``: all that was seen agrees. ``guess``:
-#: something else is possible.
-Sureness = Literal["certain", "likely", "guess"]
+from pivident.logs.recognition.sureness import Sureness
 
 
 class DraftError(PividentError):
@@ -32,7 +29,7 @@ class Question:
 
 
 @dataclass(frozen=True)
-class Guess:
+class Assumption:
     """A line of the experiment file.
 
     Attributes:
