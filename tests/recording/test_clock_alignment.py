@@ -7,7 +7,7 @@ import pytest
 from tests.bags import EPOCH, MIDNIGHT, joint_states, typestore, write_bag
 from tests.planar_log import RATE, planar_log, planar_truth
 
-from pivident.audit.audit import audit_file
+from pivident.audit.audit_file import audit_file
 from pivident.errors import ClocksDisagree, GapInClock, RecordingError
 from pivident.estimation.problem import Problem
 from pivident.logs.clocks.clock_alignment import ClockedChannel, onto_one_clock

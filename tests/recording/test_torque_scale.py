@@ -9,7 +9,7 @@ from pivident.errors import RecordingError
 from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
 from pivident.experiment import load_experiment
-from pivident.logs.bare_log import entry_log
+from pivident.experiment.recording_tables import log_of
 from pivident.logs.torque_scale import TorqueScale, scale_sentences, torque_scales
 from pivident.logs.units import factor_to_si
 from pivident.report.builder import render_report
@@ -88,6 +88,6 @@ def test_an_audit_does_not_take_an_assumed_scale_for_confirmed(tmp_path):
     for tau, count in ((MASSES, 1), ('"N m"', 0)):
         experiment = experiment_with(tmp_path, tau)
         (entry,) = experiment.content.recording
-        audit = audit_log(entry_log(entry, experiment.robot, tmp_path))
+        audit = audit_log(log_of(entry, experiment.robot, tmp_path))
         assumed = [f for f in audit.of("scale") if f.kind == "assumed"]
         assert [f.severity for f in assumed] == ["look"] * count

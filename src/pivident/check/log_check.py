@@ -31,9 +31,8 @@ from pivident.errors import (
     PividentError,
     SaturatedSignal,
 )
-from pivident.experiment.recording_tables import recording_of
+from pivident.experiment.recording_tables import log_of, recording_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
-from pivident.logs.bare_log import entry_log
 from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.logs.file_columns import read_columns
 from pivident.logs.log import Log
@@ -105,7 +104,7 @@ def check_log(
         remarks += check_columns(columns, units, robot, place)
     recordings, failure = _recordings(entry, robot, folder)
     try:
-        log = entry_log(entry, robot, folder)
+        log = log_of(entry, robot, folder)
     except PividentError as error:
         remarks.append(of_error(failure or error, "recording", place, content))
         return LogCheck(tuple(remarks), recordings)

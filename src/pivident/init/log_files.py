@@ -11,10 +11,10 @@ import numpy as np
 from pivident.init.assumption import DraftError
 from pivident.logs.bags.bag_table import OwnClock, bag_table
 from pivident.logs.bags.read_bag import is_bag
-from pivident.logs.clocks.common_clock import shown
 from pivident.logs.file_columns import read_columns
 from pivident.logs.recognition.channel_words import Reading, read_words, words_of
 from pivident.logs.recognition.column_series import JOINT, Series, column_series
+from pivident.logs.source_files import printable_name
 
 #: Endings that say nothing about a log.
 ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
@@ -45,7 +45,7 @@ class LogFile:
     @property
     def shown(self) -> str:
         """Its name as it can be printed."""
-        return shown(self.path)
+        return printable_name(self.path)
 
 
 @dataclass(frozen=True, eq=False)

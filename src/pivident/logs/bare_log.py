@@ -1,35 +1,31 @@
-"""Logs of an audit: a bare file, a table of an experiment file, or a public record."""
+"""Logs of which nothing is known but the names of their columns, or the types of their messages."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident.errors import RecordingError
-from pivident.logs.bags.read_bag import is_bag
-from pivident.logs.clocks.common_clock import bag_log, shown
+from pivident.errors import FileFormatError
+from pivident.logs.bags.bag_channels import joint_fields
+from pivident.logs.bags.joint_topics import TopicTable
+from pivident.logs.bags.read_bag import Bag, is_bag, open_bag
 from pivident.logs.described_log import described_log
-from pivident.logs.file_columns import clocks_in, read_columns
+from pivident.logs.file_columns import read_columns
 from pivident.logs.log import Log
 from pivident.logs.recognition.column_names import guess_channels
-from pivident.logs.source_files import SourceFile
-from pivident.recording import public_records
+from pivident.logs.recognition.time_columns import clocks_in, is_clock
+from pivident.logs.source_files import SourceFile, printable_name
 from pivident.robot.description import Robot
+from pivident.text.printable import escaped
 
-if TYPE_CHECKING:
-    from pivident.experiment.schema import RecordingEntry
-
-#: Public records: key of the file in its data set, and how it is to be read.
-PUBLIC: dict[tuple[str, str], tuple[tuple[str, ...], dict[str, Any]]] = {
-    ("staubli_tx40", "all"): (("q", "tau"), public_records.STAUBLI_TX40),
-    ("emps", "estimation"): (("estimation",), public_records.EMPS),
-    ("emps", "pulses"): (("pulses",), public_records.EMPS_PULSES),
-    ("kuka_kr300", "A"): (("A",), public_records.KUKA_KR300),
-    ("kuka_kr300", "B"): (("B",), public_records.KUKA_KR300),
-}
+#: What a bare log is taken for.
+TAKEN = (
+    "Columns were told from {source} ({taken}) and taken for rad, N m and the joint side; an "
+    "experiment file says it with certainty."
+)
 
 
 def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
@@ -39,27 +35,28 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         path: .csv, .txt, .tsv (also gzipped), .npz, .mat, .parquet, or a bag.
         robot: the robot, where it is known.
 
+    Returns:
+        The log, judged by nobody yet.
+
     Raises:
-        FileFormatError: the file cannot be read at all.
+        FileFormatError: the file cannot be read at all, or a bag has no topic with positions and
+            torques of these joints.
     """
     path = Path(path)
     if is_bag(path):
-        return bag_log(path, robot)
+        return _bag_log(path, robot)
     columns = read_columns(path)
-    clocks, unit, notes = clocks_in(columns, None)
+    clocks, unit, notes = clocks_in({n: v for n, v in columns.items() if is_clock(n, v)}, None)
     names, joints = guess_channels(
         [n for n in columns if n not in clocks], robot.joint_names if robot else ()
     )
     logged = {kind: np.column_stack([columns[n] for n in own]) for kind, own in names.items()}
     if logged:
         taken = "; ".join(f"{kind} = {', '.join(own)}" for kind, own in names.items())
-        notes.append(
-            f"Columns were told from their names ({taken}) and taken for rad, N m and the joint "
-            "side; an experiment file says it with certainty."
-        )
+        notes.append(TAKEN.format(source="their names", taken=taken))
     claimed = {n for own in names.values() for n in own}
     return Log(
-        shown(path),
+        printable_name(path),
         tuple(joints),
         {n: v for n, v in columns.items() if n not in claimed},
         clocks,
@@ -72,78 +69,58 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
     )
 
 
-def entry_log(
-    entry: RecordingEntry, robot: Robot | None, folder: Path, log: Path | None = None
-) -> Log:
-    """The log of one table ``[recording]`` of an experiment file.
-
-    Args:
-        entry: the table.
-        robot: the robot.
-        folder: what paths are relative to.
-        log: another file with the same columns, instead of the table's.
-
-    Raises:
-        RecordingError: the log cannot be read.
-        DatasetUnavailable: a public record is not here and cannot be fetched.
-    """
-    adjusted = {
-        key: getattr(entry, key)
-        for key in ("name", "control_rate", "torque_timing", "delay")
-        if getattr(entry, key) is not None
+def _bag_log(path: Path, robot: Robot | None) -> Log:
+    """The arm of a bag, found by the types of its messages."""
+    fields, joints, notes = _arm(open_bag(path), path, robot)
+    columns = {
+        kind: [own[joint] for joint in joints]
+        for kind, own in fields.items()
+        if set(joints) <= set(own)
     }
-    if entry.dataset is not None:
-        found = _public(entry.dataset, entry.run, robot, log, adjusted)
-    else:
-        assert entry.files is not None and entry.columns is not None, "the schema asks for both"
-        files: Any = (
-            {key: folder / path for key, path in entry.files.items()}
-            if isinstance(entry.files, dict)
-            else folder / entry.files
+    log = described_log(path, columns, robot=robot, joint_names=joints)
+    taken = "; ".join(f"{kind} = {fields[kind][joints[0]]} …" for kind in columns)
+    notes.append(TAKEN.format(source="the types of the messages", taken=escaped(taken)))
+    return replace(log, notes=(*notes, *log.notes))
+
+
+def _arm(
+    bag: Bag, path: Path, robot: Robot | None
+) -> tuple[dict[str, dict[str, str]], list[str], list[str]]:
+    """Columns of each channel by joint, the joints, and what was left aside.
+
+    Of several topics the one with most joints that have positions and torques is taken; torques
+    of another topic are taken where none has both.
+    """
+    tables = list(bag.topics.values())
+    held = {table.name: joint_fields(table) for table in tables}
+
+    def joints_of(fields: dict[str, dict[str, str]]) -> list[str]:
+        both = [j for j in fields.get("q", {}) if j in fields.get("tau", {})]
+        return [j for j in robot.joint_names if j in both] if robot else both
+
+    best = max(tables, key=lambda table: len(joints_of(held[table.name])))
+    fields, joints = held[best.name], joints_of(held[best.name])
+    if not joints:
+        fields = _together(held, tables)
+        joints = joints_of(fields)
+    if not joints or (robot and len(joints) < robot.size):
+        names = ", ".join(bag.names()[:6])
+        wanted = f" for {', '.join(robot.joint_names[:6])}" if robot else ""
+        raise FileFormatError(
+            f"{printable_name(path)} has no topic with positions and torques{wanted}; it has "
+            f"{escaped(names)} …; name them in an experiment file"
         )
-        found = described_log(
-            _instead(files, log),
-            entry.columns.model_dump(exclude_unset=True),
-            units=entry.units.model_dump(exclude_unset=True),
-            side=entry.side,
-            robot=robot,
-            rate=entry.rate,
-            resample=entry.resample,
-            samples_axis=entry.samples_axis,
-            position_offset=entry.position_offset,
-            **adjusted,
-        )
-    return found if entry.part is None else found.between(*entry.part)
+    others = [t.name for t in tables if t is not best and held[t.name].get("q")]
+    notes = [f"Other topics with positions: {escaped(', '.join(others[:5]))}."] if others else []
+    return fields, joints, notes
 
 
-def _public(
-    dataset: str, run: str | None, robot: Robot | None, log: Path | None, adjusted: dict[str, Any]
-) -> Log:
-    """A public record as it was published."""
-    from pivident.recording.datasets import fetch
-
-    chosen = run or next((r for d, r in PUBLIC if d == dataset), "")
-    if (dataset, chosen) not in PUBLIC:
-        known = ", ".join(f"{d} ({r})" for d, r in PUBLIC)
-        raise RecordingError(
-            f"there is no public record {dataset!r} {run or ''}; there are {known}"
-        )
-    keys, facts = PUBLIC[dataset, chosen]
-    files = fetch(dataset, *keys)
-    single: Any = files if len(keys) > 1 else files[keys[0]]
-    machine: dict[str, Any] = {"robot": robot} if robot else {}
-    if dataset == "kuka_kr300" and robot is None:
-        machine = {"transmission": public_records.KR300_TRANSMISSION}
-    return described_log(_instead(single, log), **(facts | machine | adjusted))
-
-
-def _instead(files: Any, log: Path | None) -> Any:
-    """The files of the table, or another log with the same columns."""
-    if log is None:
-        return files
-    if isinstance(files, Mapping):
-        raise RecordingError(
-            f"the experiment file has {len(files)} files ({', '.join(files)}), so that {log.name} "
-            "cannot take their place; audit the experiment file itself"
-        )
-    return log
+def _together(
+    held: Mapping[str, dict[str, dict[str, str]]], tables: Sequence[TopicTable]
+) -> dict[str, dict[str, str]]:
+    """Each channel from the first topic that has it."""
+    found: dict[str, dict[str, str]] = {}
+    for table in tables:
+        for kind, own in held[table.name].items():
+            found.setdefault(kind, own)
+    return found

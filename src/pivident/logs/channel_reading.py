@@ -9,11 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.errors import BadCell, PividentError, RecordingError
 from pivident.logs.bags.bag_channels import bag_channel
 from pivident.logs.bags.read_bag import is_bag, open_bag
 from pivident.logs.channel_places import ChannelPlace, array_of, assemble, locate
 from pivident.logs.clocks.clock_alignment import ClockedChannel
+from pivident.logs.file_columns import lenient_table
 from pivident.logs.tables.tables import names_in, read_table
 
 
@@ -68,8 +69,11 @@ def read_channels(
     joints: int | None,
     samples_axis: int | None,
     joint_names: Sequence[str],
-) -> tuple[dict[str, np.ndarray], dict[str, ClockedChannel]]:
+) -> tuple[dict[str, np.ndarray], dict[str, ClockedChannel], list[PividentError]]:
     """Load the arrays that are needed, file by file, and assemble the channels from them.
+
+    Cells that are no numbers become NaN, and arrays keep columns that no joint needs; both are
+    faults.
 
     Args:
         channels: by name, with ``t`` or ``t.<channel>`` among them.
@@ -79,7 +83,7 @@ def read_channels(
         joint_names: names of the joints, where they are known.
 
     Returns:
-        The channels, and those that have stamps of their own with these.
+        The channels, those that have stamps of their own with these, and the faults.
 
     Raises:
         FileFormatError: a file or a column cannot be read.
@@ -87,6 +91,7 @@ def read_channels(
     """
     values: dict[str, np.ndarray] = {}
     clocked: dict[str, ClockedChannel] = {}
+    faults: list[PividentError] = []
     for key, path in paths.items():
         here = [channel for channel in channels.values() if channel.file == key]
         if not here:
@@ -96,12 +101,18 @@ def read_channels(
             continue
         known = names_in(path)
         needed = {array_of(column, known, path) for channel in here for column in channel.columns}
-        table = read_table(path, sorted(needed))
+        table = _table(path, sorted(needed), faults)
         for channel in here:
             if channel.name == "t" or channel.name.startswith("t."):
                 values[channel.name] = assemble(channel, table, 1)[:, 0]
-            else:
+                continue
+            try:
                 values[channel.name] = assemble(channel, table, joints, samples_axis, joint_names)
+            except RecordingError as error:
+                if channel.per_joint:
+                    raise
+                values[channel.name] = assemble(channel, table, None, samples_axis)
+                faults.append(error)
     for name in [name for name in values if name.startswith("t.")]:
         own, clock = name.removeprefix("t."), f"{channels[name].file}, {channels[name].columns[0]}"
         stamps = values.pop(name)
@@ -118,7 +129,19 @@ def read_channels(
                 "one for each joint of the robot"
             )
         values[name] = channel_of.values
-    return values, clocked
+    return values, clocked, faults
+
+
+def _table(path: Path, names: Sequence[str], faults: list[PividentError]) -> dict[str, np.ndarray]:
+    """Columns of a file, NaN where a cell is no number."""
+    try:
+        return read_table(path, names)
+    except BadCell as error:
+        table = lenient_table(path, names)
+        if not set(names) <= set(table):  # a column of nothing but text
+            raise
+        faults.append(error)
+        return table
 
 
 def _from_bag(

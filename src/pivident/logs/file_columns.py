@@ -1,7 +1,4 @@
-"""Columns of a file below the checks of a `Recording`: whatever is a number gets in.
-
-The clocks among them are told by name and by their steps, and turned into seconds.
-"""
+"""Columns of a file below the checks of a `Recording`: whatever is a number gets in."""
 
 from __future__ import annotations
 
@@ -11,11 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
-from pivident.logs.clocks.timestamps import LIKELY_RATES, LOWEST_RATE
-from pivident.logs.recognition.column_names import is_clock
 from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import names_in, read_table
-from pivident.logs.units import TIME
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
@@ -24,25 +18,33 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
     Raises:
         FileFormatError: the file cannot be read, or holds no numbers.
     """
-    columns = numeric_columns(numeric_table(path))
+    columns = numeric_columns(lenient_table(path))
     if not columns:
         raise FileFormatError(f"{path.name} holds no columns of numbers; export the log again")
     return columns
 
 
-def numeric_table(path: Path) -> dict[str, np.ndarray]:
-    """Numeric arrays of a file; cells that are no numbers become NaN.
+def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+    """Numeric arrays of a file, NaN where a cell is no number; others are left out.
+
+    Args:
+        path: the file.
+        names: the arrays wanted; all where it is not given.
 
     Raises:
         FileFormatError: the file cannot be read, or none of its arrays.
     """
     try:
-        return read_table(path)
-    except BadCell:
-        return read_csv_forgiving(path)
+        return read_table(path, names)
+    except BadCell as error:
+        try:
+            table = read_csv_forgiving(path)
+        except FileFormatError:  # no table of text
+            raise error from None
+        return {n: v for n, v in table.items() if names is None or n in names}
     except FileFormatError:
-        table: dict[str, np.ndarray] = {}
-        for name in names_in(path):  # arrays of text stand between those of numbers
+        table = {}
+        for name in names_in(path) if names is None else names:  # text stands between numbers
             try:
                 table |= read_table(path, [name])
             except FileFormatError:
@@ -68,40 +70,3 @@ def numeric_columns(table: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         elif array.ndim == 2 and len(array) == samples:
             columns |= {f"{name}[:, {j}]": array[:, j] for j in range(array.shape[1])}
     return columns
-
-
-def clocks_in(
-    columns: Mapping[str, np.ndarray], unit: str | None, declared: Sequence[str] = ()
-) -> tuple[dict[str, np.ndarray], str, list[str]]:
-    """Time columns in seconds, their unit, and a sentence where it was guessed.
-
-    Args:
-        columns: by name, each of shape (samples,).
-        unit: of the stamps, where it is known; then every column is a clock.
-        declared: names of columns that are clocks whatever they look like.
-    """
-    found = {
-        n: np.asarray(v, float)
-        for n, v in columns.items()
-        if unit or n in declared or is_clock(n, v)
-    }
-    if not found:
-        return {}, unit or "s", []
-    factors, notes = {}, []
-    for name, values in found.items():
-        own = unit if unit and name == next(iter(found)) else _clock_unit(values)
-        factors[name] = TIME.get(str(own), 1.0)
-        if unit is None and own != "s":
-            notes.append(f"The time stamps {name} were taken for {own}.")
-    unit = unit or _clock_unit(next(iter(found.values())))
-    return {n: v * factors[n] for n, v in found.items()}, unit, notes
-
-
-def _clock_unit(stamps: np.ndarray) -> str:
-    """Seconds, unless only another unit makes a robot's rate of the stamps."""
-    steps = np.diff(stamps[np.isfinite(stamps)])
-    interval = float(np.median(steps[steps > 0])) if (steps > 0).any() else 0.0
-    if not interval > 1.0 / LOWEST_RATE:
-        return "s"
-    low, high = LIKELY_RATES
-    return next((u for u, s in TIME.items() if low <= 1.0 / (interval * s) <= high), "s")

@@ -2,17 +2,40 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.errors import PividentError, RecordingError
+from pivident.logs.clocks.clock_alignment import ClockedChannel
 from pivident.logs.source_files import SourceFile
 from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
+from pivident.robot.transmission import Transmission
 
 #: Channels with one column per joint that an audit knows.
 CHANNELS = ("q", "dq", "tau", "q_ref", "dq_ref", "ddq_ref")
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """What was said about the channels of a log; it turns them into SI on the joint side.
+
+    Attributes:
+        units: unit of each channel, in the notation of `pivident.logs.units`; ``t`` among them.
+        side: ``joint`` or ``motor``, for all channels or by channel.
+        transmission: between motor and joint side, or None.
+        position_offset: added to the joint positions [rad or m], or None.
+        clock: name of the one time column, or None.
+    """
+
+    units: Mapping[str, Any] = field(default_factory=dict)
+    side: Any = "joint"
+    transmission: Transmission | None = None
+    position_offset: Sequence[float] | None = None
+    clock: str | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,8 +59,11 @@ class Log:
         notes: how the columns were taken, in sentences.
         side: ``joint`` or ``motor``, where the logged positions were measured.
         clock_unit: unit of the clocks in the file.
-        torque_scale: joints whose torque has a scale that nobody vouches for.
-        resample: whether a reading makes new samples at equal intervals, and over short gaps.
+        torque_scale: joints whose torque has a scale that nobody has verified.
+        resample: whether a recording has new samples at equal intervals, and over short gaps.
+        description: what was said about the channels.
+        own_clocks: channels that were logged by clocks of their own, with their stamps [s].
+        faults: what a recording refuses, in the order in which it was met.
     """
 
     name: str
@@ -58,6 +84,9 @@ class Log:
     clock_unit: str = "s"
     torque_scale: tuple[TorqueScale, ...] = ()
     resample: bool = False
+    description: Description = Description()
+    own_clocks: dict[str, ClockedChannel] = field(default_factory=dict)
+    faults: tuple[PividentError, ...] = ()
 
     @property
     def samples(self) -> int:

@@ -42,6 +42,11 @@ class SourceFile:
         return cls(escaped(path.name), sha256(path))
 
 
+def printable_name(path: Path) -> str:
+    """Name of a file as it can be printed and written: it may hold any byte."""
+    return escaped(path.name.encode("utf-8", "backslashreplace").decode())
+
+
 def existing_file(path: str | PathLike[str]) -> Path:
     """The path, once it is known to be a file with content that can be opened.
 

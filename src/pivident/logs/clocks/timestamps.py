@@ -52,6 +52,12 @@ def check_positive(name: str, value: float) -> None:
         raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
 
 
+def likely_time_units(interval: float) -> list[str]:
+    """Units in which stamps at such intervals have the rate of a robot's log, seconds first."""
+    low, high = LIKELY_RATES
+    return [unit for unit, s in TIME.items() if low <= 1.0 / (interval * s) <= high]
+
+
 def check_seconds(t: np.ndarray) -> None:
     """Refuse stamps whose unit nobody gave and that are hardly seconds.
 
@@ -64,9 +70,7 @@ def check_seconds(t: np.ndarray) -> None:
     interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     if not interval > 1.0 / LOWEST_RATE:
         return
-    low, high = LIKELY_RATES
-    likely = [unit for unit, s in TIME.items() if low <= 1.0 / (interval * s) <= high]
-    unit = likely[0] if likely else "ms"
+    unit = next(iter(likely_time_units(interval)), "ms")
     raise RecordingError(
         f"the time stamps advance by {interval:g} s, a rate of {1.0 / interval:.4g} Hz; are they "
         f'in {unit}? set units = {{t = "{unit}"}}, or t = "s" if they are seconds'

@@ -64,9 +64,6 @@ UNITS: dict[str, tuple[str, str]] = {
     "ma": ("mA", "current"), "v": ("V", "tau"),
 }  # fmt: skip
 
-#: Words of a column that holds time stamps.
-TIME_WORDS = set("t time timestamp stamp clock secs seconds sec ms us ns".split())
-
 #: Words that name the unit of time stamps.
 TIME_UNITS: dict[str, set[str]] = {
     "s": {"s", "sec", "secs", "seconds", "second"},
@@ -74,6 +71,11 @@ TIME_UNITS: dict[str, set[str]] = {
     "us": {"us", "µs", "usec", "usecs", "microseconds", "micros"},
     "ns": {"ns", "nsec", "nsecs", "nanosec", "nanosecs", "nanoseconds", "nanos"},
 }
+
+#: Words of a column that holds time stamps.
+TIME_WORDS = set("t time timestamp stamp clock rosbagtimestamp ts zeit uptime".split()).union(
+    *TIME_UNITS.values()
+)
 
 #: Units that stand as a word of their own, without brackets around them.
 BARE_UNITS = {"deg", "degs", "degree", "degrees", "rad", "rads", "nm", "mnm", "mm", "rpm", "°"}

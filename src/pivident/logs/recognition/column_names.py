@@ -5,14 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence, Sized
 
-import numpy as np
-
 from pivident.logs.recognition.channel_words import (
     PLAIN_FILLING,
     PLAIN_MEASURED,
     PLAIN_QUANTITIES,
     PLAIN_REFERENCE,
-    TIME_WORDS,
 )
 from pivident.logs.recognition.column_series import column_series
 
@@ -48,20 +45,6 @@ def channel_of(name: str) -> tuple[str, str] | None:
     known = set().union(*WORDS.values()) | PLAIN_REFERENCE | FILLING
     joint = " ".join(word for word in words if word not in known)
     return (f"{kinds[0]}_ref" if is_reference else kinds[0]), joint
-
-
-def is_clock(name: str, values: np.ndarray) -> bool:
-    """Whether a column holds time stamps: by its name, and nearly always increasing.
-
-    Args:
-        name: name of the column.
-        values: shape (samples,).
-    """
-    words = set(_WORD.findall(name.lower()))
-    if not words & TIME_WORDS or len(values) < 3:
-        return False
-    steps = np.diff(values[np.isfinite(values)])
-    return bool(steps.size and np.mean(steps >= 0) > 0.9 and np.ptp(values[np.isfinite(values)]))
 
 
 def guess_channels(

@@ -7,19 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.logs.clocks.gaps import bridged_interval
-from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, LIKELY_RATES, round_rate
-from pivident.logs.recognition.channel_words import TIME_UNITS, TIME_WORDS, words_of
+from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, likely_time_units, round_rate
+from pivident.logs.recognition.channel_words import TIME_UNITS, words_of
 from pivident.logs.recognition.sureness import Sureness
+from pivident.logs.recognition.time_columns import is_usable_clock
 from pivident.logs.units import TIME
 
 #: Time of day since 1970 [s], from 1985 to 2128.
 EPOCH = (5e8, 5e9)
-
-#: Words of a clock beyond those that the audit knows.
-MORE_WORDS = {"rosbagtimestamp", "ts", "zeit", "uptime", *set().union(*TIME_UNITS.values())}
-
-#: Share of stamps that may repeat the one before in a clock that is only coarse.
-COARSE = 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +52,7 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
         given: rate that somebody told [Hz], or None.
     """
     samples = len(next(iter(columns.values())))
-    candidates = [name for name, values in columns.items() if _is_clock(name, values)]
+    candidates = [name for name, values in columns.items() if is_usable_clock(name, values)]
     if not candidates:
         return _without(columns, samples, hint, given)
     column = min(candidates, key=lambda name: _roughness(columns[name]))
@@ -95,8 +90,7 @@ def stamp_unit(
     """
     steps = np.diff(stamps)
     period = float(np.median(steps[steps > 0]))
-    low, high = LIKELY_RATES
-    likely = [unit for unit, s in TIME.items() if low <= 1.0 / (period * s) <= high]
+    likely = likely_time_units(period)
     words = set(words_of(name))
     for unit, own in TIME_UNITS.items():
         if words & own and (unit in likely or not likely):
@@ -132,20 +126,6 @@ def speed_rate(q: np.ndarray, dq: np.ndarray) -> float | None:
     if size == 0.0 or other == 0.0 or together < 0.8 * np.sqrt(size * other):
         return None
     return together / size
-
-
-def _is_clock(name: str, values: np.ndarray) -> bool:
-    """Whether a column's name speaks of time and its values go forward."""
-    if len(values) < 3 or not np.isfinite(values).all():
-        return False
-    steps = np.diff(values)
-    turnover = float(np.abs(steps).sum())
-    if turnover == 0.0 or values[-1] - values[0] < 0.9 * turnover or np.mean(steps == 0) > COARSE:
-        return False
-    if set(words_of(name)) & (TIME_WORDS | MORE_WORDS):
-        return True
-    # A column without such a name is a clock if nothing else could be as regular.
-    return bool(steps.min() > 0 and steps.max() < 1.001 * steps.min())
 
 
 def _roughness(stamps: np.ndarray) -> tuple[float, float]:
