@@ -14,15 +14,14 @@ from pivident.init.column_lines import MARGIN, column_lines, side_line, unit_lin
 from pivident.init.joint_columns import JointMap, joint_map
 from pivident.init.kept_joints import KeptJoints, kept_joints
 from pivident.init.log_files import Run
+from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
 from pivident.init.torque_unit import Comparison, compare, torque_unit
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
 from pivident.logs.recognition.position_units import (
     AssumedUnits,
     following_unit,
-    motion_window,
     position_unit,
-    speeds,
 )
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
@@ -258,7 +257,7 @@ def _references(
     speed = joints.channels.get("dq_ref")
     if speed is None or not set(kept.names) <= set(speed.columns) or len(judged) < len(own):
         return found
-    slope = speeds(values * POSITION[match[0]], clock.seconds[rows])
+    slope = np.gradient(values * POSITION[match[0]], clock.seconds[rows], axis=0)
     tried = tuple(SPEED) if turning else ("m/s", "mm/s")
     fits = following_unit(speed.values(run, kept.names)[rows], slope, tried, SPEED)
     if fits is not None:

@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.bags import EPOCH, MIDNIGHT, joint_states, typestore, write_bag
-from tests.planar_log import RATE, planar_log, planar_truth
 
 from pivident.audit.audit_file import audit_file
 from pivident.errors import ClocksDisagree, GapInClock, RecordingError
@@ -13,6 +11,8 @@ from pivident.estimation.problem import Problem
 from pivident.logs.clocks.clock_alignment import ClockedChannel, onto_one_clock
 from pivident.recording.load import load_recording
 from pivident.robot import load_robot
+from tests.bags import EPOCH, MIDNIGHT, joint_states, typestore, write_bag
+from tests.planar_log import RATE, planar_log, planar_truth
 
 T = np.arange(2000) / 500.0
 

@@ -1,7 +1,6 @@
 """A torque scale that nobody vouches for is carried from the file to verdict and report."""
 
 import pytest
-from tests.planar_log import EXPERIMENT, write_experiment
 
 from pivident.audit.audit import audit_log
 from pivident.diagnostics.verdict import verdict
@@ -13,6 +12,7 @@ from pivident.experiment.recording_tables import log_of
 from pivident.logs.torque_scale import TorqueScale, scale_sentences, torque_scales
 from pivident.logs.units import factor_to_si
 from pivident.report.builder import render_report
+from tests.planar_log import EXPERIMENT, write_experiment
 
 ASSUMED = '{unit = "A", gain = 2.0, scale = "assumed"}'
 MASSES = '{unit = "A", gain = 2.0, scale = "masses"}'
