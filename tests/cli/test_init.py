@@ -182,7 +182,7 @@ def test_a_ur10e_like_log_needs_three_commands(folder, capsys):
     # Gains follow from the masses of the URDF, which are wrong by several per cent.
     gains = np.array([unit["gain"] for unit in entry.units.tau])
     assert np.all(np.abs(gains[:3] / simulation.GAIN[:3] - 1.0) < 0.15)
-    assert "ASSUMED recording.units.tau" in capsys.readouterr().out
+    assert "ASSUMED  recording.units.tau" in capsys.readouterr().out
     arguments = ["identify", "experiment.toml", "-m", "ls", "--folds", "0", "--out", "results"]
     assert main(arguments) == 0
     assert (folder / "results" / "report.html").is_file()

@@ -122,7 +122,7 @@ def print_draft(draft: Draft, out: Path) -> None:
         console.print(table)
     else:
         for sure, key, value, seen in rows:
-            print(f"{SURE[sure][0]:<6}  {key} = {value}  ({seen})")
+            print(f"{SURE[sure][0]:<7}  {key} = {value}  ({seen})")
     if draft.explained:
         errors = ", ".join(f"{joint} {100 * e:.2g} %" for joint, e in draft.explained.items())
         print(f"\nA first least squares leaves this share of the torque: {escaped(errors)}")

@@ -13,12 +13,7 @@ from pivident.logs.recognition.log_clock import LogClock
 
 
 def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumption]:
-    """Rate and resampling.
-
-    Args:
-        clock: that of the positions.
-        others: clocks of the channels that have one of their own, by name.
-    """
+    """Rate and resampling."""
     lines = []
     correct = "In Hz; every speed and acceleration depends on it."
     if clock.by_rate:
@@ -48,13 +43,7 @@ def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumpt
 
 
 def clock_place(column: str, others: Mapping[str, OwnClock], channels: Iterable[str]) -> Any:
-    """Where the stamps are: one column, whose name also finds those of other topics, or several.
-
-    Args:
-        column: stamps of the positions.
-        others: clocks of the channels that have one of their own, by name.
-        channels: all channels that are read.
-    """
+    """Where the stamps are: one column, whose name also finds those of other topics, or several."""
     kind = column.rpartition("/")[2]
     if kind != STAMP or all(own.column.endswith(f"/{STAMP}") for own in others.values()):
         return column

@@ -43,11 +43,7 @@ def window_line(
 
 
 def side_line(torque: TorqueUnit) -> list[Assumption]:
-    """The side of the gear.
-
-    Args:
-        torque: says whether the torques are those of the motors.
-    """
+    """The side of the gear."""
     if torque.motor_side:
         value: Any = {"q": "joint", "tau": "motor"}
         return [Assumption("recording", "side", value, "likely", torque.seen, torque.correct)]
@@ -65,16 +61,7 @@ def column_lines(
     references: Mapping[str, Any],
     keys: Mapping[str, int],
 ) -> list[Assumption]:
-    """Where every channel is.
-
-    Args:
-        joints: columns by channel and joint.
-        kept: joints that are identified.
-        clock: the clock.
-        others: clocks of the channels that have one of their own, by name.
-        references: references that are believed, with unit and reason.
-        keys: number of each file by its key.
-    """
+    """Where every channel is."""
     numbers = {number: key for key, number in keys.items()}
     read = ["q", "tau", *(name for name in ("q_ref", "dq_ref") if name in references)]
     lines = []
@@ -123,15 +110,7 @@ def unit_lines(
     torque: TorqueUnit,
     references: Mapping[str, tuple[Any, str]],
 ) -> list[Assumption]:
-    """Unit of every channel.
-
-    Args:
-        clock: the clock.
-        unit: unit of the positions of all logged joints.
-        own: which of them are identified.
-        torque: unit of the torques.
-        references: units of the references, with reasons.
-    """
+    """Unit of every channel."""
     lines = []
     if clock.column is not None:
         lines.append(Assumption("recording.units", "t", clock.unit, clock.sure, clock.seen))

@@ -15,12 +15,7 @@ SLOWEST_LOOP = 200.0
 
 
 def control_lines(found: RecordingLines, findings: Findings) -> list[Assumption]:
-    """Lines of ``[controller]``, ``[identify]`` and ``[validation]``.
-
-    Args:
-        found: what is known of the log.
-        findings: what did not work so far.
-    """
+    """Lines of ``[controller]``, ``[identify]`` and ``[validation]``."""
     lines: list[Assumption] = []
     law = law_to_try(found, findings)
     example = '"pd"\n# kp = [1000.0, 800.0]\n# kd = [50.0, 40.0]'

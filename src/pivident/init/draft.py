@@ -105,10 +105,6 @@ def draft_experiment(
 def relative_path(path: Path, out: Path) -> str:
     """A path as the file names it: relative where that is short, with forward slashes.
 
-    Args:
-        path: a file.
-        out: the experiment file.
-
     Raises:
         DraftError: the name holds bytes that no TOML file can.
     """

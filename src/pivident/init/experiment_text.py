@@ -93,11 +93,7 @@ def _table(
 
 
 def comment(text: str) -> str:
-    """Text as comment lines that nothing in it can break out of.
-
-    Args:
-        text: may hold anything that a file or a column is called.
-    """
+    """Text as comment lines that nothing in it can break out of."""
     clean = escaped(text.replace("\n", " ").replace("\r", " ").replace("\t", " "))
     clean = clean.encode("utf-8", "backslashreplace").decode()
     if text.startswith("    ") or not clean:
@@ -112,11 +108,7 @@ def key_text(key: str) -> str:
 
 
 def string_text(text: str) -> str:
-    """A string of TOML in quotation marks.
-
-    Args:
-        text: may hold quotation marks, line ends and control characters.
-    """
+    """A string of TOML in quotation marks."""
     out = []
     for character in text:
         code = ord(character)
@@ -130,12 +122,7 @@ def string_text(text: str) -> str:
 
 
 def value_text(value: Any, width: int = WIDTH) -> str:
-    """A value of TOML; long lists take a line for each entry.
-
-    Args:
-        value: text, number, truth value, list, or table with text keys.
-        width: longest value that is kept on one line, in characters.
-    """
+    """A value of TOML; long lists take a line for each entry."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -70,10 +70,6 @@ class JointMap:
 def joint_map(run: Run, joint_names: Sequence[str]) -> JointMap:
     """Choose the series of every channel and give their columns to the robot's joints.
 
-    Args:
-        run: the files.
-        joint_names: joints of the robot, parents first.
-
     Raises:
         DraftError: positions or torques cannot be told; lists the columns that there are.
     """

@@ -61,10 +61,6 @@ def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
     Files with the same columns and names that speak of no different quantities are runs; all
     others lie side by side.
 
-    Args:
-        paths: the files.
-        joint_names: names of the robot's joints.
-
     Raises:
         FileFormatError: a file cannot be read.
         DraftError: files side by side have different numbers of rows.
@@ -85,11 +81,7 @@ def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
 
 
 def file_reading(path: Path) -> Reading:
-    """What the name of a file says about its columns: ``arm_effort.csv``.
-
-    Args:
-        path: the file.
-    """
+    """What the name of a file says about its columns: ``arm_effort.csv``."""
     name = path.name
     for ending in ENDINGS:
         name = name.removesuffix(ending)

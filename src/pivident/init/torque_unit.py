@@ -138,12 +138,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
 
 
 def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.ndarray]:
-    """Logged torque per torque of the description, and its standard deviation, by joint.
-
-    Args:
-        log: the log.
-        model: rows of its inverse model.
-    """
+    """Logged torque per torque of the description, and its standard deviation, by joint."""
     robot = model.robot
     scale = check_scale(log, model)
     factors, deviations = scale.factors.copy(), scale.deviations.copy()
@@ -308,11 +303,6 @@ def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, 
     """N m per unit of every joint, and the joints of which nothing is known.
 
     These get the typical gain of other joints, and the sign with which friction takes energy.
-
-    Args:
-        robot: the robot.
-        found: log against description.
-        unit: what a named unit is of the one that ``found`` is about.
     """
     gains = 1.0 / (found.factors * unit)
     known = np.isfinite(gains)

@@ -53,11 +53,6 @@ class ChannelPlace:
 def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
     """Settle which file a channel comes from.
 
-    Args:
-        name: name of the channel.
-        spec: what the user wrote.
-        files: keys of the files there are.
-
     Raises:
         RecordingError: the description has another form, or the file is not decided by it.
     """

@@ -98,9 +98,6 @@ def _with_clocks(log: Log, paths: Mapping[str, Path]) -> Log:
 def in_si(log: Log) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
     """Channels in SI on the joint side, and the joints whose command has no gain.
 
-    Args:
-        log: channels as they were logged, with their description.
-
     Raises:
         RecordingError: units that mean nothing, or fewer of them than joints.
     """

@@ -76,7 +76,8 @@ def read_log(
     logged, own_clocks, faults = read_channels(
         places, paths, joints, samples_axis, joint_names or ()
     )
-    stamps = logged.pop("t", None)
+    clock = places["t"].columns[0] if "t" in places else None
+    stamps = {} if clock is None else {clock: logged.pop("t")}
     if units and "t" in units and own_clocks:
         factor = factor_to_si("t", units["t"])[0]
         for key, channel in own_clocks.items():
@@ -85,11 +86,10 @@ def read_log(
     size = next(iter(logged.values())).shape[1] if logged else 0
     in_use = [paths[key] for key in dict.fromkeys(place.file for place in places.values())]
     first = places.get("q", next(iter(places.values()), None))
-    clock = None if stamps is None else places["t"].columns[0]
     return Log(
         name or printable_name(paths[first.file] if first else next(iter(paths.values()))),
         tuple(joint_names or numbered_joints(size)),
-        {} if clock is None else {clock: stamps},
+        stamps,
         {},
         rate,
         logged,

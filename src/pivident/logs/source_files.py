@@ -74,9 +74,6 @@ def nameable(path: Path) -> Path | bytes:
     """The path in full, or the content of a file whose name holds bytes that are no text.
 
     Polars knows no such names, and takes a leading ``~`` for somebody's folder.
-
-    Args:
-        path: an existing file.
     """
     try:
         str(path).encode("utf-8")
@@ -87,9 +84,6 @@ def nameable(path: Path) -> Path | bytes:
 
 def bag_files(folder: Path) -> list[Path]:
     """The files of a ROS 2 bag that hold its messages, in the order of their numbers.
-
-    Args:
-        folder: the bag, with files ``…_0.db3``, ``…_1.db3`` or ``.mcap``, packed or not.
 
     Raises:
         FileFormatError: it holds none, or cannot be listed.
@@ -117,10 +111,6 @@ def sha256(path: Path) -> str:
 
 def refuse_bomb(path: Path, expanded: int) -> None:
     """Refuse a file that promises to expand beyond what a log would.
-
-    Args:
-        path: the file on disk.
-        expanded: bytes that its content would take in memory.
 
     Raises:
         FileFormatError: the content is large and out of proportion to the file.

@@ -61,11 +61,7 @@ def torque_scales(spec: Any, joint_names: Sequence[str]) -> tuple[TorqueScale, .
 
 
 def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
-    """What assumed scales mean for parameters, and what to enter, a sentence or two for each basis.
-
-    Args:
-        scales: of one or several recordings.
-    """
+    """What assumed scales mean for parameters, and what to enter, for each basis."""
     assumed, masses = (
         [s for s in dict.fromkeys(scales) if s.basis == basis] for basis in (ASSUMED, MASSES)
     )
@@ -87,11 +83,7 @@ def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
 
 
 def scale_headline(scales: Sequence[TorqueScale]) -> str:
-    """The same in a few words; empty where all scales are verified.
-
-    Args:
-        scales: of one or several recordings.
-    """
+    """The same in a few words; empty where all scales are verified."""
     if any(s.basis == ASSUMED for s in scales):
         return "Parameters are in units of the logged torque; its scale to N m is an assumption."
     if scales:

@@ -54,10 +54,6 @@ UNITS_OF = {
 def factor_to_si(channel: str, spec: UnitSpec) -> tuple[float, bool]:
     """What one unit of a channel is in SI.
 
-    Args:
-        channel: a key of `UNITS_OF`.
-        spec: name of the unit, factor, or table with the unit and its scale.
-
     Returns:
         The factor, and whether the result is a drive command that a drive gain still has to turn
         into a torque.
@@ -127,12 +123,6 @@ def _number(channel: str, name: str, value: object) -> float:
 
 def check_kind(channel: str, spec: UnitSpec, joint: str, kind: str) -> None:
     """Refuse an angle for a sliding joint and a length for a turning one.
-
-    Args:
-        channel: name of the channel.
-        spec: its unit.
-        joint: name of the joint.
-        kind: ``revolute`` or ``prismatic``.
 
     Raises:
         RecordingError: names the joint and the unit.

@@ -104,11 +104,7 @@ def full_names(
 
 
 def joint_fields(table: TopicTable) -> dict[str, dict[str, str]]:
-    """What a topic holds: columns by joint for each of `FIELDS`, as far as it has them.
-
-    Args:
-        table: a topic of joint states or of a controller's state.
-    """
+    """What a topic holds: columns by joint for each of `FIELDS`, as far as it has them."""
     found: dict[str, dict[str, str]] = {}
     for channel, fields in FIELDS.items():
         for field in fields:

@@ -49,10 +49,6 @@ def bag_table(
 ) -> tuple[dict[str, np.ndarray], dict[str, OwnClock]]:
     """Columns of a bag at the instants of its positions.
 
-    Args:
-        path: the bag.
-        joint_names: names of the robot's joints.
-
     Returns:
         Columns of the topic with the positions as they are, and those of other topics that hold
         what it lacks, NaN where these say nothing, each of shape (messages,); and the clocks of

@@ -118,12 +118,6 @@ class Layout:
 def layout_of(message: bytes, type_name: str, definitions: Definitions, cdr: bool) -> Layout:
     """Walk one message.
 
-    Args:
-        message: its bytes.
-        type_name: its type, ``package/Type``.
-        definitions: fields of that type and of those inside.
-        cdr: whether it was written by ROS 2.
-
     Raises:
         FileFormatError: the bytes do not fit the definition.
     """

@@ -145,17 +145,8 @@ def onto_one_clock(
     _check_gaps(channels, start, stop)
     if rate is None:
         rate = min(channel.rate for channel in channels)
-    timestamps.check_positive("rate to resample to", rate)
-    rate = timestamps.round_rate(float(rate))
-    samples = int(np.floor((stop - start) * rate + 5e-7)) + 1
-    most = timestamps.MAX_NEW_SAMPLES * max(len(channel.t) for channel in channels)
-    if samples > most:
-        raise RecordingError(
-            f"{rate:g} Hz from {start:g} to {stop:g} s makes {samples} samples, more than "
-            f"{timestamps.MAX_NEW_SAMPLES} for each that was logged; check the rate and the unit "
-            "of the time column"
-        )
-    grid = np.minimum(start + np.arange(samples) / rate, stop)
+    most = max(channels, key=lambda channel: len(channel.t))
+    grid, rate = timestamps.uniform_grid(most.t, rate, (start, stop))
     values = {c.channel: resampled(c, grid, rate) for c in channels}
     done = tuple(note for c in channels for note in c.notes)
     return Aligned(grid, rate, values, (*done, *_account(channels, grid, rate)))
@@ -203,9 +194,6 @@ def is_reduced(channel: ClockedChannel, rate: float) -> bool:
 
 def onto_sparsest(channels: Sequence[ClockedChannel]) -> ClockedChannel:
     """Joints that came in messages of their own, as one channel on the stamps of the sparsest.
-
-    Args:
-        channels: one joint each, all of one channel.
 
     Raises:
         ClocksDisagree: the joints share no time.

@@ -32,20 +32,20 @@ def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOn
         RecordingError: clocks that share no time.
     """
     if have_one_clock(channels):
-        notes = list(dict.fromkeys(note for c in channels for note in c.notes))
-        return {c.channel: c.values for c in channels}, {channels[0].clock: channels[0].t}, notes
+        done = list(dict.fromkeys(note for c in channels for note in c.notes))
+        return {c.channel: c.values for c in channels}, {channels[0].clock: channels[0].t}, done
     whole = [_without_holes(channel) for channel in channels]
     part: tuple[float, float] | None = None
-    notes = []
-    for _ in range(8):
+    notes: list[str] = []
+    for last in [False] * 8 + [True]:
         try:
             aligned = onto_one_clock(whole, rate, part)
+            break
         except GapInClock as gap:
+            if last:
+                raise
             notes = [f"Only the longest stretch without gaps is looked at: {gap}."]
             part = gap.stretches.longest
-            continue
-        return aligned.values, {"common clock": aligned.t}, [*notes, *aligned.notes]
-    aligned = onto_one_clock(whole, rate, part)
     return aligned.values, {"common clock": aligned.t}, [*notes, *aligned.notes]
 
 

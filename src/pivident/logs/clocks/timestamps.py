@@ -177,15 +177,15 @@ def check_rate(rate: float, t: np.ndarray) -> None:
         )
 
 
-def uniform_grid(t: np.ndarray, rate: float | None = None) -> tuple[np.ndarray, float]:
-    """A uniform grid over the same stretch of time.
+def uniform_grid(
+    t: np.ndarray, rate: float | None = None, span: tuple[float, float] | None = None
+) -> tuple[np.ndarray, float]:
+    """Times t₀ + k/rate over a stretch of time [s], and the rate [Hz].
 
     Args:
         t: increasing time stamps, shape (samples,) [s].
-        rate: its rate [Hz]; that of the median interval where it is not given.
-
-    Returns:
-        The grid's times [s] and its rate [Hz].
+        rate: of the grid [Hz]; that of the median interval where it is not given.
+        span: first and last time [s]; those of the stamps where they are not given.
 
     Raises:
         RecordingError: the grid would have more than `MAX_NEW_SAMPLES` samples for each stamp.
@@ -194,16 +194,16 @@ def uniform_grid(t: np.ndarray, rate: float | None = None) -> tuple[np.ndarray, 
     rate = 1.0 / float(np.median(np.diff(t))) if rate is None else float(rate)
     check_positive("rate to resample to", rate)
     rate = round_rate(rate)
+    start, stop = (t[0], t[-1]) if span is None else span
     # Half a micro-sample of slack: the last stamp belongs to the grid although it is rounded.
-    periods = float(np.floor((t[-1] - t[0]) * rate + 5e-7))
+    periods = float(np.floor((stop - start) * rate + 5e-7))
     if not periods < MAX_NEW_SAMPLES * len(t):
         raise RecordingError(
-            f"{rate:g} Hz from {t[0]:g} to {t[-1]:g} s makes {periods:.3g} samples of {len(t)}, "
+            f"{rate:g} Hz from {start:g} to {stop:g} s makes {periods:.3g} samples of {len(t)}, "
             f"more than {MAX_NEW_SAMPLES} for each; check the rate, the unit of the time "
             "column, and gaps in it"
         )
-    samples = int(periods) + 1
-    return np.minimum(t[0] + np.arange(samples) / rate, t[-1]), rate
+    return np.minimum(start + np.arange(int(periods) + 1) / rate, stop), rate
 
 
 def resample_smooth(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:

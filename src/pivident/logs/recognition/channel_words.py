@@ -138,20 +138,12 @@ class Reading:
 
 
 def words_of(name: str) -> list[str]:
-    """The words and numbers of a name in small letters: ``axis_1.actPos`` → axis, 1, act, pos.
-
-    Args:
-        name: name of a column, a joint or a file.
-    """
+    """The words and numbers of a name in small letters: ``axis_1.actPos`` → axis, 1, act, pos."""
     return [word.lower() for word in _WORD.findall(_HUMPS.sub(" ", name))]
 
 
 def without_unit(name: str) -> tuple[str, str | None, str | None]:
-    """A name without the unit in brackets at its end, the unit, and the quantity it betrays.
-
-    Args:
-        name: name of a column.
-    """
+    """A name without the unit in brackets at its end, the unit, and the quantity it betrays."""
     for found in _BRACKETS.finditer(name):
         unit = UNITS.get(found[1].strip().lower().replace("µ", "u"))
         if unit is not None:
@@ -162,13 +154,7 @@ def without_unit(name: str) -> tuple[str, str | None, str | None]:
 def read_words(
     words: Sequence[str], unit: str | None = None, betrayed: str | None = None
 ) -> Reading:
-    """What the words of a name say, those of the joint left out.
-
-    Args:
-        words: see `words_of`.
-        unit: unit that stood beside the name.
-        betrayed: quantity that this unit belongs to.
-    """
+    """What the words of a name say, those of the joint left out."""
     known = [word for word in words if not word.isdecimal()]
     for word in known:
         if unit is None and word in BARE_UNITS:

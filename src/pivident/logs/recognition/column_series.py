@@ -91,11 +91,7 @@ def _numbered(words: Sequence[str]) -> list[tuple[tuple[str, ...], str]]:
 
 
 def joint_phrases(joint_names: Sequence[str]) -> dict[tuple[str, ...], str]:
-    """What a column may call each joint: its words, and those without what all joints share.
-
-    Args:
-        joint_names: names of the joints.
-    """
+    """What a column may call each joint: its words, and those without what all joints share."""
     own = {name: tuple(words_of(name)) for name in joint_names}
     phrases = {words: name for name, words in own.items() if words}
     shared = _shared_beginning(list(own.values()))
@@ -129,12 +125,7 @@ def _without_joint(words: tuple[str, ...]) -> tuple[str, ...]:
 def joint_in(
     words: Sequence[str], phrases: Mapping[tuple[str, ...], str]
 ) -> tuple[str, int, int] | None:
-    """The joint that a name speaks of, and where in its words; of two the longer one.
-
-    Args:
-        words: words of the column's name.
-        phrases: see `joint_phrases`.
-    """
+    """The joint that a name speaks of, and where in its words; of two the longer one."""
     best: tuple[str, int, int] | None = None
     for phrase, joint in phrases.items():
         for first in range(len(words) - len(phrase) + 1):

@@ -88,9 +88,6 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
     """All columns of a text table that hold numbers, NaN where a cell is empty or no number.
 
-    Args:
-        path: the file.
-
     Raises:
         FileFormatError: the file cannot be read as a table at all.
     """
@@ -180,9 +177,6 @@ def _without_blank_end(frame: pl.DataFrame) -> pl.DataFrame:
 
 def text_content(path: Path) -> Path | bytes:
     """What a parser reads: the file itself, or what it holds where it is packed.
-
-    Args:
-        path: a text table.
 
     Raises:
         FileFormatError: it expands beyond reason, or is no whole gzip file.
