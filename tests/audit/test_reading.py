@@ -47,7 +47,7 @@ def test_bare_csv_with_a_robot(tmp_path):
     (audit,) = audit_file(path, load_robot("planar_2r"))
     kinds = {(severity, kind) for severity, kind, _ in serious(audit)}
     assert kinds == {("wrong", "reach"), ("wrong", "angle unit")}  # the log is in degrees
-    assert audit.of("reading")[0].sentence.startswith("Columns were told from their names")
+    assert audit.of("reading")[0].sentence.startswith("Columns were recognised by their names")
     (without,) = audit_file(path)
     assert serious(without) == set()
     assert "no robot is given" in without.of("reading")[-1].sentence

@@ -75,9 +75,9 @@ def column_lines(
         value: Any = [channel.columns[joint] for joint in kept.names]
         if len(keys) > 1 and numbers[channel.file] != name:
             value = {"file": numbers[channel.file], "columns": value}
-        seen = f"told from the names; {joints.seen}"
+        seen = f"by their names; {joints.seen}"
         if name in references:
-            seen = f"told from the names; {references[name][1]}"
+            seen = f"by their names; {references[name][1]}"
         if name in others:
             seen += f"; it comes at {others[name].rate:.5g} Hz by a clock of its own"
         if channel.others:

@@ -60,7 +60,7 @@ def draft_experiment(
         logs: files of one run side by side, or several runs of the same columns.
         robot: gallery name, .toml, .urdf or .urdf.gz; None: the only URDF beside the logs.
         out: where the file is going to be; its paths are relative to that folder.
-        joints: joints of a URDF that are to be identified; all that the log speaks of otherwise.
+        joints: joints of a URDF that are to be identified; all that are in the log otherwise.
         answers: what a person answered to `Draft.questions`, by what they are about.
         progress: called with one line at each stage.
 
@@ -68,7 +68,7 @@ def draft_experiment(
         The text of the file, every assumption in it, and what only a person can answer.
 
     Raises:
-        DraftError: no robot, no positions or no torques can be told.
+        DraftError: no robot, no positions or no torques can be found.
         FileFormatError: a log cannot be read.
         RobotDescriptionError: the robot cannot be used.
     """

@@ -30,7 +30,7 @@ class ChannelColumns:
         file: number of its file in the run.
         columns: column of each joint of the robot that it has, by the joint's name.
         unit: unit written in the names, or None.
-        is_current: whether the name speaks of a current.
+        is_current: whether the name is that of a current.
         others: patterns of further series that could have been meant.
     """
 
@@ -71,7 +71,7 @@ def joint_map(run: Run, joint_names: Sequence[str]) -> JointMap:
     """Choose the series of every channel and give their columns to the robot's joints.
 
     Raises:
-        DraftError: positions or torques cannot be told; lists the columns that there are.
+        DraftError: positions or torques cannot be found; lists the columns that there are.
     """
     listed = [(k, s) for k, file in enumerate(run.files) for s in file.series]
     positions = _ranked(listed, run, ("q",)) or _bare_positions(listed)

@@ -19,7 +19,7 @@ class KeptJoints:
 
     Attributes:
         names: those that are identified, parents first.
-        left_out: why each of the others that the log speaks of is not, by name.
+        left_out: why each of the others in the log is not, by name.
         logged: all joints with a column of positions.
     """
 

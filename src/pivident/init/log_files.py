@@ -56,9 +56,9 @@ class Run:
 
 
 def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
-    """Read the files and tell runs from parts of one run.
+    """Read the files, and separate runs from parts of one run.
 
-    Files with the same columns and names that speak of no different quantities are runs; all
+    Files with the same columns and names of no different quantities are runs; all
     others lie side by side.
 
     Raises:

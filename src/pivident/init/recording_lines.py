@@ -71,7 +71,7 @@ def recording_lines(
         answers: what a person said.
 
     Raises:
-        DraftError: positions, torques or joints cannot be told.
+        DraftError: positions, torques or joints cannot be found.
     """
     joints = joint_map(run, machine.joint_names)
     kept = kept_joints(run, joints, machine, wanted)
@@ -209,7 +209,7 @@ def _joint_lines(
             Assumption("robot", "frozen", values, sure, f"{seen}. All others stand at zero")  # type: ignore[arg-type]
         )
     elif len(kept.names) < len(machine.joint_names) + len(machine.fixed):
-        seen = "joints that the log does not speak of stand at zero; name those that do not"
+        seen = "joints that the log does not name stand at zero; name those that do not"
         lines.append(
             Assumption("robot", "frozen", None, "likely", seen, example="{gripper_joint = 0.02}")
         )

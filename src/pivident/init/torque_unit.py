@@ -117,7 +117,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
     try:
         timing = check_timing(log)
         if not timing.rate:
-            return Comparison(nothing, nothing, trouble="the clock tells no rate")
+            return Comparison(nothing, nothing, trouble="the sampling rate could not be determined")
         model = build_inverse_model(log, timing)
         findings, better = check_positions(log, timing, model)
         if any(f.kind == "angle unit" for f in findings):
@@ -192,7 +192,7 @@ def torque_unit(
         robot: the robot.
         found: log against description.
         named: unit written in the columns' names, or None.
-        is_current: whether these names speak of a current.
+        is_current: whether these are names of a current.
         answer: one of `ANSWERS`, or None.
     """
     named = answer if answer in ("N m", "A") else named
@@ -218,7 +218,7 @@ def torque_unit(
     if known.any() and np.all(np.abs(np.log(np.abs(factors[known]))) < np.log(NEAR_ONE)):
         return _newton_metres(robot, found, "N m", "likely", "no unit in the names")
     if not known.any():
-        seen = "no unit in the names, and nothing in the robot's description tells the scale"
+        seen = "no unit in the names, and nothing in the robot's description gives the scale"
         if found.trouble:
             seen += f" ({found.trouble})"
         correct = 'Name the unit: "N m", "N" for sliding joints, or {unit = "A", gain = …}.'
@@ -272,7 +272,7 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
         for j, gain in enumerate(gains)
     ]
     if not np.isfinite(found.factors).any():
-        seen = f"{reason}, and no description tells N m per unit: all torques and parameters are "
+        seen = f"{reason}, and no description gives N m per unit: all torques and parameters are "
         seen += f"in units of {unit} until gains are set"
         correct = "Set gain = N m per unit for each joint, on the joint side, and leave scale out."
         return TorqueUnit(value, "assumed", seen, correct)

@@ -130,7 +130,7 @@ def _remedy(error: PividentError) -> Assumption | None:
             "Torque beyond a limit is not what the model says; better cut those parts out.",
         )  # fmt: skip
     if isinstance(error, ConstantChannel):
-        seen = f"{said}; what only its motion tells cannot be determined"
+        seen = f"{said}; what needs its motion cannot be determined"
         return Assumption("recording", "allow_constant", True, "assumed", seen)
     if isinstance(error, (MissingSamples, GapInClock)) and error.stretches.lost:
         longest = error.stretches.longest

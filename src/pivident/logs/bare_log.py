@@ -23,8 +23,8 @@ from pivident.text.printable import escaped
 
 #: What a bare log is taken for.
 TAKEN = (
-    "Columns were told from {source} ({taken}) and taken for rad, N m and the joint side; an "
-    "experiment file says it with certainty."
+    "Columns were recognised by {source} ({taken}) and taken for rad, N m and the joint side; an "
+    "experiment file gives both with certainty."
 )
 
 

@@ -84,7 +84,7 @@ def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
 
 
 def array_of(column: str, known: Sequence[str], path: Path) -> str:
-    """The array in the file that a column's description speaks of.
+    """The array in the file that a column's description names.
 
     Raises:
         UnknownColumn: names the ones that look like it.

@@ -51,7 +51,7 @@ class Log:
         logged: channels in the units and on the side of the file, shape (samples, joints).
         channels: the same in SI and on the joint side.
         robot: the robot, or None.
-        torque_timing: what instant a torque sample speaks of, as in a `Recording`.
+        torque_timing: which instant a torque sample belongs to, as in a `Recording`.
         control_rate: declared rate of the control loop [Hz], zero for the sampling rate.
         delay: declared delay of the torque [s].
         commands: joints whose torque is a drive command without a known gain.

@@ -75,7 +75,7 @@ class Recording:
         notes: how the samples were brought onto one clock, in sentences.
         slowed: why the rate is lower than that of the logged positions, and what keeps theirs, as
             a half sentence; empty where it is not.
-        torque_scale: joints whose torque has a scale that nobody vouches for; its parameters then
+        torque_scale: joints whose torque has a scale that nobody has verified; its parameters then
             are as good as that scale.
 
     Raises:

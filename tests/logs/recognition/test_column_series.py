@@ -1,4 +1,4 @@
-"""Columns are told from their names as robots, recorders and people write them."""
+"""Columns are recognised by their names as robots, recorders and people write them."""
 
 import pytest
 

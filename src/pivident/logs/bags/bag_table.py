@@ -1,6 +1,6 @@
 """A bag as one table: the topic with the joints' positions, and what only other topics hold.
 
-A controller tells its reference in messages of its own, mostly slower than the joint states. To
+A controller publishes its reference in messages of its own, mostly slower than the joint states. To
 see whether the positions follow it, it is taken at the instants of the positions.
 """
 
@@ -106,7 +106,7 @@ def _merit(table: TopicTable, held: list[Series]) -> tuple[float, ...]:
 
 
 def _alike(series: Series, positions: list[Series]) -> bool:
-    """Whether a series speaks of the joints of the positions: by name, or as many of them."""
+    """Whether a series belongs to the joints of the positions: by name, or as many of them."""
     return series.named or any(len(series.columns) == len(own.columns) for own in positions)
 
 

@@ -5,7 +5,7 @@ else lies; two messages that agree in these have their numbers at the same place
 walked field by field, and thousands like it are read as columns of one array of bytes.
 
 ROS 1 packs fields without gaps, little-endian. ROS 2 (CDR) puts each number on a multiple of its
-own size, counted behind four bytes that tell the byte order, and ends strings with a zero.
+own size, counted behind four bytes that give the byte order, and ends strings with a zero.
 """
 
 from __future__ import annotations

@@ -228,6 +228,6 @@ def _messages(file: Path) -> Iterator[Message]:
 
 
 def _kind(path: Path) -> str:
-    """The ending that tells the container, below the one of a packed file."""
+    """The ending that names the container, below the one of a packed file."""
     name = path.name.lower()
     return Path(name.removesuffix(".zstd").removesuffix(".zst")).suffix

@@ -1,4 +1,4 @@
-"""What a column holds, told from the words of its name: ``actual_qd_0``, ``J1 (deg)``, ``I_A1``.
+"""What a column holds, by the words of its name: ``actual_qd_0``, ``J1 (deg)``, ``I_A1``.
 
 The vocabulary of all that reads names of columns stands here. Plain words are trusted in the name
 of a single column, as an audit or a check of an experiment file meets it; the others only where
@@ -126,7 +126,7 @@ class Reading:
         channel: ``q``, ``dq``, ``ddq``, ``tau``, ``current``, with ``_ref`` for references; None
             where the words name no quantity, or something that is no joint signal.
         unit: unit written beside the name, or None.
-        measured: how clearly the name speaks of a measurement: 1 with a word for it, 0 without,
+        measured: how clearly it is the name of a measurement: 1 with a word for it, 0 without,
             -1 where the name has words that nobody knows.
         foreign: whether it is something else than a joint signal.
     """

@@ -1,4 +1,4 @@
-"""Which column is what, told from its name: ``q1``, ``tau[0]``, ``arm_3_joint_effort``."""
+"""Which column is what, by its name: ``q1``, ``tau[0]``, ``arm_3_joint_effort``."""
 
 from __future__ import annotations
 
@@ -27,13 +27,13 @@ _WORD = re.compile(r"[a-z]+|\d+")
 
 
 def channel_of(name: str) -> tuple[str, str] | None:
-    """Channel and joint that a column's name speaks of.
+    """Channel and joint that a column's name belongs to.
 
     Args:
         name: name of a column, or of a column of an array, such as ``tau[:, 0]``.
 
     Returns:
-        ``("tau", "0")``, or None where the name tells nothing.
+        ``("tau", "0")``, or None where the name says nothing.
     """
     words = _WORD.findall(name.lower().replace("_ref", " ref"))
     kinds = [kind for kind, own in WORDS.items() if own & set(words)]
@@ -50,7 +50,7 @@ def channel_of(name: str) -> tuple[str, str] | None:
 def guess_channels(
     names: Sequence[str], joint_names: Sequence[str] = ()
 ) -> tuple[dict[str, list[str]], list[str]]:
-    """Columns of each channel, one per joint, as far as their names tell.
+    """Columns of each channel, one per joint, as far as their names show.
 
     Args:
         names: names of the columns.

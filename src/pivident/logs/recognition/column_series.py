@@ -1,6 +1,6 @@
-"""Columns that differ only in the joint they speak of: ``actual_q_0`` … ``actual_q_5``.
+"""Columns that differ only in the joint they belong to: ``actual_q_0`` … ``actual_q_5``.
 
-A table with sixty columns has ten such series. Which joint a column speaks of is told by a joint
+A table with sixty columns has ten such series. Which joint a column belongs to follows from a joint
 name of the robot in it, or else by the number in which it differs from its neighbours.
 """
 
@@ -125,7 +125,7 @@ def _without_joint(words: tuple[str, ...]) -> tuple[str, ...]:
 def joint_in(
     words: Sequence[str], phrases: Mapping[tuple[str, ...], str]
 ) -> tuple[str, int, int] | None:
-    """The joint that a name speaks of, and where in its words; of two the longer one."""
+    """The joint that a name names, and where in its words; of two the longer one."""
     best: tuple[str, int, int] | None = None
     for phrase, joint in phrases.items():
         for first in range(len(words) - len(phrase) + 1):

@@ -48,8 +48,8 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
 
     Args:
         columns: all columns.
-        hint: rate that logged speeds and positions tell together [Hz], or None.
-        given: rate that somebody told [Hz], or None.
+        hint: rate that follows from logged speeds and positions [Hz], or None.
+        given: rate that somebody gave [Hz], or None.
     """
     samples = len(next(iter(columns.values())))
     candidates = [name for name, values in columns.items() if is_usable_clock(name, values)]
@@ -86,7 +86,7 @@ def stamp_unit(
     Args:
         name: name of the column.
         stamps: shape (samples,).
-        hint: rate that logged speeds tell [Hz], or None.
+        hint: rate that follows from logged speeds [Hz], or None.
     """
     steps = np.diff(stamps)
     period = float(np.median(steps[steps > 0]))
@@ -150,7 +150,7 @@ def _without(
         seen = f"there is no time column; logged speeds fit the positions at {rate:.4g} Hz"
     else:
         rate, sure = 1000.0, "assumed"
-        seen = "there is no time column, and nothing in the log tells the rate"
+        seen = "there is no time column, and nothing in the log gives the rate"
     return LogClock(None, "s", rate, sure, seen, False, True, np.arange(samples) / rate)
 
 

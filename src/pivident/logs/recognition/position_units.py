@@ -57,7 +57,7 @@ def position_unit(
         robot: its joints' kinds and limits.
         q: as logged, shape (samples, joints), NaN where there is none.
         named: unit written in the columns' names, or None.
-        answer: unit that somebody told, or None.
+        answer: unit that somebody gave, or None.
     """
     turning = [j for j, joint in enumerate(robot.joints) if joint.kind == "revolute"]
     some = any(np.isfinite(q[:, j]).any() for j in turning)

@@ -1,4 +1,4 @@
-"""Which columns hold time stamps, told from name and values, and in which unit they are."""
+"""Which columns hold time stamps, by name and values, and in which unit they are."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ COARSE = 0.9
 
 
 def names_time(name: str) -> bool:
-    """Whether a word of a column's name speaks of time."""
+    """Whether a word of a column's name means time."""
     return bool(TIME_WORDS & set(words_of(name)))
 
 

@@ -1,4 +1,4 @@
-"""How a text table was written, told from its first lines.
+"""How a text table was written, by its first lines.
 
 sep=;                                   a title or a hint to a spreadsheet: passed over
 Zeit;A1_Ist;A2_Ist                      the header
