@@ -23,8 +23,7 @@ POSITIONS = ("q", "q_ref", "q_link")
 def factors_of(channel: str, units: Sequence[Any]) -> tuple[np.ndarray, np.ndarray]:
     """Factor to SI of each joint, and whether it is a drive command; None stands for SI."""
     pairs = [(1.0, False) if unit is None else factor_to_si(channel, unit) for unit in units]
-    factors, commands = zip(*pairs, strict=True)
-    return np.array(factors), np.array(commands)
+    return np.array([factor for factor, _ in pairs]), np.array([c for _, c in pairs], dtype=bool)
 
 
 def gains_of(
