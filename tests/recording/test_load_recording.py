@@ -274,6 +274,8 @@ def test_an_array_of_more_columns_than_joints_is_a_fault_of_the_log(tmp_path):
     assert lenient.logged["q"].shape == (600, 4) and lenient.joint_names == ("a", "b")
     with pytest.raises(RecordingError, match="no axis as long as there are joints"):
         recording_from(lenient)
+    narrow = described_log(path, {"q": "q[:, :1]", "tau": "tau"}, joint_names=("a", "b"), rate=RATE)
+    assert narrow.joint_names == ("a",) and narrow.channels["tau"].shape == (600, 1)
 
 
 def test_channels_of_different_length_are_refused(tmp_path):

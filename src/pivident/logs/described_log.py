@@ -89,9 +89,16 @@ def _with_clocks(log: Log, paths: Mapping[str, Path]) -> Log:
         found = numeric_columns(lenient_table(path, names)) if names else {}
         stamps |= {n: v for n, v in found.items() if n not in stamps and is_clock(n, v)}
     clocks, unit, notes = clocks_in(stamps, log.description.units.get("t"))
-    logged = {kind: np.array(v[:, : len(log.joint_names)]) for kind, v in log.logged.items()}
+    size = next(iter(log.logged.values())).shape[1] if log.logged else 0
+    names = log.joint_names[: size or None]  # an array may have fewer columns than joints
     return replace(
-        log, logged=logged, clocks=clocks, columns={}, clock_unit=unit, notes=tuple(notes)
+        log,
+        joint_names=names,
+        logged={kind: np.array(v[:, : len(names)]) for kind, v in log.logged.items()},
+        clocks=clocks,
+        columns={},
+        clock_unit=unit,
+        notes=tuple(notes),
     )
 
 
