@@ -6,10 +6,10 @@ from functools import cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pivident.audit.log import Log
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
+from pivident.logs.log import Log
 from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD

@@ -5,13 +5,13 @@ import pytest
 
 from pivident.audit.flange_load import flange_load
 from pivident.audit.inverse_model import build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.scale import check_scale
 from pivident.audit.timing import check_timing
 from pivident.check.remark import of_finding
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.init.torque_scale_guess import compare, torque_unit
+from pivident.init.torque_unit import compare, torque_unit
+from pivident.logs.log import Log
 from pivident.robot.urdf import read_urdf
 
 RATE = 250.0

@@ -5,11 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.audit.audit import audit_file, audit_log
-from pivident.audit.column_names import channel_of, guess_channels
-from pivident.audit.described_reading import described_log
-from pivident.audit.reading import bare_log
+from pivident.audit.audit import audit_log
+from pivident.audit.audit_file import audit_file
 from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
+from pivident.logs.bare_log import bare_log
+from pivident.logs.described_log import described_log
+from pivident.logs.recognition.column_names import channel_of, guess_channels
 from pivident.robot.gallery import load_robot
 from tests.audit.logs import delayed, planar, serious
 from tests.planar_log import EXPERIMENT, write_experiment
@@ -49,7 +50,7 @@ def test_bare_csv_with_a_robot(tmp_path):
     (audit,) = audit_file(path, load_robot("planar_2r"))
     kinds = {(severity, kind) for severity, kind, _ in serious(audit)}
     assert kinds == {("error", "reach"), ("error", "angle unit")}  # the log is in degrees
-    assert audit.of("reading")[0].message.startswith("Columns were told from their names")
+    assert audit.of("reading")[0].message.startswith("Columns were recognised by their names")
     (without,) = audit_file(path)
     assert serious(without) == set()
     assert "no robot is given" in without.of("reading")[-1].message

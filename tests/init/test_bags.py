@@ -4,7 +4,7 @@ import tomllib
 
 import pytest
 
-from pivident.audit.audit import audit_file
+from pivident.audit.audit_file import audit_file
 from pivident.check.experiment_check import check_experiment
 from pivident.cli.app import main
 from pivident.errors import RecordingError

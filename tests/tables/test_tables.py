@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import pivident as pv
-from pivident.audit.audit import audit_file
+from pivident.audit.audit_file import audit_file
 from pivident.consistency.consistent_model import make_consistent
 from pivident.consistency.profile_intervals import ProfileIntervals
 from pivident.experiment.experiment import load_experiment

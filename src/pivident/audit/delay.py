@@ -18,7 +18,7 @@ import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
 from pivident.audit.inverse_model import InverseModel
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import with_spread
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife, orthonormal
 from pivident.audit.inverse_model import InverseModel
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.robot.friction import FrictionColumn
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 from pivident.text.numbers import with_spread

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity
 
 #: Values examined of a channel.

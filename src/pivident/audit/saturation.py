@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.recording.checks import TOLERATED_CLIPPING
 from pivident.recording.saturation import clipped_samples
 from pivident.text.finding import Finding, Quantity, Severity, at_sample

@@ -17,11 +17,11 @@ import numpy as np
 from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.errors import PividentError, PositionsBeyondLimits
+from pivident.logs.log import Log
+from pivident.logs.torque_scale import scale_sentences
 from pivident.recording.checks import check_within_reach
-from pivident.recording.torque_scale import scale_sentences
 from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import plus_minus
@@ -64,7 +64,7 @@ class Scale:
 
 
 def check_assumed(log: Log) -> list[Finding]:
-    """Scales of the torque that were taken from the description, or guessed.
+    """Scales of the torque that were taken from the description, or assumed.
 
     A factor of 1 between log and description confirms nothing then.
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
+from pivident.logs.log import Log
 from pivident.signals.bandpass import butterworth, central_difference
 from pivident.text.finding import Finding, Quantity, Severity
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.audit.log import Log
-from pivident.recording.gaps import GAP, bridged_interval, stretches
-from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
+from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
+from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
+from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
 #: Two clocks that drift apart by more than this deserve a look; quartz keeps 1e-4.

@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pivident.audit.column_names import channel_of
 from pivident.check.remark import Place, Remark
-from pivident.recording.channel_words import PLAIN_QUANTITIES, UNIT_WORDS
+from pivident.logs.recognition.channel_words import PLAIN_QUANTITIES, UNIT_WORDS
+from pivident.logs.recognition.column_names import channel_of
 from pivident.robot.description import Robot
 from pivident.text.finding import Severity
 

@@ -12,11 +12,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
 from pivident.experiment.schema import ControllerEntry
+from pivident.logs.log import Log
 from pivident.text.finding import Quantity
 
 #: Share of the torque that error and speed must explain before the gains are judged.

@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.remark import Place, Remark
 from pivident.errors import PividentError
+from pivident.logs.log import Log
 from pivident.robot.description import STANDARD_GRAVITY, Robot
 
 #: Relative error up to which no geometry is doubted.

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Remark
 from pivident.control_law.law_gravity import GravityColumns, gravity_columns
 from pivident.experiment.schema import ControllerEntry
+from pivident.logs.log import Log
 
 #: Share of the torque's variance that a law without gravity stays below, and that one with gravity
 #: explains.

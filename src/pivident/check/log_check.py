@@ -12,9 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from pivident.audit.audit import Audit, audit_log
-from pivident.audit.file_columns import read_columns
-from pivident.audit.log import Log
-from pivident.audit.reading import entry_log
 from pivident.audit.timing import Timing, check_timing
 from pivident.check.columns_check import check_columns
 from pivident.check.gains_check import check_gains, check_limit
@@ -35,10 +32,12 @@ from pivident.errors import (
     PositionsBeyondLimits,
     SaturatedSignal,
 )
-from pivident.experiment.recording_tables import recording_of
+from pivident.experiment.recording_tables import log_of, recording_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
+from pivident.logs.clocks.timestamps import LOWEST_RATE
+from pivident.logs.file_columns import read_columns
+from pivident.logs.log import Log
 from pivident.recording.recording import Recording
-from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
 
 #: Errors of the reader that an audit reports with more numbers.
@@ -107,7 +106,7 @@ def check_log(
         remarks += check_columns(columns, units, robot, place)
     recordings, failure = _recordings(entry, robot, folder)
     try:
-        log = entry_log(entry, robot, folder)
+        log = log_of(entry, robot, folder)
     except PividentError as error:
         remarks.append(of_error(failure or error, "recording", place, content))
         return LogCheck(tuple(remarks), recordings)

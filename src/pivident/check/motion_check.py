@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
-from pivident.recording.timestamps import LOWEST_RATE
+from pivident.logs.clocks.timestamps import LOWEST_RATE
+from pivident.logs.log import Log
 from pivident.robot.description import Robot
 from pivident.text.finding import Quantity
 

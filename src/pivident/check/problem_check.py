@@ -18,8 +18,8 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
+from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.recording.recording import Recording
-from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
 

@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
+from pivident.logs.log import Log
 from pivident.text.finding import Quantity
 
 #: Distance between reference and position, relative to the motion, that is plausible.

@@ -156,7 +156,7 @@ def init(
     yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
-    """Write a first experiment file for a log, every guess in it with its reason.
+    """Write a first experiment file for a log, every assumption in it with its reason.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def init(
     joints
         Joints of a URDF to identify, with commas. Default: all that move and have a torque.
     yes
-        Ask nothing; write the best guess and mark it.
+        Ask nothing; write the best assumption and mark it.
     force
         Replace a file that exists.
     """

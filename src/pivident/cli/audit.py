@@ -30,7 +30,7 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
     Raises:
         PividentError: the log cannot be read at all, or the folder cannot be written.
     """
-    from pivident.audit.audit import audit_file
+    from pivident.audit.audit_file import audit_file
     from pivident.report.audit.audit_files import write_audit
     from pivident.robot.gallery import load_robot
 

@@ -9,7 +9,7 @@ from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.signs import negative_parameters
-from pivident.recording.torque_scale import scale_sentences
+from pivident.logs.torque_scale import scale_sentences
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent

@@ -31,7 +31,7 @@ from pivident.diagnostics.residual_statements import (
     spectral_lines,
 )
 from pivident.estimation.identification import Identification
-from pivident.recording.torque_scale import scale_headline
+from pivident.logs.torque_scale import scale_headline
 from pivident.text import display
 from pivident.text.finding import Finding, Severity, worst
 

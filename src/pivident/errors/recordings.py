@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pivident.errors.kinds import FileFormatError, PividentError, RecordingError
-
-if TYPE_CHECKING:
-    from pivident.recording.gaps import Stretches
+from pivident.errors.stretches import Stretches
 
 
 class NonFiniteSamples(RecordingError):

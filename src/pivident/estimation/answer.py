@@ -17,7 +17,7 @@ from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import JointSums, relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.signs import sign_warnings
-from pivident.recording.torque_scale import scale_sentences
+from pivident.logs.torque_scale import scale_sentences
 from pivident.simulation.control_loop import Loop
 from pivident.text.finding import Finding, Quantity
 from pivident.version import __version__

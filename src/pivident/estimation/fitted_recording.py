@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.recording.torque_scale import TorqueScale
+from pivident.logs.torque_scale import TorqueScale
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.estimation.equations import Equations
 from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.methods import Bandpass, Method
-from pivident.recording.torque_scale import TorqueScale
+from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
 from pivident.text import display

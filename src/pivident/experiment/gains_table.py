@@ -17,8 +17,8 @@ from pivident.drives.motor_temperature import (
 from pivident.experiment.experiment import Experiment, errors_name
 from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
 from pivident.experiment.temperature import TEMPERATURE, with_temperature, without_temperature
+from pivident.logs.units import COMMAND, TORQUE, factor_to_si
 from pivident.recording.recording import Recording
-from pivident.recording.units import COMMAND, TORQUE, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
 

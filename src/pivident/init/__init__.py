@@ -1,4 +1,4 @@
-"""From log and robot to a first experiment file, every guess in it with its reason."""
+"""From log and robot to a first experiment file, every assumption in it with its reason."""
 
 import lazy_loader
 

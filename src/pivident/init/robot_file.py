@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pivident.errors import RobotDescriptionError
-from pivident.init.guess import DraftError
+from pivident.init.assumption import DraftError
 from pivident.robot.description import Robot
 from pivident.robot.gallery import gallery_names, load_robot
 from pivident.robot.naming import errors_name

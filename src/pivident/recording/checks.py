@@ -10,16 +10,11 @@ from pivident.errors import (
     ConstantChannel,
     NonFiniteSamples,
     PositionsBeyondLimits,
-    RecordingError,
-    RecordingTooShort,
     SaturatedSignal,
     ShapeMismatch,
 )
 from pivident.recording.saturation import clipped_samples
 from pivident.robot.description import Robot
-
-#: Fewest samples that can be differentiated twice and still leave something to fit.
-MINIMUM_SAMPLES = 16
 
 #: How far beyond its limits a joint may be logged, in spans of its limits.
 TOLERATED_REACH = 2.0
@@ -36,26 +31,6 @@ def check_shape(channel: str, values: np.ndarray, expected: tuple[int, ...]) -> 
     """
     if values.shape != expected:
         raise ShapeMismatch(channel, values.shape, expected)
-
-
-def check_length(samples: int) -> None:
-    """Refuse a recording of fewer than `MINIMUM_SAMPLES` samples.
-
-    Raises:
-        RecordingTooShort: with the number of samples.
-    """
-    if samples < MINIMUM_SAMPLES:
-        raise RecordingTooShort(samples, MINIMUM_SAMPLES)
-
-
-def check_positive(name: str, value: float) -> None:
-    """Refuse a rate that is not a positive, finite number.
-
-    Raises:
-        RecordingError: names the quantity and the value.
-    """
-    if not (np.isfinite(value) and value > 0):
-        raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
 
 
 def check_finite(channel: str, values: np.ndarray, joint_names: Sequence[str]) -> None:

@@ -58,6 +58,15 @@ class Transmission:
         none = np.zeros(joints, dtype=bool)
         return cls(np.eye(joints), np.ones(joints), np.zeros(joints), none)
 
+    def first(self, joints: int) -> Transmission:
+        """That of the first joints, for logs with fewer of them."""
+        if joints >= len(self.drive_gain):
+            return self
+        n = slice(joints)
+        return Transmission(
+            self.reduction[n, n], self.drive_gain[n], self.position_offset[n], self.gain_given[n]
+        )
+
     def joint_positions(self, motor_positions: np.ndarray) -> np.ndarray:
         """Joint positions q = N⁻¹ q_motor + offset, shape (samples, joints) [rad or m]."""
         q = _product(motor_positions, np.linalg.inv(self.reduction).T)

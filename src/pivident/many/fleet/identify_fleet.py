@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pivident.errors import ExperimentError, PividentError
 from pivident.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
 from pivident.many.fleet.fleet_store import FleetStore
-from pivident.many.fleet.logs import Log, TimeAxis, find_logs
+from pivident.many.fleet.logs import FleetLog, TimeAxis, find_logs
 from pivident.many.fleet.one_log import Task, identify_log, identify_log_alone, lost_log
 from pivident.many.fleet.template import FILE, Template, load_template
 from pivident.threads import thread_count
@@ -35,7 +35,7 @@ class Fleet:
     """
 
     template: Template
-    logs: tuple[Log, ...]
+    logs: tuple[FleetLog, ...]
     axis: TimeAxis
     rows: pl.DataFrame
     store: FleetStore
@@ -138,7 +138,7 @@ def template_of(folder: Path, path: str | Path | None = None) -> Template:
     return load_template(folder / FILE if path is None else path)
 
 
-def _known_digest(log: Log, known: dict[str, set[str]]) -> str | None:
+def _known_digest(log: FleetLog, known: dict[str, set[str]]) -> str | None:
     """Hash of a log that has been identified as it is now, None for the others."""
     if log.fault or log.name not in known:
         return None

@@ -21,7 +21,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.temperature import TEMPERATURE, without_temperature
 from pivident.many.batch.failure import failure
 from pivident.many.batch.results_folder import Row
-from pivident.many.fleet.logs import Log
+from pivident.many.fleet.logs import FleetLog
 from pivident.many.fleet.template import Template
 from pivident.recording.recording import Recording
 
@@ -66,7 +66,7 @@ class Task:
         return _last_template[self.key]
 
 
-def identify_log(task: Task, log: Log) -> list[Row]:
+def identify_log(task: Task, log: FleetLog) -> list[Row]:
     """All rows of a log, one for each parameter.
 
     Args:
@@ -98,13 +98,13 @@ def identify_log(task: Task, log: Log) -> list[Row]:
     return [common | row for row in _parameters(found, temperatures)]
 
 
-def identify_log_alone(task: Task, log: Log) -> list[Row]:
+def identify_log_alone(task: Task, log: FleetLog) -> list[Row]:
     """``identify_log`` in a worker process, which takes one thread: workers share the cores."""
     os.environ["PIVIDENT_THREADS"] = "1"
     return identify_log(task, log)
 
 
-def lost_log(task: Task, log: Log, times: int) -> list[Row]:
+def lost_log(task: Task, log: FleetLog, times: int) -> list[Row]:
     """The row of a log whose worker died each time it was tried; it is tried again next time.
 
     Args:
@@ -117,7 +117,7 @@ def lost_log(task: Task, log: Log, times: int) -> list[Row]:
     return [common | {"computed": time.time(), "error": "WorkerLost", "message": message}]
 
 
-def _problem(template: Template, log: Log) -> tuple[Problem, np.ndarray | None]:
+def _problem(template: Template, log: FleetLog) -> tuple[Problem, np.ndarray | None]:
     """The problem of a log, and the mean temperature of each joint where the log has it."""
     experiment = template.experiment_of(log)
     recordings = experiment.recordings()

@@ -15,7 +15,7 @@ from pivident.experiment.experiment import Experiment, errors_name, toml_content
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.temperature import with_temperature
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
-from pivident.many.fleet.logs import Log
+from pivident.many.fleet.logs import FleetLog
 
 #: The template in the folder of logs, where no other is named.
 FILE = "fleet.toml"
@@ -75,7 +75,7 @@ class Template:
         """
         return self.experiment.methods([self.method_name])[self.method_name]
 
-    def experiment_of(self, log: Log) -> Experiment:
+    def experiment_of(self, log: FleetLog) -> Experiment:
         """The experiment of one log.
 
         Args:
