@@ -66,6 +66,9 @@ def described_log(
         delay: as in a `Recording` [s].
         unused: further fields of a `Recording`, which an audit does not need.
 
+    Returns:
+        The log in SI units on the joint side.
+
     Raises:
         FileFormatError: a file or a column cannot be read.
         RecordingError: columns or units that mean nothing.

@@ -39,6 +39,9 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         path: .csv, .txt, .tsv (also gzipped), .npz, .mat, .parquet, or a bag.
         robot: the robot, where it is known.
 
+    Returns:
+        The log, its channels assigned by their names as far as they are known.
+
     Raises:
         FileFormatError: the file cannot be read at all.
     """

@@ -59,6 +59,13 @@ class Regressor:
         A probe decides because geometry hides zeros that the tree does not show (a vertical
         first axis does not feel gravity). Friction acts on its own joint whatever its constants,
         even where a random speed does not show it.
+
+        Args:
+            robot: the robot.
+            parameters: columns of the observation matrix, in their order.
+
+        Returns:
+            The regressor, which knows where entries can be non-zero.
         """
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
@@ -115,8 +122,9 @@ class Regressor:
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
             out: array (rows, samples) to write into; rows of no entry stay as they are.
-            inner: see :meth:`inner`; needed for a stretch of a longer record. None: these
-                signals are the beginning of their record, and loads are zero.
+            inner: columns of :meth:`inner`, shape (inner entries, samples); needed for a
+                stretch of a longer record. None: these signals are the beginning of their
+                record, and loads are zero.
             place: row of ``out`` for each entry, shape (entries,); None: one below the other.
 
         Returns:
@@ -154,7 +162,7 @@ class Regressor:
             ddq: joint accelerations [rad/s² or m/s²].
             out: array (samples, joints, parameters) of an earlier call to write into. Its
                 structural zeros are taken to be zero already and are not written again.
-            inner: see :meth:`packed`; time last.
+            inner: as for :meth:`packed`, shape (inner entries, samples).
 
         Returns:
             Φ, shape (samples, joints, parameters).
@@ -196,10 +204,11 @@ class Regressor:
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
             theta: parameters, shape (parameters,).
-            inner: see :meth:`inner`; time last. None: made here, with the load of ``theta``.
+            inner: as for :meth:`packed`, shape (inner entries, samples). None: made here, with
+                the load of ``theta``.
 
         Raises:
             ValueError: shapes that do not fit.
@@ -224,8 +233,8 @@ class Regressor:
         Args:
             q: joint positions [rad or m] from the start of the record on, where friction with
                 memory is relaxed, time **last**, shape (joints, samples); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
             theta: parameters whose torques of inertia, gravity and springs are the load, shape
                 (parameters,); None: the load is zero.
 

@@ -52,6 +52,9 @@ def to_c(model: RunnableModel, name: str = "robot_model") -> ExportedText:
     Args:
         model: the model.
         name: what header and functions are called; made an identifier where it is none.
+
+    Returns:
+        The source with its header, and what C cannot express.
     """
     from pivident.symbolic.print_c import c_header, c_source
 
@@ -98,6 +101,9 @@ def verify_c(exported: ExportedText, model: RunnableModel) -> Verification:
     Args:
         exported: what `to_c` returned.
         model: the model.
+
+    Returns:
+        Largest difference of each function, or why the comparison was skipped.
 
     Raises:
         ExportError: it does not compile; the compiler's words.

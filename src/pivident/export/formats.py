@@ -114,6 +114,9 @@ def export_model(
         original: URDF in which the inertials are to be replaced; None: a new one.
         frozen: positions of that file's other joints [rad or m], by name.
 
+    Returns:
+        The text, what the format leaves out, and further files such as a C header.
+
     Raises:
         ExportError: the format cannot say the model, or there is no such format.
     """
@@ -136,6 +139,9 @@ def verify_export(
         model: the model.
         to: the format.
         frozen: positions of a URDF's other joints [rad or m], by name.
+
+    Returns:
+        One comparison for each program that can load the file.
 
     Raises:
         ExportError: a C file does not compile, or a Python file does not run.

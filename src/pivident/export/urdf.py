@@ -48,6 +48,9 @@ def to_urdf(
         frozen: positions at which joints of that file were frozen [rad or m], by name; None: as
             the robot was read.
 
+    Returns:
+        The file and the sentences that say where it differs from the model.
+
     Raises:
         RobotDescriptionError: the original is no URDF, or lacks a joint; names the nearest.
         ExportError: the original is another robot, or a link has no positive mass.

@@ -110,6 +110,9 @@ def to_json(model: RunnableModel) -> ExportedText:
 
     Args:
         model: the model.
+
+    Returns:
+        The text as bytes.
     """
     text = json_of_entries(model_values(model))
     return ExportedText(text.encode("utf-8", errors="backslashreplace"))
@@ -167,6 +170,9 @@ def read_model(path: str | PathLike[str]) -> RunnableModel:
 
     Args:
         path: the file.
+
+    Returns:
+        The model.
 
     Raises:
         IdentificationFileError: it cannot be read, or is no model of this layout.

@@ -53,7 +53,8 @@ def symbolic_models(
         robot: the robot.
         what: names out of ``MODELS``.
         columns: parameters of the models (base, standard or chosen ones).
-        values: their values, folded into the programs; None: they are arguments.
+        values: their values, shape (parameters,), folded into the programs; None: they are
+            arguments.
 
     Returns:
         A program for each name. Parameter values are no part of ``regressor`` and ``base``.

@@ -218,6 +218,9 @@ def load_scenario(name: str | Path) -> Scenario:
     Args:
         name: ``fine``, ``loop``, ``coloured``, ``coarse``, ``birdy``, or a file.
 
+    Returns:
+        The scenario.
+
     Raises:
         ExperimentError: there is no such scenario; or it has an unknown key, a bad value or a
             contradiction, and the message names table, key, value and the next step.
@@ -257,6 +260,9 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
         text: TOML.
         name: name of the scenario.
         source: what errors call it, and what paths are relative to.
+
+    Returns:
+        The scenario.
 
     Raises:
         ExperimentError: as of ``load_scenario``.
