@@ -17,7 +17,7 @@ SOURCE = Path(pivident.__file__).parent
 #: A command of the command line that needs each package, if there is one.
 COMMANDS = {
     "symbolic": ["symbolic", "planar_2r"],
-    "export": ["export", "model.json", "--to", "c"],
+    "export": ["export", "model.json", "--to", "c", "--out", "model.c"],
     "payload": ["payload", "experiment.toml"],
     "flexibility": ["flexibility", "experiment.toml"],
     "many": ["study", "fine", "--runs", "1"],
@@ -26,14 +26,14 @@ COMMANDS = {
 
 @pytest.fixture(scope="module")
 def installation_without(tmp_path_factory):
-    """Copies of the package that lack some of its packages."""
+    """Copies of the package, with its compiled kernels, that lack some of its packages."""
 
     def copied(*doors: str) -> Path:
         folder = tmp_path_factory.mktemp("without")
         left_out = {str(SOURCE / door) for door in doors}
 
         def ignored(parent: str, names: list[str]) -> list[str]:
-            return [n for n in names if n == "__pycache__" or f"{parent}/{n}" in left_out]
+            return [n for n in names if f"{parent}/{n}" in left_out]
 
         shutil.copytree(SOURCE, folder / "pivident", ignore=ignored)
         return folder

@@ -5,7 +5,8 @@ import pytest
 import sympy
 
 from pivident.dynamics.grouping.expressions import OperationCount, call, cosine, sine, symbol
-from pivident.symbolic.program import LONGEST, Input, Output, Program, output_array
+from pivident.symbolic.assignments import LONGEST, Input, Output, output_array
+from pivident.symbolic.program import Program
 from tests.symbolic.evaluation import evaluated
 
 Q = Input("q", (symbol("q1"), symbol("q2")), "positions [rad]")

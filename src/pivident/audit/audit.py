@@ -150,7 +150,8 @@ def audit_file(
         say(f"reading {path.name}")
         return (audit_log(bare_log(path, robot), say),)
 
-    from pivident.experiment.experiment import errors_name, load_experiment
+    from pivident.experiment.experiment import load_experiment
+    from pivident.experiment.toml_file import errors_name
 
     given = load_experiment(path if is_experiment else Path(str(experiment)))
     entries = given.content.recording if is_experiment else given.content.recording[:1]

@@ -14,11 +14,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.errors import UnusableSignal
-from pivident.linear.estimate import Hold, LinearEstimate
+from pivident.linear.model import Hold, LinearModel
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
 
 
-def simulate(model: LinearEstimate, u: np.ndarray) -> np.ndarray:
+def simulate(model: LinearModel, u: np.ndarray) -> np.ndarray:
     """Noise-free output from rest, shape (samples,).
 
     Args:

@@ -14,8 +14,8 @@ from importlib import resources
 
 from pivident.dynamics.grouping.expressions import Call, Cosine, Expression, Sine, ordered
 from pivident.dynamics.grouping.notation import C99, expression_texts
+from pivident.symbolic.assignments import Assignments, Input, Output
 from pivident.symbolic.print_python import argument_names, scalar_names
-from pivident.symbolic.program import Input, Output, Program
 from pivident.text.identifiers import c_comment, identifiers
 
 #: C with the functions that the file brings along.
@@ -39,7 +39,7 @@ _TAKEN = (
 )
 
 
-def c_source(programs: Sequence[Program], prefix: str = "", many: bool = True) -> str:
+def c_source(programs: Sequence[Assignments], prefix: str = "", many: bool = True) -> str:
     """Text of a C99 file.
 
     Args:
@@ -57,7 +57,7 @@ def c_source(programs: Sequence[Program], prefix: str = "", many: bool = True) -
     return "\n".join(lines)
 
 
-def c_header(programs: Sequence[Program], prefix: str = "", many: bool = True) -> str:
+def c_header(programs: Sequence[Assignments], prefix: str = "", many: bool = True) -> str:
     """Text of the header file that goes with `c_source`.
 
     Args:
@@ -78,31 +78,31 @@ def c_header(programs: Sequence[Program], prefix: str = "", many: bool = True) -
     return "\n".join(lines)
 
 
-def _arguments(program: Program) -> list[tuple[str, Input]]:
+def _arguments(program: Assignments) -> list[tuple[str, Input]]:
     """Arguments that have elements, with their identifiers; the parameters come last."""
     texts, _ = argument_names(program, _TAKEN)
     both = zip(texts, (*program.inputs, program.parameters), strict=True)
     return [(text, argument) for text, argument in both if argument.symbols]
 
 
-def _results(program: Program) -> list[tuple[str, Output]]:
+def _results(program: Assignments) -> list[tuple[str, Output]]:
     _, texts = argument_names(program, _TAKEN)
     return list(zip(texts, program.outputs, strict=True))
 
 
-def _signature(program: Program, name: str) -> str:
+def _signature(program: Assignments, name: str) -> str:
     given = [f"const double {text}[{len(a)}]" for text, a in _arguments(program)]
     results = [f"double {text}[{max(o.elements.size, 1)}]" for text, o in _results(program)]
     return f"void {name}({', '.join(given + results)})"
 
 
-def _many_signature(program: Program, name: str) -> str:
+def _many_signature(program: Assignments, name: str) -> str:
     given = [f"const double *{text}" for text, _ in _arguments(program)]
     results = [f"double *{text}" for text, _ in _results(program)]
     return f"void {name}_samples(size_t samples, {', '.join(given + results)})"
 
 
-def _single(program: Program, name: str) -> list[str]:
+def _single(program: Assignments, name: str) -> list[str]:
     names = scalar_names(program, _TAKEN)
     lines = [_signature(program, name), "{", *_unused(program)]
     for text, argument in _arguments(program):
@@ -114,7 +114,7 @@ def _single(program: Program, name: str) -> list[str]:
     return [*lines, "}"]
 
 
-def _many(program: Program, name: str) -> list[str]:
+def _many(program: Assignments, name: str) -> list[str]:
     """A loop over tiles: inputs are turned so that time comes last, and back for the results."""
     names = scalar_names(program, _TAKEN)
     rows = [(t, a) for t, a in _arguments(program) if a is not program.parameters]
@@ -192,7 +192,7 @@ def _result_rows(text: str, output: Output) -> list[str]:
     return lines
 
 
-def _unused(program: Program) -> list[str]:
+def _unused(program: Assignments) -> list[str]:
     """Arguments that no result depends on, named so that compilers do not warn."""
     return [
         f"    (void){text};"
@@ -201,7 +201,7 @@ def _unused(program: Program) -> list[str]:
     ]
 
 
-def _unpacked(program: Program, argument: Input, names: Mapping, place) -> list[str]:
+def _unpacked(program: Assignments, argument: Input, names: Mapping, place) -> list[str]:
     """Elements of an argument that are used, as local constants."""
     return [
         f"    const double {names[s]} = {place(k)};"
@@ -210,7 +210,7 @@ def _unpacked(program: Program, argument: Input, names: Mapping, place) -> list[
     ]
 
 
-def _assignments(program: Program, names: Mapping[Expression, str]) -> list[str]:
+def _assignments(program: Assignments, names: Mapping[Expression, str]) -> list[str]:
     """Statements for the variables; a sine and a cosine of the same angle are made together."""
     lines = []
     paired: set[Expression] = set()
@@ -241,7 +241,7 @@ def _element_texts(output: Output, names: Mapping[Expression, str]) -> list[str]
     return [names.get(e) or expression_texts([e], _C, names)[0] for e in output.elements.ravel()]
 
 
-def _helpers(programs: Iterable[Program]) -> list[str]:
+def _helpers(programs: Iterable[Assignments]) -> list[str]:
     """Functions that the programs call beside those of ``math.h``."""
     nodes = ordered(e for program in programs for e in program.expressions)
     wanted = {"sine_and_cosine": any(map(_is_circular, nodes))}

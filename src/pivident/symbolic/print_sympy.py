@@ -12,8 +12,8 @@ from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import PYTHON, expression_texts
 from pivident.dynamics.grouping.sympy_expressions import sympy_expressions
 from pivident.extras import require
+from pivident.symbolic.assignments import Assignments
 from pivident.symbolic.print_python import scalar_names
-from pivident.symbolic.program import Program
 from pivident.text.identifiers import identifiers
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ _IMPORTED = ("Abs", "Array", "Max", "Min", "Pow", "Symbol", "atan", "cos", "exp"
 
 
 def sympy_program(
-    program: Program,
+    program: Assignments,
 ) -> tuple[list[tuple[sympy.Symbol, sympy.Expr]], dict[str, sympy.Array]]:
     """Assignments and outputs of a program.
 
@@ -59,7 +59,7 @@ def sympy_program(
     return pairs, outputs
 
 
-def sympy_module(programs: Sequence[Program]) -> str:
+def sympy_module(programs: Sequence[Assignments]) -> str:
     """Text of a Python module with a function for each program that makes its expressions.
 
     Args:
@@ -72,7 +72,7 @@ def sympy_module(programs: Sequence[Program]) -> str:
     return "\n\n".join(parts)
 
 
-def _function(program: Program, function: str) -> str:
+def _function(program: Assignments, function: str) -> str:
     taken = [*_IMPORTED, "assignments", "results"]
     names = scalar_names(program, taken)
     header = [line.replace("\\", "\\\\").replace('"""', "'''") for line in program.header]

@@ -16,6 +16,7 @@ from pivident.dynamics.grouping.expressions import symbol
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.model_symbols import Columns
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
@@ -24,7 +25,7 @@ from pivident.symbolic.print_c import c_header, c_source
 from pivident.symbolic.print_latex import latex_document
 from pivident.symbolic.print_python import python_module
 from pivident.symbolic.print_sympy import sympy_module
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.text.identifiers import identifier
 
 #: What can be written, and what it is.

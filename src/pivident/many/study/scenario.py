@@ -96,8 +96,8 @@ class Scenario:
         Raises:
             RobotDescriptionError: its description cannot be used.
         """
-        from pivident.experiment.experiment import errors_name
         from pivident.experiment.robot_table import robot_of
+        from pivident.experiment.toml_file import errors_name
 
         with errors_name(Path(self.source), "[robot]"):
             return robot_of(self.content.robot, Path(self.source).parent)
