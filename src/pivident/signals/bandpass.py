@@ -74,12 +74,15 @@ def butterworth(
     """Low-pass x forwards and backwards along time, by second-order sections.
 
     Args:
-        x: samples along axis 0.
+        x: samples along axis 0, in any unit.
         rate: sampling rate [Hz].
         cutoff: cut-off frequency [Hz].
         order: order of one run.
         padlen: samples of odd extension at each end; None: three times the order, as MATLAB's
             ``filtfilt`` has it.
+
+    Returns:
+        The filtered samples, shape as of ``x``.
 
     Raises:
         RecordingError: the cut-off is not below half the rate.
