@@ -27,7 +27,7 @@ from pivident import (
 from pivident.control_law import ControllerIdentification, feedback_from_noise
 from pivident.errors import IdentificationError
 from pivident.estimation import estimate_kinematics
-from pivident.signals.bandpass import butterworth
+from pivident.signals import butterworth
 
 HERE = Path(__file__).parent
 

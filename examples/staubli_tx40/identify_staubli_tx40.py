@@ -28,7 +28,7 @@ from pivident import (
 from pivident.errors import IdentificationError
 from pivident.recording import load_staubli_tx40
 from pivident.robot import FrictionLaw, coulomb, offset, viscous
-from pivident.signals.bandpass import bandpass, butterworth
+from pivident.signals import bandpass, butterworth
 
 HERE = Path(__file__).parent
 

@@ -12,6 +12,7 @@ import pytest
 
 import pivident
 from pivident import errors
+from tests.docs.page_blocks import DOCS
 
 #: Packages with a front of their own.
 PACKAGES = sorted(
@@ -194,14 +195,25 @@ def test_what_is_missing_is_found():
     assert undocumented_errors(raising, "Raise.\n\nRaises:\n    PividentError: always.") == set()
 
 
-def test_every_public_name_is_in_the_reference():
-    from tests.docs.page_blocks import DOCS
-
+def documented_paths() -> list[str]:
     pages = "".join(p.read_text("utf-8") for p in (DOCS / "reference" / "api").glob("*.md"))
-    shown = set(re.findall(r"^\.\. auto\w+:: (\S+)", pages, re.MULTILINE))
-    objects = [resolved(name) for name in shown if not name.endswith(".errors")]
+    shown = re.findall(r"^\.\. auto\w+:: (\S+)", pages, re.MULTILINE)
+    return [name for name in shown if name != "pivident.errors"]
+
+
+def test_every_public_name_is_in_the_reference():
+    objects = [resolved(name) for name in documented_paths()]
     for name in public_names():
         found = resolved(name)
         if isinstance(found, type) and issubclass(found, errors.PividentError):
             continue
         assert any(found is other for other in objects), f"{name} is on no page of the reference"
+
+
+def test_every_public_name_has_one_documented_path():
+    shown = documented_paths()
+    assert sorted(set(shown)) == sorted(shown)
+    assert not set(shown) - set(public_names()), "not in the stub of a front"
+    objects = [resolved(name) for name in shown]
+    twice = [n for n, o in zip(shown, objects, strict=True) if sum(o is p for p in objects) > 1]
+    assert not twice

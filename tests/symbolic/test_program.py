@@ -6,7 +6,8 @@ import sympy
 
 from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import OperationCount, call, cosine, sine
-from pivident.symbolic.program import MAX_OPERATIONS, Input, Output, Program, output_array
+from pivident.symbolic.assignments import MAX_OPERATIONS, Input, Output, output_array
+from pivident.symbolic.program import Program
 from tests.symbolic.evaluation import evaluated
 
 Q = Input("q", (symbol("q1"), symbol("q2")), "positions [rad]")

@@ -119,6 +119,9 @@ def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
     Args:
         log: the log.
         progress: called with one line at each stage.
+
+    Returns:
+        The findings, with the clock and the resolution of every channel.
     """
     say = progress or (lambda line: None)
     say("looking at clock and channels")
@@ -137,9 +140,7 @@ def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
         return Audit(log, tuple(findings), timing, quantisation)
     say("comparing torque and motion")
     try:
-        if not timing.rate:
-            raise RecordingError("the sampling rate is not known")
-        model: InverseModel | None = build_inverse_model(log, timing)
+        model: InverseModel | None = _inverse_model(log, timing)
     except (PividentError, np.linalg.LinAlgError) as error:
         findings += check_reach(log, timing)
         findings.append(_not_judged(str(error)))
@@ -209,6 +210,13 @@ def _unexplained(model: InverseModel) -> list[Finding]:
                 )
             )
     return findings
+
+
+def _inverse_model(log: Log, timing: Timing) -> InverseModel:
+    """Rows τ = Φ θ of a log whose clock is known."""
+    if not timing.rate:
+        raise RecordingError("the sampling rate is not known")
+    return build_inverse_model(log, timing)
 
 
 def _not_judged(reason: str) -> Finding:

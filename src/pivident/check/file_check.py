@@ -10,10 +10,11 @@ from typing import Any
 from pivident.check.remark import Place, Remark, of_error, split_advice, with_key, without_table
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS
-from pivident.experiment.experiment import Experiment, toml_content, with_every_run
+from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
 from pivident.experiment.method_table import method_of
 from pivident.experiment.schema import ExperimentFile
+from pivident.experiment.toml_file import toml_content
 
 
 def file_problems(

@@ -19,7 +19,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from pivident.cli.check import check
 from pivident.cli.compare import compare
-from pivident.cli.completion import completion
+from pivident.cli.completion import Shell, completion_script
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.export import export
@@ -61,7 +61,6 @@ app.command(consistent)
 app.command(payload)
 app.command(export)
 app.command(symbolic)
-app.command(completion)
 
 
 @app.command
@@ -240,6 +239,19 @@ def fetch(name: str, /) -> int:
         files = fetch_files(name)
     for path in files.values():
         print(path)
+    return DONE
+
+
+@app.command
+def completion(shell: Shell, /) -> int:
+    """Print the script that completes commands and options in bash, zsh or fish.
+
+    Parameters
+    ----------
+    shell
+        The shell that is to read it.
+    """
+    print(completion_script(app, shell))
     return DONE
 
 

@@ -55,7 +55,7 @@ def fleet(
     from pivident.cli.workflow import check_output
     from pivident.errors import ExperimentError
     from pivident.many.fleet.identify_fleet import default_out, identify_fleet, template_of
-    from pivident.many.fleet.judgement import conclude
+    from pivident.many.fleet.judgement import conclude_fleet
 
     if level is not None and not 0.0 < level < 1.0:
         raise ExperimentError(
@@ -74,7 +74,7 @@ def fleet(
         except KeyboardInterrupt:
             note(f"the logs that have finished are in {place}; the same command goes on there")
             raise
-        judgement = conclude(found, progress.say)
+        judgement = conclude_fleet(found, progress.say)
     _print(judgement, place)
     if len(found.failures) < len(found.logs):
         return 0

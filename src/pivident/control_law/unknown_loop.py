@@ -93,6 +93,12 @@ def feedback_from_noise(recording: Recording, drive_gain: np.ndarray) -> tuple[F
     Args:
         recording: one run.
         drive_gain: joint torque per controller output, shape (joints,).
+
+    Returns:
+        The gains of each joint and the share of the output that they explain.
+
+    Raises:
+        IdentificationError: the recording is sampled too slowly.
     """
     known_inputs = sum(recording.inputs.values(), np.zeros(recording.tau.shape))
     u = recording.tau / drive_gain - known_inputs

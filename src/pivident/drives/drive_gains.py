@@ -71,7 +71,12 @@ class DriveGains:
         return known
 
     def ratio(self, joint: int, reference: int) -> tuple[float, float]:
-        """κ_joint/κ_reference and its standard error."""
+        """κ_joint/κ_reference and its standard error, of the joints with these indices.
+
+        Args:
+            joint: index of the joint above the bar.
+            reference: index of the joint below it.
+        """
         return ratio(self.kappa, self.log_covariance, joint, reference)
 
 

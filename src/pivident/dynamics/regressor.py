@@ -46,9 +46,16 @@ class Regressor:
     def build(cls, robot: Robot, parameters: Sequence[Parameter]) -> Regressor:
         """Find the non-zero entries: by the tree's structure, then by probing random states.
 
-        The tree does not show all zeros (a vertical first axis does not feel gravity), hence the
-        probe. Friction acts on its own joint whatever its constants, even where a random speed
-        does not show it.
+        A probe decides because geometry hides zeros that the tree does not show (a vertical
+        first axis does not feel gravity). Friction acts on its own joint whatever its constants,
+        even where a random speed does not show it.
+
+        Args:
+            robot: the robot.
+            parameters: columns of the observation matrix, in their order.
+
+        Returns:
+            The regressor, which knows where entries can be non-zero.
         """
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
@@ -100,9 +107,21 @@ class Regressor:
     ) -> np.ndarray:
         """Non-zero entries of Φ, time **last**, of motion (joints, samples): (entries, samples).
 
-        ``inner`` (see :meth:`inner`) is needed for a stretch of a longer record; None: the record
-        starts here, and loads are zero. ``place`` is the row of ``out`` for each entry; other rows
-        of ``out`` stay as they are.
+        Args:
+            q: joint positions [rad or m], shape (joints, samples); ``dq ddq`` likewise.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
+            out: array (rows, samples) to write into; rows of no entry stay as they are.
+            inner: columns of :meth:`inner`, shape (inner entries, samples); needed for a
+                stretch of a longer record. None: these signals are the beginning of their
+                record, and loads are zero.
+            place: row of ``out`` for each entry, shape (entries,); None: one below the other.
+
+        Returns:
+            Entries, shape (entries, samples), or ``out``.
+
+        Raises:
+            ValueError: shapes that do not fit.
         """
         q, dq, ddq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq, ddq))
         self._check_motion(q.T, dq.T, ddq.T)
@@ -127,7 +146,19 @@ class Regressor:
     ) -> np.ndarray:
         """Dense Φ, tau = Φ θ, of motion (samples, joints): (samples, joints, parameters).
 
-        ``out`` is the array of an earlier call, whose structural zeros are not written again.
+        Args:
+            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
+            out: array (samples, joints, parameters) of an earlier call to write into. Its
+                structural zeros are taken to be zero already and are not written again.
+            inner: as for :meth:`packed`, shape (inner entries, samples).
+
+        Returns:
+            Φ, shape (samples, joints, parameters).
+
+        Raises:
+            ValueError: shapes that do not fit.
         """
         self._check_motion(q, dq, ddq)
         samples = q.shape[0]
@@ -159,7 +190,19 @@ class Regressor:
         theta: np.ndarray,
         inner: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Torque Φ(q, dq, ddq) θ [N m or N], (samples, joints), with the load of ``theta``."""
+        """Tau = Φ(q, dq, ddq) θ, shape (samples, joints) [N m or N].
+
+        Args:
+            q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
+            theta: parameters, shape (parameters,).
+            inner: as for :meth:`packed`, shape (inner entries, samples). None: made here, with
+                the load of ``theta``.
+
+        Raises:
+            ValueError: shapes that do not fit.
+        """
         self._check_motion(q, dq, ddq)
         theta = np.asarray(theta, dtype=float)
         own = self._inner_or_own(q.T, dq.T, ddq.T, inner, theta)
@@ -174,9 +217,19 @@ class Regressor:
     ) -> np.ndarray:
         """Columns that need more than one sample, friction with memory or load, time **last**.
 
-        They are computed once from the start of a record, where friction with memory is relaxed,
-        and passed to :meth:`packed`, :meth:`matrix` and :meth:`torque` block by block. The torques
-        of inertia, gravity and springs of ``theta`` are the load; None: the load is zero.
+        They are made once for a whole record and handed to :meth:`packed`, :meth:`matrix` and
+        :meth:`torque` with the blocks it is walked through in.
+
+        Args:
+            q: joint positions [rad or m] from the start of the record on, where friction with
+                memory is relaxed, time **last**, shape (joints, samples); ``dq ddq`` likewise.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
+            theta: parameters whose torques of inertia, gravity and springs are the load, shape
+                (parameters,); None: the load is zero.
+
+        Returns:
+            Columns of ``inner_entries``, shape (inner entries, samples).
         """
         out = np.zeros((self.inner_entries.size, q.shape[1]))
         friction = [self.parameters[self.column[e]].friction for e in self.inner_entries]

@@ -147,8 +147,9 @@ class AuxiliaryModel:
         """Simulate, going back half the step as long as the loop cannot be simulated.
 
         Args:
-            previous: parameters of the last successful simulation, or None at the start.
-            theta: parameters wanted.
+            previous: parameters of the last successful simulation, shape (parameters,); None at
+                the start.
+            theta: parameters wanted, shape (parameters,).
 
         Returns:
             Motions, the parameters they were made with, number of halvings.

@@ -68,6 +68,9 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         recording: the run.
         signals: the recipe.
 
+    Returns:
+        Positions, speeds, accelerations and torques on the valid samples.
+
     Raises:
         RecordingTooShort: fewer than `MIN_RUN` samples would remain between the ends.
         RecordingError: a cut-off that the recording's rate does not allow.

@@ -13,6 +13,7 @@ from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.schema import ExperimentFile
+from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.robot.description import Robot
 from pivident.robot.gallery import load_robot
 from pivident.robot.urdf import read_urdf
@@ -131,8 +132,6 @@ def read_consistency(path: Path, robot: Robot) -> ConsistencyOptions:
     Raises:
         ExperimentError: it cannot be read, or its table cannot be used.
     """
-    from pivident.experiment.experiment import errors_name, toml_content
-
     with errors_name(path, ""):
         content = toml_content(path)
         if "consistency" not in content:

@@ -38,7 +38,15 @@ TIMEOUT = 120.0
 
 
 def to_c(model: RunnableModel, name: str = "robot_model") -> ExportedText:
-    """The model as a C file, its header in ``further``; ``name`` becomes an identifier."""
+    """The model as a C file; its header is in ``further``.
+
+    Args:
+        model: the model.
+        name: what header and functions are called; made an identifier where it is none.
+
+    Returns:
+        The source with its header, and what C cannot express.
+    """
     from pivident.symbolic.print_c import c_header, c_source
 
     name, programs, own = identifier(name), model_programs(model), model_columns(model)
@@ -79,7 +87,18 @@ def c_compiler() -> str | None:
 
 
 def verify_c(exported: ExportedText, model: RunnableModel) -> Verification:
-    """Compile the file, load it, compare its functions with the model's."""
+    """Compile the file, load it, compare its functions with the model's.
+
+    Args:
+        exported: what `to_c` returned.
+        model: the model.
+
+    Returns:
+        Largest difference of each function, or why the comparison was skipped.
+
+    Raises:
+        ExportError: it does not compile; the compiler's words.
+    """
     compiler = c_compiler()
     if compiler is None:
         return Verification("C", skipped="there is no C compiler (cc, gcc, clang or $CC) here")

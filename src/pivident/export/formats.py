@@ -93,7 +93,21 @@ def export_model(
     original: bytes | None = None,
     frozen: Mapping[str, float] | None = None,
 ) -> ExportedText:
-    """The model in a format."""
+    """The model in a format.
+
+    Args:
+        model: the model.
+        to: the format.
+        name: what functions of a C file are called.
+        original: URDF in which the inertials are to be replaced; None: a new one.
+        frozen: positions of that file's other joints [rad or m], by name.
+
+    Returns:
+        The text, what the format leaves out, and further files such as a C header.
+
+    Raises:
+        ExportError: the format cannot say the model, or there is no such format.
+    """
     if to not in FORMATS:
         raise ExportError(f"there is no format {to!r}; {nearest(str(to), get_args(Format))}")
     return FORMATS[to].write(model, FileOptions(name, original, frozen or {}))
@@ -106,7 +120,20 @@ def verify_export(
     *,
     frozen: Mapping[str, float] | None = None,
 ) -> tuple[Verification, ...]:
-    """Load an export back, with every program installed here that can, and compare."""
+    """Load an export back, with everything that can load it here, and compare.
+
+    Args:
+        exported: what `export_model` returned.
+        model: the model.
+        to: the format.
+        frozen: positions of a URDF's other joints [rad or m], by name.
+
+    Returns:
+        One comparison for each program that can load the file.
+
+    Raises:
+        ExportError: a C file does not compile, or a Python file does not run.
+    """
     entry, options = FORMATS[to], FileOptions(frozen=frozen or {})
     if not entry.checks:
         return (Verification(entry.title, skipped=entry.not_loaded),)

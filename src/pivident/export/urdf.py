@@ -41,8 +41,19 @@ def to_urdf(
 ) -> RobotFile:
     """Write a model into the URDF that the robot was read from (gzip or not), or as a new file.
 
-    ``frozen`` are the positions at which joints of that file were frozen [rad or m]; None: as the
-    robot was read.
+    Args:
+        model: the model.
+        original: the URDF that the robot was read from, gzip or not; None: a new file, with
+            cylinders along the links to look at.
+        frozen: positions at which joints of that file were frozen [rad or m], by name; None: as
+            the robot was read.
+
+    Returns:
+        The file and the sentences that say where it differs from the model.
+
+    Raises:
+        RobotDescriptionError: the original is no URDF, or lacks a joint; names the nearest.
+        ExportError: the original is another robot, or a link has no positive mass.
     """
     side = joint_side(model, SUPPORTED)
     sentences = [*differences(model, "URDF", SUPPORTED, side.left_out), *_gravity(model.robot)]

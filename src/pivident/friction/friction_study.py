@@ -115,6 +115,9 @@ def study_friction(
         bins: of every map.
         progress: called with one line at each joint.
 
+    Returns:
+        Maps of friction over speed, position and load for each joint, with their findings.
+
     Raises:
         IdentificationError: no joint moves enough.
     """

@@ -2,8 +2,8 @@ from .arx import arx as arx
 from .conversion import from_control as from_control
 from .conversion import from_scipy as from_scipy
 from .estimate import LinearEstimate as LinearEstimate
-from .estimate import Noise as Noise
 from .free_law import identify_free_law as identify_free_law
+from .noise import Noise as Noise
 from .noise import ar as ar
 from .noise import arma as arma
 from .noise import select_arma as select_arma

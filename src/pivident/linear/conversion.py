@@ -10,7 +10,8 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.extras import require
-from pivident.linear.estimate import Fit, Hold, LinearEstimate
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import Fit, Hold
 from pivident.linear.structure import Structure
 
 

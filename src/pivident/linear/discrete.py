@@ -15,9 +15,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError, OrdersNotSupported, UnusableSignal
-from pivident.linear.estimate import LinearEstimate, Noise, fit_of
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import fit_of
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
 from pivident.linear.structure import Structure, structure_of
+from pivident.signals.arma import Noise
 from pivident.signals.noise_models import unmasked_stretches
 
 

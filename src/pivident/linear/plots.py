@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.extras import require
-from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import LinearModel
 from pivident.linear.sensitivity import polynomials, response_and_gradient
 from pivident.linear.simulation import continuous_response, delayed
 from pivident.report.plotly_figures import colour
@@ -30,8 +30,12 @@ _BAND = 2.0
 _DIFFERENCE = 1e-3
 
 
-def bode(model: LinearEstimate) -> go.Figure:
-    """Magnitude [dB] and phase [°] of every input over frequency [Hz], delays included."""
+def bode(model: LinearModel) -> go.Figure:
+    """Magnitude [dB] and phase [°] of every input over frequency [Hz], delays included.
+
+    Args:
+        model: the model.
+    """
     frequency = _frequencies(model)
     omega = 2 * np.pi * frequency
     at = 1j * omega if model.continuous else np.exp(1j * omega * model.dt)
@@ -53,8 +57,12 @@ def bode(model: LinearEstimate) -> go.Figure:
     return plot
 
 
-def step(model: LinearEstimate) -> go.Figure:
-    """Response of the output to a unit step of every input over time [s]."""
+def step(model: LinearModel) -> go.Figure:
+    """Response of the output to a unit step of every input over time [s].
+
+    Args:
+        model: the model.
+    """
     plot = _empty("step response")
     plot.update_xaxes(title_text="time [s]")
     for which in range(len(model.numerators)):
@@ -76,7 +84,7 @@ def step(model: LinearEstimate) -> go.Figure:
 
 
 def step_response(
-    model: LinearEstimate, theta: np.ndarray, which: int, dt: float, samples: int
+    model: LinearModel, theta: np.ndarray, which: int, dt: float, samples: int
 ) -> np.ndarray:
     """Response to a unit step of one input with the parameters θ, points ``dt`` [s] apart."""
     b, a = polynomials(model, theta, which)
@@ -84,19 +92,19 @@ def step_response(
     return continuous_response(b, a, u, dt, "zoh") if model.continuous else lfilter(b, a, u)
 
 
-def _standard_error(model: LinearEstimate, slopes: np.ndarray) -> np.ndarray:
+def _standard_error(model: LinearModel, slopes: np.ndarray) -> np.ndarray:
     """σ of a curve whose derivatives are the rows of ``slopes``, shape (points,)."""
     variance = np.einsum("ik,ij,jk->k", slopes, model.covariance, slopes)
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def _rates(model: LinearEstimate, which: int) -> np.ndarray:
+def _rates(model: LinearModel, which: int) -> np.ndarray:
     """Poles as continuous-time ones [rad/s]; those at the origin of z are left out."""
     poles = np.roots(model.denominators[which]).astype(complex)
     return poles if model.continuous else np.log(poles[np.abs(poles) > 1e-9]) / model.dt
 
 
-def _frequencies(model: LinearEstimate) -> np.ndarray:
+def _frequencies(model: LinearModel) -> np.ndarray:
     """From a decade below the slowest pole to a decade above the fastest, or to Nyquist [Hz]."""
     nyquist = 0.5 / model.dt
     moduli = np.concatenate([np.abs(_rates(model, i)) for i in range(len(model.denominators))])
@@ -107,7 +115,7 @@ def _frequencies(model: LinearEstimate) -> np.ndarray:
     return np.geomspace(0.1 * slowest, max(highest, slowest), _POINTS)
 
 
-def _horizon(model: LinearEstimate, which: int) -> tuple[float, int]:
+def _horizon(model: LinearModel, which: int) -> tuple[float, int]:
     """Distance and number of points until the slowest decaying pole has settled."""
     decay = -_rates(model, which).real
     decay = decay[decay > 1e-6 / model.dt]
@@ -123,7 +131,7 @@ def _curve(
     x: np.ndarray,
     y: np.ndarray,
     std: np.ndarray,
-    model: LinearEstimate,
+    model: LinearModel,
     which: int,
     axis: str,
 ) -> None:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.linear.estimate import LinearEstimate, Noise
+from pivident.linear.model import LinearModel
 from pivident.linear.sensitivity import gain
+from pivident.signals.arma import Noise
 
 #: Digits of a value whose standard error is rounding.
 _MAX_DIGITS = 9
@@ -16,8 +17,12 @@ _MAX_DIGITS = 9
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def printed(model: LinearEstimate) -> str:
-    """The model as text of several lines."""
+def printed(model: LinearModel) -> str:
+    """The model as text of several lines.
+
+    Args:
+        model: an estimate; ``str(model)`` gives the same.
+    """
     time = "continuous time" if model.continuous else "discrete time"
     samples = f", {model.fit.samples} samples" if model.fit.samples else ""
     lines = [f"{model.method}, {time}, Ts = {model.dt:.6g} s{samples}", ""]
@@ -84,7 +89,7 @@ def polynomial_text(coefficients: Sequence[float] | np.ndarray, continuous: bool
     return text or "0"
 
 
-def _fraction(model: LinearEstimate, which: int) -> list[str]:
+def _fraction(model: LinearModel, which: int) -> list[str]:
     """Three lines: numerator, bar, denominator."""
     above = polynomial_text(model.numerators[which], model.continuous)
     below = polynomial_text(model.denominators[which], model.continuous)
@@ -104,7 +109,7 @@ def _fraction(model: LinearEstimate, which: int) -> list[str]:
     ]
 
 
-def _parameters(model: LinearEstimate) -> list[str]:
+def _parameters(model: LinearModel) -> list[str]:
     """One line per parameter, decimal points and ± below each other."""
     shown = [with_standard_error(v, s) for v, s in zip(model.theta, model.std, strict=True)]
     parts = [text.partition(" ± ") for text in shown]
@@ -119,7 +124,7 @@ def _parameters(model: LinearEstimate) -> list[str]:
     ]
 
 
-def _poles(model: LinearEstimate, which: int, label: str) -> list[str]:
+def _poles(model: LinearModel, which: int, label: str) -> list[str]:
     """Poles with time constants or frequency and damping; of a conjugate pair one line."""
     poles = [p for p in np.roots(model.denominators[which]) if p.imag >= 0 and p != 0]
     lines: list[str] = []

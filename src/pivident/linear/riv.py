@@ -15,9 +15,9 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.linear.discrete import discrete_record
-from pivident.linear.estimate import LinearEstimate, Noise
+from pivident.linear.estimate import LinearEstimate
 from pivident.linear.sriv import refined_estimate
-from pivident.signals.arma import ar, arma
+from pivident.signals.arma import Noise, ar, arma
 
 #: Largest order of the AR noise model that is searched; half of it is CAPTAIN's default.
 _AR_ORDER_MAX = 64

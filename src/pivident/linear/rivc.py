@@ -14,7 +14,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.linear.estimate import Hold, LinearEstimate
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import Hold
 from pivident.linear.refined_iv import NoiseFit, refine
 from pivident.linear.sampled_data import columns_of, sampled_data
 from pivident.linear.srivc import continuous_estimate, refined_from_data

@@ -12,13 +12,18 @@ import re
 
 import numpy as np
 
-from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import LinearModel
 
 _NAME = re.compile(r"([ab])(\d+)(?:_u(\d+))?")
 
 
-def roles(model: LinearEstimate, which: int) -> list[tuple[str, int] | None]:
-    """Polynomial (``a`` or ``b``) and place there of every parameter; None: of another input."""
+def roles(model: LinearModel, which: int) -> list[tuple[str, int] | None]:
+    """For every parameter its polynomial, ``a`` or ``b``, and place there; None: another input's.
+
+    Args:
+        model: the model, whose parameters are named ``a1``, ``b0`` or ``b0_u2``.
+        which: index of the input.
+    """
     found: list[tuple[str, int] | None] = []
     for name in model.names:
         match = _NAME.fullmatch(name)
@@ -28,7 +33,7 @@ def roles(model: LinearEstimate, which: int) -> list[tuple[str, int] | None]:
 
 
 def response_and_gradient(
-    model: LinearEstimate, at: np.ndarray, which: int
+    model: LinearModel, at: np.ndarray, which: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """B/A without delay at points of p or z, (points,), and ∂(B/A)/∂θ, (parameters, points)."""
     b, a = model.numerators[which], model.denominators[which]
@@ -46,8 +51,8 @@ def response_and_gradient(
     return response, gradient
 
 
-def gain(model: LinearEstimate, which: int) -> tuple[float, float]:
-    """Static gain of an input and its standard error; infinite for an integrator."""
+def gain(model: LinearModel, which: int) -> tuple[float, float]:
+    """Static gain of an input and its standard deviation; infinite for an integrator."""
     at = np.array([0.0 if model.continuous else 1.0])
     a = model.denominators[which]
     if abs(np.polyval(a, at[0])) < 1e-12 * np.abs(a).sum():
@@ -57,9 +62,7 @@ def gain(model: LinearEstimate, which: int) -> tuple[float, float]:
     return float(value[0].real), float(np.sqrt(max(slope @ model.covariance @ slope, 0.0)))
 
 
-def polynomials(
-    model: LinearEstimate, theta: np.ndarray, which: int
-) -> tuple[np.ndarray, np.ndarray]:
+def polynomials(model: LinearModel, theta: np.ndarray, which: int) -> tuple[np.ndarray, np.ndarray]:
     """Numerator and denominator of an input at other parameters."""
     b, a = model.numerators[which].copy(), model.denominators[which].copy()
     for value, role in zip(theta, roles(model, which), strict=True):

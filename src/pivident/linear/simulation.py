@@ -14,12 +14,20 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.errors import UnusableSignal
-from pivident.linear.estimate import Hold, LinearEstimate
+from pivident.linear.model import Hold, LinearModel
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
 
 
-def simulate(model: LinearEstimate, u: np.ndarray) -> np.ndarray:
-    """Noise-free output from rest, shape (samples,)."""
+def simulate(model: LinearModel, u: np.ndarray) -> np.ndarray:
+    """Noise-free output from rest, shape (samples,).
+
+    Args:
+        model: the model.
+        u: inputs, shape (samples,) or (samples, inputs), at the model's sampling period.
+
+    Raises:
+        UnusableSignal: the inputs are not as many as the model's.
+    """
     columns = np.asarray(u, dtype=float)
     columns = columns[:, None] if columns.ndim == 1 else columns
     inputs = len(model.numerators)

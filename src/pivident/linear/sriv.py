@@ -26,9 +26,9 @@ from scipy.signal import lfilter
 from pivident.errors import OrdersNotSupported
 from pivident.linear.arx import least_squares
 from pivident.linear.discrete import DiscreteRecord, discrete_estimate, discrete_record, lagged
-from pivident.linear.estimate import LinearEstimate, Noise
+from pivident.linear.estimate import LinearEstimate
 from pivident.linear.refined_iv import Linearised, iv_step
-from pivident.signals.arma import inside
+from pivident.signals.arma import Noise, inside
 
 #: Fits a noise model to ε over stretches, rows of (start, stop).
 DiscreteNoiseFit = Callable[[np.ndarray, np.ndarray], Noise]

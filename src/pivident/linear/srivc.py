@@ -21,8 +21,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.errors import OrdersNotSupported, UnstableFit
-from pivident.linear.estimate import Hold, LinearEstimate, fit_of
+from pivident.linear.estimate import LinearEstimate
 from pivident.linear.initial_model import initial_models
+from pivident.linear.model import Hold, fit_of
 from pivident.linear.refined_iv import Refined, refine
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
 from pivident.linear.structure import Structure, structure_of

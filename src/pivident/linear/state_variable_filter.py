@@ -18,7 +18,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.linear.estimate import Hold
+from pivident.linear.model import Hold
 
 #: States that the recursion sums in parallel.
 _LANES = 4

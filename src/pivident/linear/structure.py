@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.linear.estimate import Hold
+from pivident.linear.model import Hold
 
 #: Poles on the imaginary axis are moved this far to the left, relative to their modulus.
 _MARGIN = 1e-6

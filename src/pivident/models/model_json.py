@@ -106,7 +106,14 @@ class _ModelFile(KnownKeys):
 
 
 def to_json(model: RunnableModel) -> ExportedText:
-    """The model as JSON, one line for each link and parameter."""
+    """The model as JSON, one line for each link and parameter.
+
+    Args:
+        model: the model.
+
+    Returns:
+        The text as bytes.
+    """
     text = json_of_entries(model_values(model))
     return ExportedText(text.encode("utf-8", errors="backslashreplace"))
 
@@ -151,7 +158,17 @@ def robot_with_values(model: RunnableModel) -> Robot:
 
 
 def read_model(path: str | PathLike[str]) -> RunnableModel:
-    """The model that `to_json` has written, exactly, without intervals."""
+    """The model that `to_json` has written, exactly, without intervals.
+
+    Args:
+        path: the file.
+
+    Returns:
+        The model.
+
+    Raises:
+        IdentificationFileError: it cannot be read, or is no model of this layout.
+    """
     from pivident.estimation.stored_identification import json_of_file
 
     return _model_of(json_of_file(Path(path)), str(path))

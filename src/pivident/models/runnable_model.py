@@ -95,8 +95,8 @@ class RunnableModel:
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
         """
         return self.regressor.torque(q, dq, ddq, self.values)
 
@@ -131,6 +131,9 @@ def runnable_model(
             standard ones of the same torques; or a robot with nominal (CAD) values.
         identification: SHA-256 of the identification's file, stored with the model.
         intervals: whether a consistent model's profile intervals are computed (a second or two).
+
+    Returns:
+        The model; its ``values`` are in the order of its ``parameters``.
 
     Raises:
         ExportError: the values are not finite, or the object is none of these.

@@ -1,4 +1,3 @@
-from .description import INERTIAL as INERTIAL
 from .description import Coupling as Coupling
 from .description import Joint as Joint
 from .description import Link as Link

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
+from pivident.robot.pinocchio_model import model_joints
 from pivident.robot.transmission import Transmission
 from pivident.text import display
 from pivident.text.printable import is_printable
@@ -164,6 +165,56 @@ class Robot:
 
     def __post_init__(self) -> None:
         check_robot(self)
+
+    @classmethod
+    def from_pinocchio(cls, model: Any, friction: FrictionLaw = DEFAULT_FRICTION) -> Robot:
+        """The robot of a ``pinocchio.Model`` with a fixed base.
+
+        Joints keep their order and names; each link frame is turned so that its z axis is the
+        joint's axis. Limits, gravity, armature (or rotor inertia times the squared gear ratio),
+        damping and dry friction are taken over where the model has them. Drives are unknown to
+        the model; add them with `pivident.robot.with_drives`.
+
+        Args:
+            model: a ``pinocchio.Model`` of revolute and prismatic joints.
+            friction: friction law of all joints; open slopes follow from the rated speeds.
+
+        Returns:
+            The robot.
+
+        Raises:
+            RobotDescriptionError: a free-flyer, spherical, planar or other joint that has not one
+                degree of freedom about or along a fixed axis; names the joint and the next step.
+        """
+        found = model_joints(model)
+        robot = cls(
+            name=str(getattr(model, "name", "")) or "pinocchio model",
+            joints=tuple(
+                Joint(
+                    name=j.name,
+                    kind=j.kind,
+                    parent=j.parent,
+                    rotation=j.rotation,
+                    translation=j.translation,
+                    position_limits=j.position_limits,
+                    rated_speed=j.speed_limit,
+                    torque_limit=j.torque_limit,
+                ).with_friction(friction)
+                for j in found
+            ),
+            links=tuple(Link(j.link, j.inertia) for j in found),
+            gravity=np.array(model.gravity.linear, dtype=float),
+            rotor_inertia=np.array([j.rotor_inertia for j in found]),
+            transmission=Transmission.direct(len(found)),
+            description="pinocchio.Model",
+        )
+        nominal = {
+            f"{term.stem}{robot.label(i)}": found[i].friction[term.stem]
+            for i, joint in enumerate(robot.joints)
+            for term in joint.friction.terms
+            if found[i].friction.get(term.stem)
+        }
+        return replace(robot, friction_nominal=nominal)
 
     def __repr__(self) -> str:
         names = ", ".join(self.joint_names)

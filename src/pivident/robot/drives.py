@@ -44,6 +44,9 @@ def with_drives(
         couplings: motors that also turn with a second joint, as `Coupling` or as the names
             (motor's joint, second joint); then the ratio is the one the reduction implies.
 
+    Returns:
+        A new robot; the given one stays as it is.
+
     Raises:
         RobotDescriptionError: an unknown joint, a missing or extra number, a value that is not
             finite, a negative rotor inertia or a singular reduction.

@@ -42,7 +42,17 @@ def power_viscous(
 ) -> FrictionTerm:
     """Friction fvx sign(dq) |dq|^p [N m (s/rad)^p]: polynomials (2, 3), harmonic drives (1/3).
 
-    Below p = 1 the slope at rest would be infinite, and the smoothed sign is used.
+    Below p = 1 the slope at rest would be infinite, and the smoothed sign is taken.
+
+    Args:
+        exponent: p.
+        stem: of the parameter's name, where a law has several such terms.
+        smoothing: of the sign, for p < 1.
+        gamma: slope of the smoothed sign [s/rad or s/m].
+        free: whether p is identified where shapes are.
+
+    Returns:
+        One term with the parameter fvx.
     """
     name = "viscous_exponent" if stem == "fvx" else f"{stem}_exponent"
     shape = Shape(name, exponent, "1", 0.02, 5.0, free)
@@ -50,7 +60,15 @@ def power_viscous(
 
 
 def coulomb(smoothing: Smoothing = "atan", gamma: float | None = None) -> FrictionTerm:
-    """Friction fc s(dq), fc in [N m] or [N]; γ = 150 s/rad in the paper, (P-4)."""
+    """Friction fc s(dq), fc in [N m] or [N]; γ = 150 s/rad in the paper, (P-4).
+
+    Args:
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        One term with the parameter fc.
+    """
     return FrictionTerm("fc", FrictionColumn.COULOMB, smoothing, gamma)
 
 
@@ -62,7 +80,15 @@ def offset() -> FrictionTerm:
 def asymmetric_coulomb(
     smoothing: Smoothing = "atan", gamma: float | None = None
 ) -> tuple[FrictionTerm, FrictionTerm]:
-    """Friction fcp (1 + s)/2 - fcn (1 - s)/2: one Coulomb level for each direction."""
+    """Friction fcp (1 + s)/2 - fcn (1 - s)/2: one Coulomb level for each direction.
+
+    Args:
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        Two terms with the parameters fcp and fcn [N m or N].
+    """
     return (
         FrictionTerm("fcp", FrictionColumn.COULOMB_POSITIVE, smoothing, gamma),
         FrictionTerm("fcn", FrictionColumn.COULOMB_NEGATIVE, smoothing, gamma),
@@ -75,7 +101,17 @@ def stribeck(
     smoothing: Smoothing = "atan",
     gamma: float | None = None,
 ) -> FrictionTerm:
-    """Friction fs s(dq) exp(-|dq/v_s|^δ): excess of the break-away level over Coulomb friction."""
+    """Friction fs s(dq) exp(-|dq/v_s|^δ): excess of the break-away level over Coulomb friction.
+
+    Args:
+        speed: v_s, Stribeck speed [rad/s or m/s].
+        exponent: δ.
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        One term with the parameter fs [N m or N].
+    """
     shapes = _stribeck_shapes(speed, exponent)
     return FrictionTerm("fs", FrictionColumn.STRIBECK, smoothing, gamma, shapes)
 
@@ -85,6 +121,13 @@ def load_dependent(smoothing: Smoothing = "atan", gamma: float | None = None) ->
 
     The load is the torque of inertia, gravity and rotor, M ddq + h, without friction. It depends
     on the other parameters, so estimators take it from their last estimate.
+
+    Args:
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        One term with the parameter fl.
     """
     return FrictionTerm("fl", FrictionColumn.LOAD, smoothing, gamma)
 
@@ -92,8 +135,14 @@ def load_dependent(smoothing: Smoothing = "atan", gamma: float | None = None) ->
 def ripple(order: float, name: str | None = None) -> tuple[FrictionTerm, FrictionTerm]:
     """Torque A cos(n q) + B sin(n q) that repeats with the position: gear teeth, cogging.
 
-    The order n counts periods per 2π of joint position (prismatic: 2π times the periods per metre);
-    ``name`` follows ``rc`` and ``rs`` in the parameters' names, by default the order.
+    Args:
+        order: n, periods per 2π of joint position (per revolution); of a prismatic joint 2π
+            times the periods per metre.
+        name: what follows ``rc`` and ``rs`` in the parameters' names, such as ``a``; None: the
+            order between underscores.
+
+    Returns:
+        Two terms with the parameters rc and rs [N m or N].
     """
     label = f"_{order:.6g}_" if name is None else name
     shape = (Shape(f"order{label}", order, "1/position", 1e-6, 1e6, False),)
@@ -118,8 +167,15 @@ def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTe
         l = b √(1 + ρ² - 2ρ cos(q - φ)),    torque = (F0 + k l) dl/dq
           = cbf sin(q - φ)/√(1 + ρ² - 2ρ cos(q - φ)) + cbk sin(q - φ)
 
-    cbf = F0 a and cbk = k a b [N m]. A spring of no preload, cbk alone, is indistinguishable from
-    the weight of an arm; the first term is not.
+    cbf = F0 a and cbk = k a b [N m]. A spring of no preload, cbk alone, cannot be told from the
+    weight of an arm; the first term can.
+
+    Args:
+        ratio: ρ = a/b, between 0 and 1 (exchange the ends where it is larger).
+        angle: φ [rad].
+
+    Returns:
+        Two terms with the parameters cbf and cbk [N m].
     """
     shapes = (
         Shape("strut_ratio", ratio, "1", 0.01, 0.99),
@@ -134,8 +190,13 @@ def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTe
 def dahl(distance: float) -> FrictionTerm:
     """Dahl's presliding friction fc z with dz/dt = (dq - |dq| z)/d: Coulomb friction with a state.
 
-    After a reversal it reaches its new level after some multiples of the presliding distance d
-    [rad or m] of travel; the stiffness at rest is fc/d.
+    After a reversal it needs some times d of travel to come to its new level.
+
+    Args:
+        distance: d, presliding distance [rad or m]; stiffness at rest is fc/d.
+
+    Returns:
+        One term with the parameter fc [N m or N].
     """
     return FrictionTerm("fc", FrictionColumn.PRESLIDING, shapes=_presliding(distance))
 
@@ -149,6 +210,16 @@ def lugre(
 
     with distance d [rad or m], excess ρ, speed v_s and exponent δ; fd is a term where it is damped.
     In the usual symbols σ0 = fc/d, σ1 = fd, and g fc is the curve from static to Coulomb level.
+
+    Args:
+        distance: d [rad or m].
+        excess: ρ, static level over Coulomb level less one.
+        speed: v_s [rad/s or m/s].
+        exponent: δ.
+        damped: whether the micro-damping fd is a term.
+
+    Returns:
+        Terms with the parameters fc and, if damped, fd.
     """
     shapes = (
         *_presliding(distance),
@@ -172,9 +243,19 @@ def maxwell_slip(
         z_i ← min(max(z_i + Δq/d_i, -g), g),    g = 1 + ρ exp(-|dq/v_s|^δ)
 
     Its hysteresis remembers every reversal that has not been passed. An element that slips is at
-    its level at once (the attraction of Al-Bender et al. 2005 in the limit of no delay). The grid
-    d_i [rad or m] is not identified unless asked for; ρ is ``excess``, v_s ``speed``, δ
-    ``exponent``.
+    its level at once (the attraction of Al-Bender et al. 2005 in the limit of no delay).
+
+    Args:
+        distances: d_i [rad or m], a grid; not identified unless asked for.
+        excess: ρ.
+        speed: v_s [rad/s or m/s].
+        exponent: δ.
+
+    Returns:
+        One term with a parameter fm_i [N m or N] for each distance.
+
+    Raises:
+        ValueError: two elements are alike, or a constant is outside its range.
     """
     if len(set(distances)) < len(distances):
         raise ValueError(f"slip distances must differ from each other, not {list(distances)}")
@@ -207,7 +288,11 @@ def _stribeck_shapes(speed: float, exponent: float) -> tuple[Shape, Shape]:
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """A sum of friction terms, one for each parameter."""
+    """A sum of friction terms, one for each parameter.
+
+    Attributes:
+        terms: the friction terms; no two have the same stem.
+    """
 
     terms: tuple[FrictionTerm, ...] = ()
 

@@ -203,7 +203,11 @@ class FrictionTerm:
         raise KeyError(name)
 
     def with_shapes(self, values: dict[str, float]) -> FrictionTerm:
-        """The same term with other constants; names that it does not have are ignored."""
+        """The same term with other constants.
+
+        Args:
+            values: constants by name; names that the term does not have are ignored.
+        """
         changed = tuple(replace(s, value=values.get(s.name, s.value)) for s in self.shapes)
         gamma = values.get("gamma", self.gamma) if self.has_sign else self.gamma
         return replace(self, shapes=changed, gamma=gamma)

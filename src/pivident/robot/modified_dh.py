@@ -86,6 +86,9 @@ def read_modified_dh(path: str | Path) -> Robot:
     Args:
         path: the file.
 
+    Returns:
+        The robot.
+
     Raises:
         RobotDescriptionError: the file cannot be read, or names a joint, key and value that
             cannot be used.
@@ -114,6 +117,9 @@ def parse_modified_dh(text: str, source: str = "modified DH table") -> Robot:
     Args:
         text: content of the file.
         source: what errors call it.
+
+    Returns:
+        The robot.
 
     Raises:
         RobotDescriptionError: names a joint, key and value that cannot be used.

@@ -45,7 +45,7 @@ def read_urdf(
 
     Position limits, rated speeds and torque limits come from ``<limit>`` (a velocity or effort of
     zero counts as unknown), nominal ``fv`` and ``fc`` from ``<dynamics>``. Drives are unknown to
-    a URDF; add them with `pivident.robot.drives.with_drives`.
+    a URDF; add them with `pivident.robot.with_drives`.
 
     Args:
         path: the file.
@@ -55,6 +55,9 @@ def read_urdf(
             and not named here are frozen at zero.
         gravity: acceleration of gravity in the root link's frame [m/s²], shape (3,).
         friction: friction law of all joints; open slopes follow from the rated speeds.
+
+    Returns:
+        The robot.
 
     Raises:
         RobotDescriptionError: the file cannot be read or used; names element, value, next step.
@@ -91,6 +94,9 @@ def parse_urdf(
         gravity: acceleration of gravity in the root link's frame [m/s²], shape (3,).
         friction: friction law of all joints.
         source: what errors call the file.
+
+    Returns:
+        The robot.
 
     Raises:
         RobotDescriptionError: it cannot be used; names element, value, next step.

@@ -57,8 +57,20 @@ def butterworth(
 ) -> np.ndarray:
     """Low-pass x forwards and backwards along axis 0, by second-order sections.
 
-    The odd extension at each end has ``padlen`` samples; None: three times the order, as in
-    MATLAB's ``filtfilt``.
+    Args:
+        x: samples along axis 0, in any unit.
+        rate: sampling rate [Hz].
+        cutoff: cut-off frequency [Hz].
+        order: order of one run.
+        padlen: samples of odd extension at each end; None: three times the order, as MATLAB's
+            ``filtfilt`` has it.
+
+    Returns:
+        The filtered samples, shape as of ``x``.
+
+    Raises:
+        RecordingError: the cut-off is not below half the rate.
+        RecordingTooShort: fewer samples than the filter extends the record by.
     """
     from scipy.signal import butter, sosfiltfilt
 

@@ -149,6 +149,7 @@ class PD(PID):
     Attributes:
         kp: proportional gains, shape (joints,) or one for all [u per rad or m].
         kd: derivative gains, likewise [u per rad/s or m/s].
+        ki: None: there is no integrator.
         derivative_time: filter time of the derivative [s].
     """
 

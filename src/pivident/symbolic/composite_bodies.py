@@ -16,11 +16,12 @@ import numpy as np
 
 from pivident.dynamics.grouping.expressions import ZERO, Expression
 from pivident.robot.description import Robot
+from pivident.symbolic.assignments import Output, output_array
 from pivident.symbolic.joint_frame import JointFrame
 from pivident.symbolic.link_motion import link_motion
 from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols
 from pivident.symbolic.newton_euler import Hints, cheapest, rigid_torques
-from pivident.symbolic.program import Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.symbolic.vectors import Tensor, Vector, cross, plus, scaled
 
 

@@ -14,7 +14,7 @@ from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL, Robot
-from pivident.symbolic.program import Input
+from pivident.symbolic.assignments import Input
 from pivident.symbolic.vectors import Tensor, Vector
 
 #: Which columns of the model: base or standard parameters, or chosen ones.

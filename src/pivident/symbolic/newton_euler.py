@@ -28,6 +28,7 @@ from pivident.dynamics.grouping.expressions import (
 )
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.joint_terms import (
     depends_on_load,
     has_memory,
@@ -37,7 +38,7 @@ from pivident.symbolic.joint_terms import (
 )
 from pivident.symbolic.link_motion import LinkMotion, link_motion
 from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.symbolic.vectors import Vector, cross, dot, is_null, plus, scaled
 
 Hints = list[tuple[str, Expression]]

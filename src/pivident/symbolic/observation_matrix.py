@@ -15,11 +15,12 @@ import numpy as np
 from pivident.dynamics.grouping.expressions import ONE, ZERO, Expression, operation_count
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.joint_terms import joint_column, joints_of
 from pivident.symbolic.link_motion import LinkMotion, link_motion
 from pivident.symbolic.model_symbols import Columns, ModelSymbols, model_symbols
 from pivident.symbolic.newton_euler import Hints, inner_input, inner_symbols
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.symbolic.vectors import NULL, Vector, cross, dot, plus
 
 Wrench = tuple[Vector, Vector]

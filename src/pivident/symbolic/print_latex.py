@@ -8,15 +8,15 @@ import numpy as np
 
 from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import LATEX, expression_texts
+from pivident.symbolic.assignments import Assignments, Output
 from pivident.symbolic.print_python import scalar_names
-from pivident.symbolic.program import Output, Program
 from pivident.text.identifiers import identifiers, latex_name, latex_text
 
 #: Equations in one block; long blocks of `align` take TeX more than linear time.
 _BLOCK = 40
 
 
-def latex_document(programs: Sequence[Program]) -> str:
+def latex_document(programs: Sequence[Assignments]) -> str:
     """Text of a document with the assignments and outputs of each program."""
     lines = [
         r"\documentclass[10pt,a4paper]{article}",
@@ -32,7 +32,7 @@ def latex_document(programs: Sequence[Program]) -> str:
     return "\n".join([*lines, r"\end{document}", ""])
 
 
-def latex_section(program: Program) -> list[str]:
+def latex_section(program: Assignments) -> list[str]:
     """Lines of one program: title, cost, assignments, outputs."""
     names = _latex_names(program)
     texts = expression_texts(program.variables, LATEX, names)
@@ -59,7 +59,7 @@ def latex_section(program: Program) -> list[str]:
     return lines
 
 
-def _latex_names(program: Program) -> dict[Expression, str]:
+def _latex_names(program: Assignments) -> dict[Expression, str]:
     """Distinct names of all symbols and variables."""
     texts = scalar_names(program)
     own: dict[Expression, str] = {

@@ -16,6 +16,7 @@ from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.model_symbols import Columns
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
@@ -24,7 +25,7 @@ from pivident.symbolic.print_c import c_header, c_source
 from pivident.symbolic.print_latex import latex_document
 from pivident.symbolic.print_python import python_module
 from pivident.symbolic.print_sympy import sympy_module
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.text.identifiers import identifier
 
 #: Models that can be written, and their description.
@@ -47,7 +48,18 @@ def symbolic_models(
     columns: Columns = "base",
     values: np.ndarray | None = None,
 ) -> list[Program]:
-    """Programs of the models ``what``; ``values`` do not enter ``regressor`` and ``base``."""
+    """Programs of a robot.
+
+    Args:
+        robot: the robot.
+        what: names out of ``MODELS``.
+        columns: parameters of the models (base, standard or chosen ones).
+        values: their values, shape (parameters,), folded into the programs; None: they are
+            arguments.
+
+    Returns:
+        A program for each name. Parameter values are no part of ``regressor`` and ``base``.
+    """
     if columns == "base":
         columns = base_parameters(robot)  # computed once for all of them
     makers: Mapping[str, Callable[[], Program]] = {

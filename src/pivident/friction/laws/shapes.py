@@ -107,7 +107,8 @@ class ShapedIdentification:
         shapes: the constants.
         covariance: of parameters and constants together, the sandwich, shape
             (parameters + constants,) squared, in their units.
-        formula_covariance: the same for white residuals.
+        formula_covariance: the same for white residuals, shape
+            (parameters + constants,) squared.
         passes: how often estimate and search were repeated.
         converged: whether both stood still.
     """

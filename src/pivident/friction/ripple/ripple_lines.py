@@ -312,6 +312,9 @@ def remove_ripple(recording: Recording, lines: Sequence[RippleLine]) -> Recordin
         recording: the run.
         lines: found by ``find_ripple``, from this run or another one of the same machine.
 
+    Returns:
+        A new recording; the given one stays as it is.
+
     Raises:
         ExperimentError: a line is of a joint that the recording does not have.
     """

@@ -89,6 +89,9 @@ def find_ripple(
         lag: by how much the torque follows the positions [s]; None: told from the strongest line
             of each joint, up to three sampling periods.
 
+    Returns:
+        The lines of each joint with their amplitudes, and what they belong to.
+
     Raises:
         ExperimentError: a recording has other joints than the robot, or a named order names an
             unknown joint.

@@ -79,12 +79,15 @@ def judge(fleet: Fleet) -> Judgement:
     )
 
 
-def conclude(fleet: Fleet, say: Callable[[str], None] | None = None) -> Judgement:
+def conclude_fleet(fleet: Fleet, say: Callable[[str], None] | None = None) -> Judgement:
     """Judge a fleet and write its table, its alarms and its page into the results folder.
 
     Args:
         fleet: the estimates.
         say: progress.
+
+    Returns:
+        The judgement that was written.
 
     Raises:
         FleetError: a watched parameter was not estimated.

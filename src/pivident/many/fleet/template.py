@@ -11,9 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from pivident.estimation.methods import Method
-from pivident.experiment.experiment import Experiment, errors_name, toml_content
+from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.temperature import with_temperature
+from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
 from pivident.many.fleet.logs import FleetLog
 

@@ -235,11 +235,14 @@ class Bench:
 
         Args:
             parameters: heads of base groups; the others are zero.
-            theta: their values.
-            reference: q, dq, ddq.
-            noise: position noise that the control law reads.
+            theta: their values, shape (parameters,).
+            reference: q, dq, ddq, each of shape (joints, samples).
+            noise: position noise that the control law reads [rad or m].
             clip: whether negative friction levels count as zero.
             rounded: whether the control law reads rounded positions.
+
+        Returns:
+            Positions, speeds, accelerations and torques of the simulated loop.
 
         Raises:
             SimulationDiverged: names the joint and the time.

@@ -96,8 +96,8 @@ class Scenario:
         Raises:
             RobotDescriptionError: its description cannot be used.
         """
-        from pivident.experiment.experiment import errors_name
         from pivident.experiment.robot_table import robot_of
+        from pivident.experiment.toml_file import errors_name
 
         with errors_name(Path(self.source), "[robot]"):
             return robot_of(self.content.robot, Path(self.source).parent)
@@ -218,6 +218,9 @@ def load_scenario(name: str | Path) -> Scenario:
     Args:
         name: ``fine``, ``loop``, ``coloured``, ``coarse``, ``birdy``, or a file.
 
+    Returns:
+        The scenario.
+
     Raises:
         ExperimentError: there is no such scenario; or it has an unknown key, a bad value or a
             contradiction, and the message names table, key, value and the next step.
@@ -257,6 +260,9 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
         text: TOML.
         name: name of the scenario.
         source: what errors call it, and what paths are relative to.
+
+    Returns:
+        The scenario.
 
     Raises:
         ExperimentError: as of ``load_scenario``.

@@ -108,6 +108,9 @@ def as_logged(tau: np.ndarray, recording: Recording) -> np.ndarray:
     Args:
         tau: shape (samples, joints) [N m or N].
         recording: whose delay and timing are applied.
+
+    Returns:
+        Torque at the instants of the recording, shape (samples, joints) [N m or N].
     """
     lag = recording.delay * recording.rate
     if recording.torque_timing == "averaged":
