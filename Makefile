@@ -11,12 +11,16 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test bench truth docs lint clean
+.PHONY: demo test tests bench truth docs lint clean
 
-demo: .venv/.pivident
+demo: .venv/.pivident-report
 	$(BIN)/pivident demo --out pivident-demo
 
-test: lint
+# Types take a minute of one processor; the tests run beside them.
+test: .venv/.pivident-test
+	@$(MAKE) --no-print-directory --jobs=2 lint tests
+
+tests: .venv/.pivident-test
 	$(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile
 
 lint: .venv/.pivident-test
@@ -34,7 +38,7 @@ bench: .venv/.pivident-test
 	$(BIN)/python -m pytest benchmarks/bench_*.py --benchmark-enable --benchmark-only
 	$(BIN)/python benchmarks/symbolic_models.py
 
-truth: .venv/.pivident
+truth: .venv/.pivident-all
 	$(BIN)/python benchmarks/statistical_truth.py
 	$(BIN)/python benchmarks/held_out_folds.py
 	$(BIN)/python benchmarks/unknown_loop.py
@@ -59,12 +63,20 @@ truth: .venv/.pivident
 	$(BIN)/python -m pip install --quiet --editable .
 	@touch $@
 
+.venv/.pivident-report: .venv/.pivident pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable '.[report]'
+	@touch $@
+
+.venv/.pivident-all: .venv/.pivident pyproject.toml
+	$(BIN)/python -m pip install --quiet --editable '.[all]'
+	@touch $@
+
 .venv/.pivident-test: .venv/.pivident pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable . --group test
+	$(BIN)/python -m pip install --quiet --editable '.[all]' --group test
 	@touch $@
 
 .venv/.pivident-docs: .venv/.pivident pyproject.toml
-	$(BIN)/python -m pip install --quiet --editable . --group docs
+	$(BIN)/python -m pip install --quiet --editable '.[all]' --group docs
 	@touch $@
 
 clean:

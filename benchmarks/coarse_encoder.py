@@ -31,8 +31,8 @@ from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
 from pivident.robot.friction import FrictionLaw, coulomb, stribeck, viscous
+from pivident.robot.gallery import load_robot
 from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD, Cascade

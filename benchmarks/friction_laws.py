@@ -38,7 +38,7 @@ from pivident.recording.public_records import (
     load_staubli_tx40,
 )
 from pivident.recording.recording import Recording
-from pivident.robot import Robot, load_robot
+from pivident.robot.description import Robot
 from pivident.robot.friction import (
     FrictionLaw,
     FrictionTerm,
@@ -57,6 +57,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd

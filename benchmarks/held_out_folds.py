@@ -23,7 +23,7 @@ from pivident.estimation.methods import (
 from pivident.estimation.problem import Loop, Problem
 from pivident.estimation.repetition import Repetition
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd

@@ -28,7 +28,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point

@@ -31,7 +31,8 @@ from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWa
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
-from pivident.robot import Robot, load_robot
+from pivident.robot.description import Robot
+from pivident.robot.gallery import load_robot
 from pivident.signals.bandpass import butterworth
 from pivident.simulation.controllers import PD
 from pivident.simulation.virtual_pd import virtual_pd

@@ -22,15 +22,15 @@ from pathlib import Path
 import numpy as np
 from mujoco_loop import simulate_in_mujoco
 
+from pivident import load_experiment
 from pivident.consistency.consistent_model import make_consistent
 from pivident.dynamics.forward import make_model
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import to_mjcf
 from pivident.models.runnable_model import RunnableModel, runnable_model
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import Controller

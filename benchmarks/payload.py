@@ -26,8 +26,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.estimation.identify import identify
-from pivident.payload import KnownParts, identify_payload
 from pivident.payload.arm_and_load import load_columns
+from pivident.payload.identify_payload import identify_payload
+from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.robot.description import INERTIAL
 from pivident.simulation.load_scenario import LOAD, LoadedArm, tx40_with_load

@@ -8,7 +8,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from tests.planar_log import RATE, planar_log
 

@@ -20,7 +20,7 @@ from pivident.estimation.identification import (
     JointFit,
 )
 from pivident.estimation.problem import Loop
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.linear_law import LinearLaw
 
 

@@ -41,7 +41,7 @@ def result_seeds() -> tuple[bytes, bytes]:
     from pivident.models import model_json
     from pivident.models.runnable_model import runnable_model
     from pivident.recording import Recording
-    from pivident.robot import load_robot
+    from pivident.robot.gallery import load_robot
 
     robot, t = load_robot("planar_2r"), np.arange(3000)[:, None] / 500.0
     phase = t * [3.0, 5.0]

@@ -13,8 +13,8 @@ from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import PividentError
 from pivident.estimation.problem import Loop, Problem
-from pivident.robot import load_robot
 from pivident.robot.description import Joint, Link, Robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import LoopSignals

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from tests.audit.logs import (
     delayed,
     only_rows,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from pivident.audit.quantisation import find_grid, significant_digits
 from tests.audit.logs import planar, with_channels
 

@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.audit import audit_file, audit_log, bare_log, described_log
+from pivident.audit.audit import audit_log
+from pivident.audit.audit_file import audit_file
 from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
+from pivident.logs.bare_log import bare_log
+from pivident.logs.described_log import described_log
 from pivident.logs.recognition.column_names import channel_of, guess_channels
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.audit.logs import delayed, planar, serious
 from tests.planar_log import EXPERIMENT, write_experiment
 

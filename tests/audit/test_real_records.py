@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pivident.audit import audit_file, audit_log, described_log
+from pivident.audit.audit import audit_log
+from pivident.audit.audit_file import audit_file
+from pivident.logs.described_log import described_log
 from tests.audit.logs import serious
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"

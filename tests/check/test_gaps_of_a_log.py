@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from pivident.check import check_experiment
+from pivident.check.experiment_check import check_experiment
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from tests.questions.material import EXPERIMENT, csv, log
 
 

@@ -10,7 +10,7 @@ from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.experiment.schema import ControllerEntry
 from pivident.logs.log import Log
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PID
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel

@@ -12,8 +12,8 @@ import pytest
 
 from pivident.cli.app import main
 from pivident.errors import PividentError
-from pivident.experiment import load_experiment
-from pivident.init import draft_experiment
+from pivident.experiment.experiment import load_experiment
+from pivident.init.draft import draft_experiment
 from tests.planar_log import planar_log
 
 ROOT = Path(__file__).resolve().parents[2]

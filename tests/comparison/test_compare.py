@@ -16,10 +16,10 @@ from pivident.cli import main
 from pivident.comparison.compare import compare
 from pivident.comparison.comparison_errors import ComparisonError
 from pivident.comparison.comparison_files import to_csv, to_latex, to_values
+from pivident.comparison.comparison_page import render_page
 from pivident.comparison.comparison_text import comparison_text
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationFileError
-from pivident.report.comparison.comparison_page import render_page
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
 from pivident.text.plain_values import json_of_entries
 from tests.browser import needs_browser, seen_on_a_phone

@@ -9,7 +9,7 @@ import pytest
 from pivident.cli import main
 from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.errors import ExperimentError
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from tests.planar_log import EXPERIMENT, write_experiment
 from tests.synthetic_identification import synthetic_identification
 

@@ -10,7 +10,7 @@ from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.public_records import load_emps, load_staubli_tx40
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_scenario
 

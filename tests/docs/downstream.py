@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 import pivident as pv
-from pivident.linear import LinearEstimate, srivc
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.srivc import srivc
 
 
 def deviations(log: Path) -> dict[str, float]:

@@ -6,32 +6,16 @@ import inspect
 import re
 import textwrap
 from functools import cache
+from pathlib import Path
 
 import pytest
 
 import pivident
 from pivident import errors
 
-#: Packages with a front door of their own; modules that its functions lead to are in the pages.
-PACKAGES = (
-    "pivident.linear",
-    "pivident.consistency",
-    "pivident.payload",
-    "pivident.flexibility",
-    "pivident.tables",
-    "pivident.figures",
-    "pivident.check",
-)
-
-#: Other names that the reference promises.
-OTHERS = (
-    "pivident.init.Draft",
-    "pivident.init.Assumption",
-    "pivident.init.draft_experiment",
-    "pivident.simulation.joint_loop.JointLoop",
-    "pivident.simulation.joint_loop.joint_feedbacks",
-    "pivident.validation.identified_loop.IdentifiedLoop",
-    "pivident.validation.identified_loop.identified_loop",
+#: Packages with a front of their own.
+PACKAGES = sorted(
+    f"pivident.{stub.parent.name}" for stub in Path(pivident.__file__).parent.glob("*/__init__.pyi")
 )
 
 #: What an array argument or attribute says about itself: a unit or the lack of one, or a shape.
@@ -52,7 +36,7 @@ def public_names() -> list[str]:
     found = [f"pivident.{name}" for name in pivident.__all__ if name != "__version__"]
     for package in PACKAGES:
         found += [f"{package}.{name}" for name in importlib.import_module(package).__all__]
-    return found + list(OTHERS)
+    return found
 
 
 @cache

@@ -7,11 +7,12 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.entry_plan import coupling_sign
+from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
     FrictionColumn,
+    FrictionLaw,
     SignFunction,
     coulomb,
     counterbalance,
@@ -26,6 +27,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.dynamics.friction_laws import LAWS, law, smooth_motion
 
@@ -44,13 +46,13 @@ def test_functions_of_speed_and_position():
     q, dq = np.random.default_rng(0).uniform(-3.0, 3.0, (2, 500))
 
     def only(*terms):
-        return FrictionLaw(terms).columns(dq, q).T
+        return friction_columns(FrictionLaw(terms), dq, q).T
 
     cube, root = only(power_viscous(3.0), power_viscous(0.3, "b", "tanh", 9.0))
     np.testing.assert_allclose(cube, dq**3)
     np.testing.assert_allclose(root, np.tanh(9.0 * dq) * np.abs(dq) ** 0.3)
     np.testing.assert_allclose(only(power_viscous(2.0))[0], np.abs(dq) * dq)
-    ahead, back = FrictionLaw(LAWS["directions"][:2]).columns(dq).T
+    ahead, back = friction_columns(FrictionLaw(LAWS["directions"][:2]), dq).T
     np.testing.assert_array_equal(ahead + back, dq)
     assert (ahead >= 0).all() and (back <= 0).all()
     np.testing.assert_allclose(only(*ripple(12.0)), [np.cos(12 * q), np.sin(12 * q)])
@@ -66,7 +68,7 @@ def test_a_strut_pushes_with_the_derivative_of_its_length():
         return base * np.sqrt(1 + ratio**2 - 2 * ratio * np.cos(q - angle))
 
     slope = (length(q + step) - length(q - step)) / (2 * step)
-    columns = FrictionLaw(counterbalance(ratio, angle)).columns(0 * q, q)
+    columns = friction_columns(FrictionLaw(counterbalance(ratio, angle)), 0 * q, q)
     own = columns @ [force * ratio * base, stiffness * ratio * base**2]
     np.testing.assert_allclose(own, (force + stiffness * length(q)) * slope, atol=1e-5)
 
@@ -88,7 +90,7 @@ def test_matrix_packed_and_torque_have_the_columns_of_the_law(name):
     expected = load.copy()
     load = load + phi[:, :, springs] @ theta[springs]
     for j, joint in enumerate(robot.joints):
-        columns = joint.friction.columns(dq[:, j], q[:, j], load[:, j])
+        columns = friction_columns(joint.friction, dq[:, j], q[:, j], load[:, j])
         for k, term in enumerate(joint.friction.terms):
             c = column(regressor, f"{term.stem}{j + 1}")
             np.testing.assert_allclose(phi[:, j, c], columns[:, k], rtol=2e-13, atol=1e-14)
@@ -126,11 +128,11 @@ def test_usual_laws_have_no_inner_signals():
 def test_a_column_without_its_argument_is_refused():
     dq = np.zeros(5)
     with pytest.raises(ValueError, match="COSINE needs the positions"):
-        FrictionLaw(ripple(3.0)).columns(dq)
+        friction_columns(FrictionLaw(ripple(3.0)), dq)
     with pytest.raises(ValueError, match="along one path"):
-        FrictionLaw((dahl(1e-3),)).columns(np.zeros((5, 2)), np.zeros((5, 2)))
+        friction_columns(FrictionLaw((dahl(1e-3),)), np.zeros((5, 2)), np.zeros((5, 2)))
     with pytest.raises(ValueError, match="torque that the joint carries"):
-        FrictionLaw((load_dependent(),)).columns(dq)
+        friction_columns(FrictionLaw((load_dependent(),)), dq)
 
 
 def test_units_follow_from_the_function():

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from pivident.robot import FrictionLaw
-from pivident.robot.friction import dahl, lugre, maxwell_slip
+from pivident.dynamics.friction import friction_columns
+from pivident.robot.friction import FrictionLaw, dahl, lugre, maxwell_slip
 
 DURATION, AMPLITUDE, OMEGA = 3.0, 0.02, 4.0
 
@@ -40,13 +40,13 @@ def presliding(t, distance, excess=0.0, speed=1.0, exponent=2.0):
 def test_dahl_follows_its_differential_equation(distance):
     t = sampled(4000.0)
     q, dq = path(t)
-    (z,) = FrictionLaw((dahl(distance),)).columns(dq, q).T
+    (z,) = friction_columns(FrictionLaw((dahl(distance),)), dq, q).T
     np.testing.assert_allclose(z, presliding(t, distance)[0], atol=2e-6)
 
 
 def test_dahl_is_exact_on_a_way_without_reversal():
     q = np.array([0.0, 0.1, 0.5, 2.0]) * 1e-3
-    (z,) = FrictionLaw((dahl(1e-3),)).columns(np.ones(4), q).T
+    (z,) = friction_columns(FrictionLaw((dahl(1e-3),)), np.ones(4), q).T
     np.testing.assert_allclose(z, 1.0 - np.exp(-q / 1e-3), rtol=1e-14)
 
 
@@ -54,7 +54,7 @@ def test_dahl_is_exact_on_a_way_without_reversal():
 def test_lugre_follows_its_differential_equation(speed, exponent):
     t = sampled(4000.0)
     q, dq = path(t)
-    z, rate = FrictionLaw(lugre(2e-3, 0.5, speed, exponent)).columns(dq, q).T
+    z, rate = friction_columns(FrictionLaw(lugre(2e-3, 0.5, speed, exponent)), dq, q).T
     fine_z, fine_rate = presliding(t, 2e-3, 0.5, speed, exponent)
     np.testing.assert_allclose(z, fine_z, atol=5e-6)
     np.testing.assert_allclose(rate, fine_rate, atol=5e-6 * np.abs(dq).max())
@@ -66,7 +66,7 @@ def test_the_error_of_a_coarse_sampling_falls_with_its_square():
     errors = []
     for rate in (500.0, 1000.0, 2000.0):
         q, dq = path(sampled(rate))
-        z = law.columns(dq, q)[:: round(rate / 500.0), 0]
+        z = friction_columns(law, dq, q)[:: round(rate / 500.0), 0]
         errors.append(np.sqrt(np.mean((z - fine_z) ** 2)))
     assert errors[0] < 1e-5 and errors[2] < errors[0] / 12.0
 
@@ -74,7 +74,7 @@ def test_the_error_of_a_coarse_sampling_falls_with_its_square():
 def test_presliding_at_a_constant_speed_reaches_the_stribeck_curve():
     for dq in (0.02, -0.3):
         q = dq * np.linspace(0.0, 5.0, 200)
-        z, rate = FrictionLaw(lugre(1e-3, 0.6, 0.1)).columns(np.full(200, dq), q).T
+        z, rate = friction_columns(FrictionLaw(lugre(1e-3, 0.6, 0.1)), np.full(200, dq), q).T
         level = 1.0 + 0.6 * np.exp(-((dq / 0.1) ** 2))
         assert z[-1] == pytest.approx(np.sign(dq) * level, rel=1e-12)
         assert rate[-1] == pytest.approx(0.0, abs=1e-12)
@@ -86,7 +86,7 @@ def test_slip_elements_follow_their_differential_equation():
     fine_t = sampled(400_000.0)
     fine_q, _ = path(fine_t)
     q, dq = path(fine_t[::400])
-    columns = FrictionLaw(maxwell_slip(distances)).columns(dq, q).T
+    columns = friction_columns(FrictionLaw(maxwell_slip(distances)), dq, q).T
     for own, distance in zip(columns, distances, strict=True):
         z, states = 0.0, []
         for step in np.diff(fine_q, prepend=fine_q[0]) / distance:
@@ -99,13 +99,13 @@ def test_slip_elements_follow_their_differential_equation():
 def test_slip_remembers_where_it_turned():
     """Forth by 1.5 d, back by d: the element hangs at the level it had, less what it went."""
     q = np.array([0.0, 1.5, 0.5]) * 1e-3
-    (z,) = FrictionLaw(maxwell_slip([1e-3])).columns(np.ones(3), q).T
+    (z,) = friction_columns(FrictionLaw(maxwell_slip([1e-3])), np.ones(3), q).T
     np.testing.assert_allclose(z, [0.0, 1.0, 0.0], atol=1e-15)
 
 
 def test_a_weakening_element_falls_with_its_level():
     dq = np.array([0.0, 0.01, 0.1, 1.0])
-    (z,) = FrictionLaw(maxwell_slip([1e-6], 0.5, 0.1)).columns(dq, np.cumsum(dq)).T
+    (z,) = friction_columns(FrictionLaw(maxwell_slip([1e-6], 0.5, 0.1)), dq, np.cumsum(dq)).T
     level = 1.0 + 0.5 * np.exp(-((dq / 0.1) ** 2))
     np.testing.assert_allclose(z, [0.0, *level[1:]], rtol=1e-13)
 
@@ -113,7 +113,9 @@ def test_a_weakening_element_falls_with_its_level():
 def test_a_joint_at_rest_keeps_its_state():
     q = np.r_[np.linspace(0.0, 1e-3, 50), np.full(200, 1e-3)]
     dq = np.r_[np.full(50, 0.02), np.zeros(200)]
-    z, rate, slip = FrictionLaw((*lugre(1e-3, 0.0, 0.1), *maxwell_slip([2e-3]))).columns(dq, q).T
+    z, rate, slip = friction_columns(
+        FrictionLaw((*lugre(1e-3, 0.0, 0.1), *maxwell_slip([2e-3]))), dq, q
+    ).T
     assert np.ptp(z[50:]) == 0.0 and np.ptp(slip[50:]) == 0.0 and not rate[50:].any()
 
 
@@ -121,7 +123,7 @@ def test_a_turn_between_two_samples_is_gone_out_and_back():
     """Thrown up and fallen back to where it was: Δq = 0, yet the state has changed."""
     t = np.linspace(-0.975, 0.975, 40)  # the turn at zero lies between two samples
     q, dq = -0.01 * t**2, -0.02 * t
-    (z,) = FrictionLaw((dahl(5e-6),)).columns(dq, q).T
+    (z,) = friction_columns(FrictionLaw((dahl(5e-6),)), dq, q).T
     ahead = 0.01 * 0.025**2 / 5e-6
     before = z[19]
     top = 1.0 + (before - 1.0) * np.exp(-ahead)

@@ -11,7 +11,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, PrefilteredIV
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.public_records import load_emps
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD, Cascade
 from pivident.simulation.scenarios import tx40_scenario
 from pivident.simulation.virtual_pd import virtual_pd

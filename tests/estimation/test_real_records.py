@@ -8,8 +8,8 @@ from pivident.estimation.identify import identify
 from pivident.estimation.methods import Bandpass, InstrumentalVariables, LeastSquares
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
-from pivident.robot import load_robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import Cascade
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
@@ -30,13 +30,6 @@ LABORATORY = {
 }  # fmt: skip
 
 LABORATORY_SIGNALS = Bandpass(cutoff=100.0, median=3, decimation=(10, 10), edge=20)
-
-
-@pytest.fixture(scope="module")
-def public_data(data_dir):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PIVIDENT_DATA", str(data_dir))
-        yield data_dir
 
 
 @pytest.fixture(scope="module")

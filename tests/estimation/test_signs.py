@@ -7,7 +7,7 @@ import pytest
 
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.recording.recording import Recording
 from tests.planar_log import write_experiment
 

@@ -13,7 +13,6 @@ from pivident.export.joint_side import joint_side
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import WORDS, quaternion, to_mjcf
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot, parse_urdf
 from pivident.robot.description import Coupling
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.friction import (
@@ -27,6 +26,8 @@ from pivident.robot.friction import (
     spring,
     viscous,
 )
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import parse_urdf
 from tests.export.robots import random_tree, with_values
 
 TX40 = load_robot("staubli_tx40")

@@ -10,7 +10,7 @@ from pivident.errors import ExportError, SimulationDiverged
 from pivident.export.mjcf import to_mjcf
 from pivident.export.urdf import to_urdf
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PID, Cascade

@@ -5,7 +5,8 @@ import pytest
 
 from pivident.errors import ExportError, RobotDescriptionError
 from pivident.export.original_urdf import original_urdf
-from pivident.robot import load_robot, parse_urdf, read_urdf
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import parse_urdf, read_urdf
 from tests.export.robots import UR
 
 

@@ -16,8 +16,8 @@ from pivident.export.model_programs import friction_in_groups, inner_columns
 from pivident.export.numpy_function import to_numpy, verify_numpy
 from pivident.models.exported import random_states
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import coulomb, load_dependent, lugre, ripple, viscous
+from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, lugre, ripple, viscous
+from pivident.robot.gallery import load_robot
 from tests.dynamics.friction_laws import LAWS
 from tests.robot.random_robots import random_robot
 from tests.synthetic_identification import synthetic_identification

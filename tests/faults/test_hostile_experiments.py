@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import PividentError
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.logs.clocks.timestamps import uniform_grid
 from pivident.many.study.scenario import read_scenario
 from pivident.recording.load import load_recording

@@ -10,7 +10,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.flexibility.rigid_validity import rigid_validity
 from pivident.flexibility.simulated_joint import MotorLoop, Sensors, TwoMassJoint, simulate_joint
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 
 RATE = 1000.0
 

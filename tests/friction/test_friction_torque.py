@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pivident.dynamics.friction import friction_columns
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.friction.friction_torque import friction_torques
 from tests.planar_log import planar_truth, write_experiment
 
@@ -21,7 +22,7 @@ def test_true_law_comes_back(problem):
     for j, torque in enumerate(friction_torques(problem, identify(problem, "ls")), start=1):
         law = problem.robot.joints[j - 1].friction
         theta = [truth[f"{term.stem}{j}"] for term in law.terms]
-        expected = law.columns(torque.dq) @ theta
+        expected = friction_columns(law, torque.dq) @ theta
         error = (torque.tau - expected)[torque.moving]
         assert np.sqrt(np.mean(error**2)) < 0.08 * torque.level  # noise of the acceleration
         for sign in (-1.0, 1.0):

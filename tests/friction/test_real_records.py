@@ -10,7 +10,7 @@ from pivident.friction.contrasts import common_speeds, offset
 from pivident.friction.friction_study import joint_friction
 from pivident.friction.friction_torque import friction_torques
 from pivident.recording.public_records import load_emps, load_staubli_tx40
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 
 pytestmark = pytest.mark.record
@@ -18,7 +18,7 @@ pytestmark = pytest.mark.record
 FULL_RATE = LeastSquares(signals=RandomWalk())
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def emps(public_data):
     problem = Problem(load_robot("emps"), (load_emps(),))
     (torque,) = friction_torques(problem, identify(problem, FULL_RATE))

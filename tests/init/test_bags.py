@@ -4,13 +4,13 @@ import tomllib
 
 import pytest
 
-from pivident.audit import audit_file
-from pivident.check import check_experiment
+from pivident.audit.audit_file import audit_file
+from pivident.check.experiment_check import check_experiment
 from pivident.cli.app import main
 from pivident.errors import RecordingError
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
-from pivident.init import draft_experiment
+from pivident.experiment.experiment import load_experiment
+from pivident.init.draft import draft_experiment
 from tests.init.jittery_bag import CONTROLLER, STATES, jittery_bag
 
 REFERENCE = "/arm_controller/controller_state/reference/positions"

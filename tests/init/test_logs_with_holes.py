@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.init import draft_experiment
 from pivident.init.assumption import DraftError
+from pivident.init.draft import draft_experiment
 from pivident.init.torque_unit import compare
 from pivident.logs.recognition.position_units import position_unit
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 
 T = np.arange(600) / 500.0
 MOTION = {"t": T, "q1": np.sin(3 * T), "q2": np.cos(2 * T), "tau1": np.sin(T), "tau2": np.cos(T)}

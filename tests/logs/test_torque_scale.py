@@ -7,7 +7,7 @@ from pivident.diagnostics.verdict import verdict
 from pivident.errors import RecordingError
 from pivident.estimation.identification_file import to_dict
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.experiment.recording_tables import log_of
 from pivident.logs.torque_scale import TorqueScale, scale_sentences, torque_scales
 from pivident.logs.units import factor_to_si

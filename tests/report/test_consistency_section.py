@@ -21,7 +21,7 @@ from pivident.estimation.identify import identify
 from pivident.report.builder import render_report
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
 from pivident.report.sections.consistency import _figures
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.load_scenario import tx40_with_load
 from pivident.simulation.scenarios import TX40_ESSENTIAL
 from tests.browser import needs_browser, seen_on_a_phone
@@ -39,7 +39,7 @@ def results():
 @pytest.fixture(scope="module")
 def diagnostics(results):
     alone = diagnose_one(results)
-    made = consistent_estimates(alone, ["piv"], ConsistencyOptions(), ())
+    made = consistent_estimates(alone.identifications, None, ["piv"], ConsistencyOptions(), ())
     failed = NoConsistentEstimate("PC-IDIM-WLS", "no consistent parameters <near>")
     return replace(alone, consistent={"ls": failed, **made})
 

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 import pivident as pv
+from pivident.comparison.comparison_page import render_page as comparison_page
 from pivident.flexibility.flexibility_page import render_page as flexibility_page
 from pivident.flexibility.joint_study import study_flexibility
 from pivident.friction.friction_study import FrictionStudy, joint_friction
@@ -13,7 +14,6 @@ from pivident.many.fleet.identify_fleet import identify_fleet
 from pivident.many.fleet.judgement import conclude as conclude_fleet
 from pivident.many.study.conclusion import conclude as conclude_study
 from pivident.many.study.monte_carlo import run_study
-from pivident.report.comparison.comparison_page import render_page as comparison_page
 from pivident.report.friction.friction_page import render_page as friction_page
 from tests.browser import PHONE, asked, needs_browser
 from tests.comparison.results import result

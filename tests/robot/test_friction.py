@@ -3,9 +3,10 @@ import math
 import numpy as np
 import pytest
 
+from pivident.dynamics.friction import friction_columns
 from pivident.errors import RobotDescriptionError
-from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
+    FrictionLaw,
     asymmetric_coulomb,
     asymmetric_viscous,
     coulomb,
@@ -16,6 +17,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
 
 SPEED = np.linspace(-2.0, 2.0, 9)
 
@@ -26,7 +28,7 @@ def atan(speed, gamma):
 
 def test_the_columns_of_a_law_are_its_functions_of_the_speed():
     law = FrictionLaw((viscous(), coulomb(gamma=150), offset(), stribeck(0.5, 2, gamma=20)))
-    columns = law.columns(SPEED)
+    columns = friction_columns(law, SPEED)
     np.testing.assert_allclose(columns[:, 0], SPEED)
     np.testing.assert_allclose(columns[:, 1], atan(SPEED, 150))
     np.testing.assert_allclose(columns[:, 2], 1.0)
@@ -34,14 +36,14 @@ def test_the_columns_of_a_law_are_its_functions_of_the_speed():
 
 
 def test_equal_levels_in_both_directions_are_coulomb_friction():
-    sides = FrictionLaw(asymmetric_coulomb("tanh", 30)).columns(SPEED)
+    sides = friction_columns(FrictionLaw(asymmetric_coulomb("tanh", 30)), SPEED)
     np.testing.assert_allclose(sides.sum(1), np.tanh(30 * SPEED), atol=1e-15)
 
 
 def test_the_hard_sign_is_simulated_with_a_finite_slope():
     law = FrictionLaw((coulomb("sign", gamma=150),))
-    np.testing.assert_allclose(law.columns(SPEED)[:, 0], np.sign(SPEED))
-    np.testing.assert_allclose(law.columns(SPEED, simulated=True)[:, 0], atan(SPEED, 150))
+    np.testing.assert_allclose(friction_columns(law, SPEED)[:, 0], np.sign(SPEED))
+    np.testing.assert_allclose(friction_columns(law, SPEED, simulated=True)[:, 0], atan(SPEED, 150))
 
 
 @pytest.mark.parametrize("gamma", [0.0, -1.0, math.nan, math.inf])

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import FrictionLaw, gallery_names, load_robot
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.gallery import gallery_names, load_robot
 from pivident.robot.robot_values import SHAPES, robot_of_values, robot_values
 from tests.dynamics.friction_laws import LAWS
 from tests.robot.random_robots import random_robot

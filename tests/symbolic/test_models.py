@@ -10,8 +10,8 @@ from pivident.dynamics.forward import mass_matrix as numeric_mass_matrix
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import coulomb, dahl, load_dependent, viscous
+from pivident.robot.friction import FrictionLaw, coulomb, dahl, load_dependent, viscous
+from pivident.robot.gallery import load_robot
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix

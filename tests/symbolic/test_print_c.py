@@ -10,7 +10,7 @@ import pytest
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.grouping.expressions import call, cosine, sine, symbol
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.symbolic.composite_bodies import mass_matrix
 from pivident.symbolic.newton_euler import inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix

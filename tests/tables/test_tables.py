@@ -12,9 +12,10 @@ import pivident as pv
 from pivident.audit.audit_file import audit_file
 from pivident.consistency.consistent_model import make_consistent
 from pivident.consistency.profile_intervals import ProfileIntervals
-from pivident.experiment import load_experiment
-from pivident.tables import Table, TableError, table, table_names
-from pivident.tables.chosen import TABLES
+from pivident.experiment.experiment import load_experiment
+from pivident.extras import MissingExtra
+from pivident.tables.chosen import TABLES, table, table_names
+from pivident.tables.columns import Table, TableError
 from pivident.validation.residuals.residual_tests import residual_tests
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
@@ -58,7 +59,7 @@ def test_every_table_there_is_has_a_function_and_a_class():
         home, _, cls = name.rpartition(".")
         assert isinstance(getattr(import_module(home), cls), type), name
         for one in names:
-            assert callable(getattr(import_module(f"pivident.tables.{module}"), f"{prefix}_{one}"))
+            assert callable(getattr(import_module(module), f"{prefix}_{one}"))
 
 
 def test_both_libraries_get_the_same_numbers(things):
@@ -134,7 +135,7 @@ def test_unknown_tables_and_things_are_named(result):
 
 def test_without_pandas_the_way_to_it_is_named(result, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(TableError, match="pip install pandas"):
+    with pytest.raises(MissingExtra, match=r"pip install 'pivident\[pandas\]'"):
         table(result).to_pandas()
 
 

@@ -6,7 +6,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 

@@ -6,15 +6,12 @@ once for every number that depends on it.
 
 from __future__ import annotations
 
-import json
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pivident import __version__
 from pivident.audit.delay import Delay, check_delay
 from pivident.audit.excitation import Excitation, check_excitation
 from pivident.audit.finding import Finding, Severity, worst
@@ -223,39 +220,6 @@ def _not_judged(reason: str) -> Finding:
         f"Delay, signs, gains and excitation were not judged: {reason}.",
         step="Give the robot (--robot) and the columns (--experiment).",
     )
-
-
-def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
-    """Write ``audit.json`` and ``audit.html``, both or neither.
-
-    Args:
-        audits: of one log or several.
-        folder: folder to create or to write into.
-
-    Returns:
-        The page.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
-    from pivident.files import atomic_folder
-    from pivident.report.audit.audit_page import render_page
-
-    content = {
-        "schema": SCHEMA,
-        "pivident": __version__,
-        "severity": worst(f for audit in audits for f in audit.findings),
-        "audits": [audit.as_json() for audit in audits],
-    }
-    page = render_page(audits)
-    with atomic_folder(folder) as build:
-        (build / "audit.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may hold bytes that are no text
-        )
-        (build / "audit.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
-    return Path(folder) / "audit.html"
 
 
 def _number(value: float) -> float | None:

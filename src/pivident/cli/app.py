@@ -17,7 +17,6 @@ from typing import Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
-from pivident import __version__
 from pivident.cli.check import check
 from pivident.cli.compare import compare
 from pivident.cli.completion import completion
@@ -33,6 +32,7 @@ from pivident.cli.payload import payload
 from pivident.cli.study import study
 from pivident.cli.symbolic import symbolic
 from pivident.errors import DatasetUnavailable, PividentError
+from pivident.version import __version__
 
 DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 FAULTY_LOG = 4
@@ -271,6 +271,8 @@ def main(tokens: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    # Matrices are small: threads of the linear algebra would wait for each other, not work.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")

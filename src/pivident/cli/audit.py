@@ -10,7 +10,7 @@ from pivident.cli.console import Progress
 from pivident.cli.workflow import check_output
 
 if TYPE_CHECKING:
-    from pivident.audit import Audit
+    from pivident.audit.audit import Audit
 
 #: How severities look on a terminal with colours.
 STYLES = {"wrong": "bold red", "look": "yellow", "fine": "green"}
@@ -31,8 +31,9 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
     Raises:
         PividentError: the log cannot be read at all, or the folder cannot be written.
     """
-    from pivident.audit import audit_file, write_audit
-    from pivident.robot import load_robot
+    from pivident.audit.audit_file import audit_file
+    from pivident.report.audit.audit_files import write_audit
+    from pivident.robot.gallery import load_robot
 
     folder = out or Path(f"{path.name.removesuffix('.gz').rpartition('.')[0] or path.name}-audit")
     check_output(folder)

@@ -13,7 +13,8 @@ from cyclopts import Parameter
 from pivident.cli.console import Progress
 
 if TYPE_CHECKING:
-    from pivident.check import ExperimentCheck, Remark
+    from pivident.check.experiment_check import ExperimentCheck
+    from pivident.check.remark import Remark
 
 DONE, WRONG_INPUT, FAULTY_LOG = 0, 1, 4
 
@@ -39,7 +40,7 @@ def check(
     as_json
         Print everything as JSON, for programs.
     """
-    from pivident.check import check_experiment
+    from pivident.check.experiment_check import check_experiment
 
     with Progress() as progress:
         found = check_experiment(experiment, robot, progress.say)

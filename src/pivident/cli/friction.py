@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from pivident.cli.console import Progress
 from pivident.errors import ExperimentError
+from pivident.extras import require
 
 if TYPE_CHECKING:
     from pivident.friction.friction_study import FrictionStudy
@@ -61,20 +62,21 @@ def run_friction(
 
     Raises:
         PividentError: the file, its data or the output folder cannot be used, the estimate
-            fails, or no joint moves enough.
+            fails, no joint moves enough, or polars is not installed.
     """
     from pivident.cli.workflow import check_output
     from pivident.estimation.identify import identify
-    from pivident.experiment import load_experiment
-    from pivident.friction.curves import write_friction
+    from pivident.experiment.experiment import load_experiment
     from pivident.friction.friction_study import study_friction
     from pivident.friction.ripple.ripple_search import find_ripple
+    from pivident.report.friction.friction_files import write_friction
 
     if standstill is not None and not 0.0 < standstill < 1.0:
         raise ExperimentError(
             f"--standstill {standstill:g} is not a share of the rated speed; give one between 0 "
             "and 1, such as 0.01"
         )
+    require("polars", extra="tables", purpose="the table of friction curves")
     with Progress() as progress:
         experiment = load_experiment(path)
         folder = out or Path(f"{path.stem}-friction")

@@ -12,7 +12,7 @@ from pivident.errors import ExperimentError
 if TYPE_CHECKING:
     from pivident.drives.gain_ratios import GainGroup
     from pivident.drives.log_units import MotorInLogUnits
-    from pivident.experiment import Experiment
+    from pivident.experiment.experiment import Experiment
     from pivident.experiment.gains_table import GainsOfExperiment
 
 
@@ -38,7 +38,7 @@ def gains(
         Also show the gains by weighted and total least squares, as in the literature.
     """
     from pivident.cli.workflow import check_output
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
     from pivident.experiment.gains_table import gains_of, lines_for_file
 
     if out is not None and out.exists():

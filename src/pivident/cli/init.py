@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING
 from pivident.cli.console import Progress, note
 
 if TYPE_CHECKING:
-    from pivident.init import Draft
     from pivident.init.assumption import Answers, Question
+    from pivident.init.draft import Draft
 
 #: How sure an assumption is, as the summary shows it, and its colour on a terminal.
 SURE = {
@@ -50,7 +50,7 @@ def run_init(
         PividentError: the log or the robot cannot be used, or the file must not be written.
     """
     from pivident.files import atomic_folder
-    from pivident.init import draft_experiment
+    from pivident.init.draft import draft_experiment
 
     check_target(out, logs, robot, force)
     answers: Answers = {}

@@ -34,9 +34,9 @@ def payload(
         Folder for payload.json, payload.csv and payload.txt. Default: NAME-payload for NAME.toml.
     """
     from pivident.cli.workflow import check_output
-    from pivident.experiment import load_experiment
-    from pivident.experiment.payload_table import default_folder, load_of
+    from pivident.experiment.experiment import load_experiment
     from pivident.payload.payload_files import save_payload
+    from pivident.payload.payload_table import default_folder, load_of
     from pivident.payload.payload_text import payload_text
 
     file = first if second is None else second
@@ -63,6 +63,6 @@ def payload(
 def _arm(file: Path, robot: str | None):
     """The arm without load, from its file."""
     from pivident.estimation.stored_identification import load_identification
-    from pivident.robot import load_robot
+    from pivident.robot.gallery import load_robot
 
     return load_identification(file, None if robot is None else load_robot(robot))

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pivident.cli.compile_ahead import ESTIMATORS, LOOP, compile_ahead
 from pivident.cli.console import Progress, error_line, note
 from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
@@ -27,6 +28,7 @@ from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
 from pivident.estimation.summary_tables import comparison_table, rows_kind
+from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
 from pivident.friction.laws.shapes import identify_shapes
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
@@ -87,7 +89,7 @@ def run_experiment(
         PividentError: the file, its data or the output folder cannot be used, or no method
             came to a result.
     """
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
 
     with Progress() as progress:
         experiment = load_experiment(path)
@@ -96,6 +98,7 @@ def run_experiment(
         options = experiment.consistency()
         folder = out or experiment.output or Path(f"{path.stem}-results")
         check_output(folder)
+        compile_ahead(LOOP)
         problem, validation = experiment.problem(progress.say), experiment.content.validation
         unseen = experiment.unseen_recordings()
         essential, shaped = None, None
@@ -119,14 +122,21 @@ def run_experiment(
         wanted = [name for name in consistent if name in outcome.identifications]
         if wanted:
             recordings = unseen or problem.recordings
-            made = consistent_estimates(diagnostics, wanted, options, recordings, progress.say)
+            made = consistent_estimates(
+                diagnostics.identifications,
+                diagnostics.out_of_sample,
+                wanted,
+                options,
+                recordings,
+                progress.say,
+            )
             for name, estimate in made.items():
                 progress.keep(estimate.headline())
                 if isinstance(estimate, NoConsistentEstimate):
                     outcome = replace(outcome, failed=(*outcome.failed, f"{PREFIX}{name}"))
             diagnostics = replace(diagnostics, consistent=made)
         progress.say("writing the results")
-        report = experiment.content.output.report
+        report = experiment.content.output.report and _can_draw(progress)
         results = Results(outcome.identifications, diagnostics, essential)
         write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
@@ -148,6 +158,7 @@ def run_demo(out: Path, seed: int = 0) -> bool:
     from pivident.simulation.scenarios import tx40_fine
 
     check_output(out)
+    compile_ahead(ESTIMATORS)
     with Progress() as progress:
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_fine(seed)
@@ -159,9 +170,20 @@ def run_demo(out: Path, seed: int = 0) -> bool:
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
         results = Results(outcome.identifications, diagnostics)
-        write_results(results, out, title, truth)
-    _print_results(results, out, truth)
+        report = _can_draw(progress)
+        write_results(results, out, title, truth, report=report)
+    _print_results(results, out, truth, report=report)
     return outcome.converged and not outcome.failed
+
+
+def _can_draw(progress: Progress) -> bool:
+    """Whether a report can be written; says what to install where it cannot."""
+    drawn = is_installed("plotly")
+    if not drawn:
+        progress.keep(
+            "report.html needs plotly, pip install 'pivident[report]'; all else is written"
+        )
+    return drawn
 
 
 def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Progress) -> Outcome:
@@ -212,8 +234,6 @@ def write_results(
         truth: known values by parameter name.
         report: whether to write ``report.html``.
     """
-    from pivident.report.builder import write_report
-
     found = results.identifications
     several = len(found) > 1
     with atomic_folder(folder) as build:
@@ -228,6 +248,8 @@ def write_results(
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
         if report:
+            from pivident.report.builder import write_report
+
             write_report(
                 list(found.values()),
                 build / "report.html",

@@ -26,6 +26,7 @@ from pivident.comparison.groups import difference_of_geometry
 from pivident.comparison.load import distinct_labels, load_entries, relabelled
 from pivident.comparison.multiple_tests import holm
 from pivident.estimation.identification import Identification
+from pivident.text import display
 
 #: Probability of one false mark or more in a comparison.
 LEVEL = 0.05
@@ -125,9 +126,7 @@ class Comparison:
         )
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import comparison_html
-
-        return comparison_html(self)
+        return display.html_of(self)
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write comparison.html, .csv, .json and .tex into a folder, all or nothing.

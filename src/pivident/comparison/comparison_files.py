@@ -8,6 +8,7 @@ from os import PathLike
 from typing import TYPE_CHECKING, Any
 
 from pivident.comparison.compare import ComparedParameter, Comparison
+from pivident.comparison.comparison_page import render_page
 from pivident.comparison.comparison_text import (
     condition_text,
     deviations,
@@ -16,12 +17,13 @@ from pivident.comparison.comparison_text import (
 )
 from pivident.comparison.entry import Entry
 from pivident.comparison.remarks import findings, level_sentence
-from pivident.export.latex import latex_number, latex_unit
 from pivident.files import atomic_folder
 from pivident.text.identifiers import latex_name, latex_text, one_line
+from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import format_significant
 from pivident.text.plain_values import json_of_entries, plain
 from pivident.text.printable import sheet_text
+from pivident.version import __version__
 
 if TYPE_CHECKING:
     from pivident.comparison.differences import Difference, Estimate
@@ -54,8 +56,6 @@ def save_comparison(comparison: Comparison, folder: str | PathLike[str]) -> None
     Raises:
         PividentError: the folder cannot be written.
     """
-    from pivident.report.comparison.comparison_page import render_page
-
     texts = {
         PAGE: render_page(comparison),
         TABLE: to_csv(comparison),
@@ -106,8 +106,6 @@ def to_values(comparison: Comparison) -> dict[str, Any]:
     Args:
         comparison: what was found.
     """
-    from pivident import __version__
-
     content = {
         "schema": SCHEMA,
         "version": __version__,

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from pivident.consistency.link_intervals import LinkRow, Quantity
     from pivident.consistency.options import ConsistencyOptions
     from pivident.consistency.profile_intervals import ProfileIntervals
-    from pivident.diagnostics.diagnostics import Diagnostics
     from pivident.estimation.identification import Identification
+    from pivident.validation.held_out.out_of_sample import OutOfSample
 
 #: Confidence of all intervals.
 CONFIDENCE = 0.95
@@ -230,7 +230,8 @@ def consistent_estimate(
 
 
 def consistent_estimates(
-    diagnostics: Diagnostics,
+    free_estimates: Mapping[str, Identification],
+    judged: OutOfSample | None,
     names: Sequence[str],
     options: ConsistencyOptions,
     recordings: Sequence[Recording],
@@ -239,7 +240,8 @@ def consistent_estimates(
     """Make several estimates consistent, and judge them on what was held out.
 
     Args:
-        diagnostics: of the free estimates.
+        free_estimates: by short name of the method.
+        judged: how they predict held-out motion; None: nothing was held out.
         names: short names of the methods.
         options: of the stage.
         recordings: those that held-out stretches are parts of.
@@ -248,13 +250,12 @@ def consistent_estimates(
     say = progress or (lambda line: None)
     made: dict[str, ConsistentEstimate | NoConsistentEstimate] = {}
     for name in names:
-        free = diagnostics.identifications[name]
+        free = free_estimates[name]
         try:
             found = consistent_estimate(free, options, say)
         except IdentificationError as error:
             made[name] = NoConsistentEstimate(consistent_label(free.method), str(error))
             continue
-        judged = diagnostics.out_of_sample
         if judged is not None and name in judged.results:
             say(f"{found.label}: held-out motion")
             # A poor fit of one block stays in: without it the comparison would flatter the stage.

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.statement import Grade, Statement, listed
+from pivident.diagnostics.statement import Grade, Statement
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.logs.torque_scale import scale_sentences
+from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent, plus_minus
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.statement import Statement, listed
+from pivident.diagnostics.statement import Statement
+from pivident.text.lists import listed
 from pivident.text.numbers import percent
 
 #: Parameters that differ least squares from instruments are named from so many deviations on.

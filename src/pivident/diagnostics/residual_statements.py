@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.statement import Grade, Statement, listed
+from pivident.diagnostics.statement import Grade, Statement
 from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
+from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.validation.residuals.residual_tests import ResidualTests
 

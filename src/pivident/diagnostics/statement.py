@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 Grade = Literal["good", "note", "caution", "bad"]
-
-#: Names listed in one sentence.
-LISTED = 8
 
 
 @dataclass(frozen=True)
@@ -33,13 +29,3 @@ class Statement:
         return f"{mark} {self.topic}: {self.text}" + (
             f" [{self.evidence}]" if self.evidence else ""
         )
-
-
-def listed(names: Sequence[str]) -> str:
-    """The first names of a list, and how many more there are.
-
-    Args:
-        names: of parameters or joints.
-    """
-    shown = ", ".join(names[:LISTED])
-    return shown if len(names) <= LISTED else f"{shown} and {len(names) - LISTED} more"

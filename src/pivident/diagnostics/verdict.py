@@ -33,6 +33,7 @@ from pivident.diagnostics.residual_statements import (
 from pivident.diagnostics.statement import Grade, Statement
 from pivident.estimation.identification import Identification
 from pivident.logs.torque_scale import scale_headline
+from pivident.text import display
 
 #: Number of the layout of ``verdict.json``.
 SCHEMA = 1
@@ -83,9 +84,7 @@ class Verdict:
         return f"<Verdict: {self.headline}>"
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import verdict_html
-
-        return verdict_html(self)
+        return display.html_of(self)
 
 
 def verdict(diagnostics: Diagnostics | Identification) -> Verdict:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.dynamics.friction_memory import memory_column
-from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction import FrictionColumn, FrictionLaw, SignFunction
 
 _VISCOUS = int(FrictionColumn.VISCOUS)
 _COULOMB = int(FrictionColumn.COULOMB)
@@ -113,3 +113,32 @@ def smoothed_sign(sign: int, gamma: float, dq: np.ndarray) -> np.ndarray:
     if sign == _ATAN:
         return (2.0 / np.pi) * np.arctan(gamma * dq)
     return np.tanh(gamma * dq)
+
+
+def friction_columns(
+    law: FrictionLaw,
+    dq: np.ndarray,
+    q: np.ndarray | None = None,
+    load: np.ndarray | None = None,
+    *,
+    simulated: bool = False,
+) -> np.ndarray:
+    """Columns of the law: shape ``dq.shape + (terms,)``.
+
+    Args:
+        law: the joint's friction law.
+        dq: joint speed [rad/s or m/s], any shape; shape (samples,) where terms have memory,
+            which starts relaxed.
+        q: joint position [rad or m], likewise; terms of position and with memory need it.
+        load: torque that the joint carries [N m or N], likewise; load-dependent ones need it.
+        simulated: replace the hard sign by its smooth form, as the simulator does.
+
+    Raises:
+        ValueError: a term needs position or load, and they are not given.
+    """
+    dq = np.asarray(dq, dtype=float)
+    out = np.empty((*dq.shape, len(law.terms)))
+    for k, term in enumerate(law.terms):
+        column, sign, shape = term.encoded(simulated)
+        out[..., k] = friction_column(column, sign, shape, dq, q, load)
+    return out

@@ -18,8 +18,8 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from pivident.compiled import inlined as _inline
+from pivident.compiled import shared
 from pivident.dynamics.elementary import arctangent
 from pivident.robot.friction import FrictionColumn, SignFunction
 
@@ -41,10 +41,8 @@ LEVEL_PER_PIECE = 0.02
 #: … and most pieces.
 MAX_PIECES = 32
 
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
-
-@_inline
+@shared
 def smooth_sign_and_slope(sign, gamma, v):
     """Smoothed sign at one speed and its slope there (the hard sign is not simulated)."""
     x = gamma * v
@@ -54,7 +52,7 @@ def smooth_sign_and_slope(sign, gamma, v):
     return s, gamma * (1.0 - s * s)
 
 
-@_inline
+@shared
 def friction_value_and_slope(column, sign, gamma, first, second, v):
     """f(v) of one nonlinear term of speed and df/dv.
 
@@ -95,7 +93,7 @@ def _power_and_slope(s, slope, exponent, v):
     return s * power, slope * power + s * exponent * power / v
 
 
-@_inline
+@shared
 def level_and_slope(excess, inverse_speed, exponent, v):
     """Level g = 1 + ρ exp(-|v/v_s|^δ) of friction with a state, and dg/dv."""
     if excess == 0.0 or v == 0.0:

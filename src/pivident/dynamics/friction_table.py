@@ -19,8 +19,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import inlined as _inline
+from pivident.compiled import rows, shared
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction_kernels import (
@@ -53,10 +54,9 @@ MAX_LOAD_SHARE = 0.9
 
 # Rows of ``path``, shape (PATH_ROWS, entries): states and levels at the start of the step, then
 # states, levels and dz/dx at some travel: at the end of the step, at its middle.
-STATE, START_LEVEL, AHEAD, MIDWAY, PATH_ROWS = 0, 1, 2, 5, 8
+STATE, START_LEVEL, AHEAD, MIDWAY = rows(0, 1, 2, 5)
+PATH_ROWS = 8
 RATE = AHEAD + 2  # dz/dx at the end of the step
-
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 class FrictionTable(NamedTuple):
@@ -231,7 +231,7 @@ def _constants(column: int, shape: tuple[float, ...]) -> tuple[float, ...]:
     return first, second, third, fourth
 
 
-@_inline
+@shared
 def friction_torque(
     linear, term_index, term_value, pair_index, pair_value, vectors, speed, out, slopes, row
 ):
@@ -276,7 +276,7 @@ def friction_torque(
         slopes[row, n + k] = dry * df
 
 
-@_inline
+@shared
 def slopes_width(joints, couplings):
     """Columns of ``slopes`` with a path table: D, coupled D, K, share and fl|L| of each joint."""
     return 4 * joints + couplings

@@ -19,8 +19,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import inner
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.robot.description import Robot
 
@@ -63,7 +63,7 @@ class RigidBodyWork(NamedTuple):
     composite: np.ndarray  # ten parameters of the subtree, (joints, 10)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def rigid_body_work(joints):
     """Empty scratch for a robot of so many joints."""
     return RigidBodyWork(
@@ -71,7 +71,7 @@ def rigid_body_work(joints):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def link_poses(prismatic, rotation, translation, q, pose):
     """Pose of every link in its parent's frame: nine of ^pR_i row by row, three of ^pp_i.
 
@@ -94,7 +94,7 @@ def link_poses(prismatic, rotation, translation, q, pose):
                 pose[i, 9 + k] = translation[i, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, bias):
     """Torques of gravity, centrifugal and Coriolis effects: Newton–Euler with ddq = 0."""
     n = dq.size
@@ -168,7 +168,7 @@ def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, b
             force[parent, 5] += nz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _carried(pose, i, fx, fy, fz, nx, ny, nz):
     """A force and moment (f, n) at link i, in the parent's frame and at its origin."""
     gx = pose[i, 0] * fx + pose[i, 1] * fy + pose[i, 2] * fz
@@ -181,7 +181,7 @@ def _carried(pose, i, fx, fy, fz, nx, ny, nz):
     return gx, gy, gz, mx + py * gz - pz * gy, my + pz * gx - px * gz, mz + px * gy - py * gx
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _add_composite(pose, composite, i, parent):
     """Add the ten parameters of link i's subtree to its parent's, at the parent's origin.
 
@@ -220,7 +220,7 @@ def _add_composite(pose, composite, i, parent):
     composite[parent, 9] += m
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def composite_mass_matrix(parents, prismatic, pose, inertia, rotor, composite, mass):
     """Lower triangle of M(q) by composite rigid bodies (Walker and Orin, method 3)."""
     n = inertia.shape[0]
@@ -244,7 +244,7 @@ def composite_mass_matrix(parents, prismatic, pose, inertia, rotor, composite, m
             k, j = j, parents[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
     """M(q), lower triangle, and the torques of gravity and velocities.
 
@@ -269,7 +269,7 @@ def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def invert_mass_matrix(mass, factor, inverse):
     """Inverse of a symmetric positive definite matrix by Cholesky, from its lower triangle.
 

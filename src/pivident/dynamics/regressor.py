@@ -18,17 +18,14 @@ from pivident.dynamics.friction import smoothed_sign
 from pivident.dynamics.friction_memory import memory_column
 from pivident.dynamics.joint_rows import TILE
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor_kernels import (
-    dense_entries,
-    joint_torques,
-    packed_entries,
-    tile_rows,
-)
+from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
 from pivident.threads import run_in_threads
 
 BLOCK = 2048  # samples that a thread takes at a time
+
+_UNWEIGHTED = np.empty(0)
 
 _own = threading.local()
 
@@ -138,7 +135,7 @@ class Regressor:
         if len(out) < shape[0] or out.shape[1:] != shape[1:]:
             raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
         own = self._inner_or_own(q, dq, ddq, inner)
-        packed_entries(self._plan, _tile(self._plan), place, q, dq, ddq, own, out)
+        observe(self._plan, _tile(self._plan), PACKED, place, _UNWEIGHTED, q, dq, ddq, own, out)
         return out
 
     def matrix(
@@ -180,7 +177,9 @@ class Regressor:
             x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
             inside = np.ascontiguousarray(own[:, part])
             tile = _tile(self._plan)
-            dense_entries(self._plan, tile, place, x, dx, ddx, inside, flat[part])
+            observe(
+                self._plan, tile, DENSE, place, _UNWEIGHTED, x, dx, ddx, inside, flat[part]
+            )  # fmt: skip
 
         run_in_threads(block, _blocks(samples))
         return out
@@ -286,7 +285,9 @@ class Regressor:
             torque = np.empty(x.shape)
             inside = np.ascontiguousarray(inner[:, part])
             tile = _tile(self._plan)
-            joint_torques(self._plan, tile, self.offsets, weights, x, dx, ddx, inside, torque)
+            observe(
+                self._plan, tile, TORQUES, self.offsets, weights, x, dx, ddx, inside, torque
+            )  # fmt: skip
             tau[part] = torque.T
 
         run_in_threads(block, _blocks(len(q)))

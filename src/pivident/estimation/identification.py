@@ -10,6 +10,7 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter
 from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
+from pivident.text import display
 
 if TYPE_CHECKING:
     from pivident.estimation.equations import Equations
@@ -235,9 +236,7 @@ class Identification:
         return f"<Identification: {len(self.names)} parameters by {headline(self)}>"
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import identification_html
-
-        return identification_html(self)
+        return display.html_of(self)
 
     def summary(self) -> str:
         """The result as a table: name, value, σ, relative σ, unit, group."""

@@ -241,7 +241,7 @@ def make_identification(
     warnings: Sequence[str],
 ) -> Identification:
     """Put the answer together; see :class:`Identification` for the fields."""
-    from pivident import __version__
+    from pivident.version import __version__
 
     covariance = solution.covariance if reported == "formula" else robust_covariance
     std = np.sqrt(np.diag(covariance))

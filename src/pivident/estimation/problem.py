@@ -21,6 +21,7 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.simulation.controllers import Controller, FeedForward
+from pivident.text import display
 
 if TYPE_CHECKING:
     from pivident.control_law.identified_law import ControllerIdentification
@@ -165,9 +166,7 @@ class Problem:
         )
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import problem_html
-
-        return problem_html(self)
+        return display.html_of(self)
 
     @cached_property
     def names(self) -> tuple[str, ...]:

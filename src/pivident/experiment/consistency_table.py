@@ -13,7 +13,9 @@ from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.schema import ExperimentFile
-from pivident.robot import Robot, load_robot, read_urdf
+from pivident.robot.description import Robot
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import read_urdf
 
 #: Frames of a reference may differ by rounding of their files [m, and elements of rotations].
 FRAME_TOLERANCE = 1e-4

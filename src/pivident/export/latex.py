@@ -8,7 +8,6 @@ consistent value; the other the standard parameters of every link. Names are set
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -17,6 +16,7 @@ from pivident.dynamics.base_parameters import BaseParameters
 from pivident.models.exported import ExportedText
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import latex_name, latex_text, one_line
+from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import format_significant, with_spread
 
 #: Digits of a value whose spread is not known.
@@ -41,29 +41,6 @@ def to_latex(model: RunnableModel) -> ExportedText:
         *_standard_table(model),
     ]
     return ExportedText(("\n".join(parts) + "\n").encode("utf-8", errors="backslashreplace"))
-
-
-def latex_number(text: str) -> str:
-    r"""A number as it is printed elsewhere, in mathematics: ``1.2e-07`` as 1.2 · 10⁻⁷.
-
-    Args:
-        text: such as ``0.0123``, ``1.2e-07``, ``∞`` or ``–``.
-    """
-    mantissa, _, exponent = text.replace("∞", r"\infty").partition("e")
-    if mantissa == "–":
-        return "--"
-    return f"${mantissa}$" if not exponent else rf"${mantissa} \cdot 10^{{{int(exponent)}}}$"
-
-
-def latex_unit(unit: str) -> str:
-    r"""A unit in upright letters: ``kg m²`` as ``$\mathrm{kg\,m^{2}}$``.
-
-    Args:
-        unit: as parameters have it.
-    """
-    text = unit.replace("²", "^{2}").replace("·", r" ")
-    text = re.sub(r"\^([0-9.]+)", r"^{\1}", text)
-    return rf"$\mathrm{{{text.replace(' ', chr(92) + ',')}}}$"
 
 
 def latex_group(base: BaseParameters, index: int) -> str:

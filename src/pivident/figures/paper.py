@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pivident.errors import PividentError
+from pivident.extras import require
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -75,11 +76,8 @@ class FigureError(PividentError, ValueError):
 @contextmanager
 def paper_style() -> Iterator[None]:
     """The style within the context only; the caller's own settings come back."""
-    try:
-        from matplotlib import rc_context
-    except ImportError:
-        raise FigureError("matplotlib is not installed; `pip install matplotlib`") from None
-    with rc_context(STYLE):  # type: ignore[arg-type]
+    matplotlib = require("matplotlib", extra="figures", purpose="a figure for papers")
+    with matplotlib.rc_context(STYLE):
         yield
 
 
@@ -98,12 +96,11 @@ def new_figure(
     Raises:
         FigureError: another width.
     """
-    from matplotlib.figure import Figure
-
     if columns not in WIDTHS:
         raise FigureError(f"columns is {columns!r}; figures have the width of 1 or 2 columns")
     size = (WIDTHS[columns], min(rows * row_height + 0.35, TALLEST))
-    figure = Figure(figsize=size, layout="constrained")
+    drawing = require("matplotlib.figure", extra="figures", purpose="a figure for papers")
+    figure = drawing.Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, across, squeeze=False, sharex=share_x)
     return figure, list(axes.ravel())
 

@@ -5,18 +5,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-import plotly.graph_objects as go
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
-from pivident import __version__
 from pivident.flexibility.compliance import Compliance
 from pivident.flexibility.flexibility_text import agreement_lines, of_kind, parts_of
 from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
 from pivident.report.audit.audit_figures import empty_plot
 from pivident.report.builder import page_environment
+from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
+from pivident.version import __version__
 
 #: Points of one trace.
 POINTS = 1500

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import math
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pivident import __version__
+from pivident.extras import require
 from pivident.friction.friction_study import FrictionStudy, JointFriction
+from pivident.version import __version__
 
 if TYPE_CHECKING:
     import polars as pl
@@ -40,44 +39,9 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
     Args:
         study: the friction of a record.
     """
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
     frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
     return pl.concat(frames)
-
-
-def write_friction(study: FrictionStudy, folder: str | Path, title: str | None = None) -> Path:
-    """Write ``friction.html``, ``friction.json``, ``curves.csv`` and ``curves.parquet``.
-
-    All of them or none.
-
-    Args:
-        study: the friction of a record.
-        folder: folder to create or to write into.
-        title: title of the page.
-
-    Returns:
-        The page.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
-    from pivident.files import atomic_folder
-    from pivident.report.friction.friction_page import render_page
-
-    page = render_page(study, title)
-    table = curves_table(study)
-    content = as_json(study)
-    with atomic_folder(folder) as build:
-        (build / "friction.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may hold bytes that are no text
-        )
-        (build / "friction.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
-        table.write_csv(build / "curves.csv", float_precision=None)
-        table.write_parquet(build / "curves.parquet")
-    return Path(folder) / "friction.html"
 
 
 def as_json(study: FrictionStudy) -> dict[str, Any]:
@@ -169,8 +133,7 @@ def _joint_json(joint: JointFriction) -> dict[str, Any]:
 
 
 def _joint_frames(joint: JointFriction) -> list[pl.DataFrame]:
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the table of friction curves")
     torque = joint.torque
     frames = []
     for p in joint.fit.parameters:

@@ -1,5 +1,5 @@
 """From log and robot to a first experiment file, every assumption in it with its reason."""
 
-from pivident.init.assumption import Assumption as Assumption
-from pivident.init.draft import Draft as Draft
-from pivident.init.draft import draft_experiment as draft_experiment
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.extras import require
 from pivident.linear.estimate import Fit, Hold, LinearEstimate
 from pivident.linear.structure import Structure
 
@@ -54,10 +55,9 @@ def from_control(system: Any, dt: float | None = None, *, hold: Hold = "zoh") ->
     Raises:
         IdentificationError: several outputs, an improper system, or a sampling period that is
             missing or not that of the system.
-        ModuleNotFoundError: python-control is not installed.
+        MissingExtra: python-control is not installed.
     """
-    import control
-
+    control = require("control", extra="linear", purpose="a system of python-control")
     transfer = control.tf(system)
     if transfer.noutputs != 1:
         raise IdentificationError(

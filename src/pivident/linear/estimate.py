@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.extras import require
+from pivident.signals.arma import Noise
 
 if TYPE_CHECKING:
     from plotly.graph_objects import Figure
@@ -33,25 +35,6 @@ class Fit:
     aic: float
     bic: float
     samples: int
-
-
-@dataclass(frozen=True, eq=False)
-class Noise:
-    """ξ = (C(z⁻¹)/D(z⁻¹)) e, var e = λ.
-
-    Attributes:
-        ar: D, monic, coefficients of z⁰, z⁻¹, …, shape (order + 1,).
-        ma: C, monic, likewise.
-        variance: λ [squared units of ξ].
-        covariance: of (D without its one, C without its one); empty where not estimated.
-        warnings: whole sentences.
-    """
-
-    ar: np.ndarray
-    ma: np.ndarray
-    variance: float
-    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
-    warnings: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,10 +152,9 @@ class LinearEstimate:
         """python-control's transfer function of input number ``which``, without its delay.
 
         Raises:
-            ModuleNotFoundError: python-control is not installed.
+            MissingExtra: python-control is not installed.
         """
-        import control
-
+        control = require("control", extra="linear", purpose="a system of python-control")
         b, a = self.numerators[which], self.denominators[which]
         return control.tf(b, a) if self.continuous else control.tf(b, a, self.dt)
 

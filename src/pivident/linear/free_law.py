@@ -130,7 +130,9 @@ def _estimate(
     name: str,
 ) -> LinearEstimate:
     """One joint's linear model from error to output."""
-    from pivident.linear import arx, riv, select_orders
+    from pivident.linear.arx import arx
+    from pivident.linear.order_selection import select_orders
+    from pivident.linear.riv import riv
 
     poles = (1.0,) if integrator else ()
     degree = orders[1] + len(poles)

@@ -6,14 +6,19 @@ order. They know nothing of a wrong structure.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
-import plotly.graph_objects as go
 from scipy.signal import lfilter
 
+from pivident.extras import require
 from pivident.linear.estimate import LinearEstimate
 from pivident.linear.sensitivity import polynomials, response_and_gradient
 from pivident.linear.simulation import continuous_response, delayed
 from pivident.report.plotly_figures import colour
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 #: Points of a curve.
 _POINTS = 400
@@ -169,6 +174,7 @@ def _curve(
 
 def _empty(y_title: str) -> go.Figure:
     """Axes without decoration, as in the report."""
+    go = require("plotly.graph_objects", extra="linear", purpose="a plot of a linear model")
     return go.Figure(
         layout={
             "template": "none",

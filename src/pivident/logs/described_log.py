@@ -90,11 +90,11 @@ def _with_clocks(log: Log, paths: Mapping[str, Path]) -> Log:
         stamps |= {n: v for n, v in found.items() if n not in stamps and is_clock(n, v)}
     clocks, unit, notes = clocks_in(stamps, log.description.units.get("t"))
     size = next(iter(log.logged.values())).shape[1] if log.logged else 0
-    names = log.joint_names[: size or None]  # an array may have fewer columns than joints
+    joints = log.joint_names[: size or None]  # an array may have fewer columns than joints
     return replace(
         log,
-        joint_names=names,
-        logged={kind: np.array(v[:, : len(names)]) for kind, v in log.logged.items()},
+        joint_names=joints,
+        logged={kind: np.array(v[:, : len(joints)]) for kind, v in log.logged.items()},
         clocks=clocks,
         columns={},
         clock_unit=unit,

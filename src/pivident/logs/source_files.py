@@ -70,18 +70,6 @@ def existing_file(path: str | PathLike[str]) -> Path:
     return path
 
 
-def nameable(path: Path) -> Path | bytes:
-    """The path in full, or the content of a file whose name holds bytes that are no text.
-
-    Polars knows no such names, and takes a leading ``~`` for somebody's folder.
-    """
-    try:
-        str(path).encode("utf-8")
-    except UnicodeEncodeError:
-        return path.read_bytes()
-    return path.absolute()
-
-
 def bag_files(folder: Path) -> list[Path]:
     """The files of a ROS 2 bag that hold its messages, in the order of their numbers.
 

@@ -191,7 +191,7 @@ def identify_payload(
     warnings = warnings_about(load, arm, change, converged, iterations)
     if isinstance(empty, Problem):  # another method's error would be of other samples
         warnings += worse_explained(arm, rms_errors)
-    from pivident import __version__
+    from pivident.version import __version__
 
     return PayloadIdentification(
         load=load,

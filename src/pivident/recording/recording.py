@@ -21,6 +21,7 @@ from pivident.recording import checks
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
+from pivident.text import display
 from pivident.text.printable import is_printable
 
 #: Fields that hold samples, besides the inputs.
@@ -178,9 +179,7 @@ class Recording:
         )
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import recording_html
-
-        return recording_html(self)
+        return display.html_of(self)
 
     def channels(self) -> dict[str, np.ndarray]:
         """All arrays that are there, by name: q, tau, references, then inputs."""

@@ -4,26 +4,26 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from os import PathLike
 from pathlib import Path
 
-import plotly.io
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
-from pivident import __version__
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
 from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.files import atomic_folder
-from pivident.report.drawing_library import drawing_library
+from pivident.report.drawing_library import drawing_library, to_json
 from pivident.report.intervals import marker
 from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.report.report_data import ReportData
 from pivident.report.sections import SECTIONS
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
+from pivident.version import __version__
 
 #: Scripts of the page, in the order in which they build on each other.
 PAGE_SCRIPTS = (
@@ -90,7 +90,7 @@ def render_report(
         names = method_labels(identifications)
         diagnostics = diagnose_one(dict(zip(names, identifications, strict=True)))
     data = ReportData(tuple(identifications), dict(truth or {}), title, diagnostics)
-    environment = page_environment()
+    environment = _report_environment()
     sections = []
     for section in (cls(data) for cls in SECTIONS):
         if section.applies:
@@ -102,6 +102,12 @@ def render_report(
         sections=sections[1:],
         version=__version__,
     )
+
+
+@cache
+def _report_environment() -> Environment:
+    """The templates of the report, which take as long to compile as a page to write."""
+    return page_environment()
 
 
 def page_environment() -> Environment:
@@ -138,7 +144,7 @@ def page_environment() -> Environment:
 
 def _script_json(figure: Figure) -> Markup:
     """A figure as JSON that is safe inside a script element."""
-    return htmlsafe_json_dumps(figure.plot, plotly.io.to_json, validate=False)
+    return htmlsafe_json_dumps(figure.plot, to_json, validate=False)
 
 
 def _method_class(method: int) -> str:

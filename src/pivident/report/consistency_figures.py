@@ -6,11 +6,11 @@ import html
 from collections.abc import Sequence
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pivident.consistency.ellipsoid import link_frames, outline
 from pivident.consistency.pseudo_inertia import link_body
 from pivident.consistency.significance import HALF_INTERVAL
+from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import MEASURED, Figure, colour, empty_plot
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose

@@ -6,8 +6,19 @@ import base64
 import zlib
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING
 
-from plotly.offline import get_plotlyjs
+from pivident.extras import require
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
+    from plotly.io import to_json
+else:
+    _FIGURES = {"extra": "report", "purpose": "a page with figures"}
+    go = require("plotly.graph_objects", **_FIGURES)
+    to_json = require("plotly.io", **_FIGURES).to_json
+
+__all__ = ["DrawingLibrary", "drawing_library", "go", "to_json"]
 
 
 @dataclass(frozen=True)
@@ -26,6 +37,8 @@ class DrawingLibrary:
 @cache
 def drawing_library() -> DrawingLibrary:
     """plotly.js of the installed package, packed once per process."""
+    from plotly.offline import get_plotlyjs
+
     text = get_plotlyjs().encode("utf-8")
     packer = zlib.compressobj(9, wbits=-zlib.MAX_WBITS)  # without header and checksum
     packed = packer.compress(text) + packer.flush()

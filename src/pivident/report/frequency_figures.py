@@ -6,9 +6,9 @@ import html
 from collections.abc import Sequence
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pivident.estimation.methods import Bandpass
+from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import (
     ERROR,
     MEASURED,

@@ -8,12 +8,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pivident.control_law.identified_law import ControllerIdentification
 from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.report.downsampling import kept_samples, stretches
+from pivident.report.drawing_library import go
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
 

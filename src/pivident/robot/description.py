@@ -25,6 +25,7 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
 from pivident.robot.naming import find_joint, nearest
 from pivident.robot.transmission import Transmission
+from pivident.text import display
 from pivident.text.printable import is_printable
 
 JointKind = Literal["revolute", "prismatic"]
@@ -170,9 +171,7 @@ class Robot:
         return f"<Robot {self.name!r}: {self.size} joint{'s' * (self.size != 1)} ({names})>"
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import robot_html
-
-        return robot_html(self)
+        return display.html_of(self)
 
     @property
     def size(self) -> int:

@@ -11,8 +11,6 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from pivident.robot.friction_term import (
     SLOPE_AT_RATED_SPEED,
     FrictionColumn,
@@ -330,35 +328,6 @@ class FrictionLaw:
         return FrictionLaw(
             tuple(t if t.gamma is not None else replace(t, gamma=gamma) for t in self.terms)
         )
-
-    def columns(
-        self,
-        dq: np.ndarray,
-        q: np.ndarray | None = None,
-        load: np.ndarray | None = None,
-        *,
-        simulated: bool = False,
-    ) -> np.ndarray:
-        """Columns of the law: shape ``dq.shape + (terms,)``.
-
-        Args:
-            dq: joint speed [rad/s or m/s], any shape; shape (samples,) where terms have memory,
-                which starts relaxed.
-            q: joint position [rad or m], likewise; terms of position and with memory need it.
-            load: torque that the joint carries [N m or N], likewise; load-dependent ones need it.
-            simulated: replace the hard sign by its smooth form, as the simulator does.
-
-        Raises:
-            ValueError: a term needs position or load, and they are not given.
-        """
-        from pivident.dynamics.friction import friction_column
-
-        dq = np.asarray(dq, dtype=float)
-        out = np.empty((*dq.shape, len(self.terms)))
-        for k, term in enumerate(self.terms):
-            column, sign, shape = term.encoded(simulated)
-            out[..., k] = friction_column(column, sign, shape, dq, q, load)
-        return out
 
 
 #: Friction of a joint for which nothing else is asked.

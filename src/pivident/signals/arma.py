@@ -20,12 +20,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.linear.estimate import Noise
 from pivident.signals.arma_likelihood import Likelihood, Point
 from pivident.signals.noise_models import ArModel, Criterion, fit_ar
 
@@ -43,6 +42,25 @@ _SHORTER = 7
 
 #: Condition of the parameters' correlation beyond which a pole and a zero cancel.
 _CANCELLING = 1e13
+
+
+@dataclass(frozen=True, eq=False)
+class Noise:
+    """ξ = (C(z⁻¹)/D(z⁻¹)) e, var e = λ.
+
+    Attributes:
+        ar: D, monic, coefficients of z⁰, z⁻¹, …, shape (order + 1,).
+        ma: C, monic, likewise.
+        variance: λ [squared units of ξ].
+        covariance: of (D without its one, C without its one); empty where not estimated.
+        warnings: whole sentences.
+    """
+
+    ar: np.ndarray
+    ma: np.ndarray
+    variance: float
+    covariance: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    warnings: tuple[str, ...] = ()
 
 
 def ar(

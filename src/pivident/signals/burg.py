@@ -132,15 +132,15 @@ def products(v, stops, order):
     for stop in stops:
         for first in range(start, stop, _STRETCH):
             last = min(first + _STRETCH, stop)
-            k = 0
-            while k + 3 <= order and first >= start + k + 3:
-                whole[k : k + 4] += _four_sums(v, k, first, last)
-                k += 4
-            while k <= order:
+            fours = 4 * (min(order - 3, first - start - 3) // 4 + 1)
+            for k in range(0, fours, 4):
+                sums = _four_sums(v, k, first, last)
+                for i in range(4):  # of slices would be compiled five times as long
+                    whole[k + i] += sums[i]
+            for k in range(fours, order + 1):
                 begin = max(first, start + k)
                 if begin < last:
                     whole[k] += _sum(v[begin:last], v[begin - k : last - k])
-                k += 1
         for k in range(order + 1):
             total = 0.0
             for t in range(k, order + 1):
@@ -176,7 +176,7 @@ def _four_sums(v, k, first, last):
         s1 += x[i] * y1[i]
         s2 += x[i] * y2[i]
         s3 += x[i] * y3[i]
-    return np.array([s0, s1, s2, s3])
+    return s0, s1, s2, s3
 
 
 @njit(cache=True, nogil=True)

@@ -189,7 +189,6 @@ def transient_length(
     return order + len(numerator) - 1 + decay
 
 
-@njit(cache=True, nogil=True)
 def _filter_rows(x, numerator, denominator, taps, state, history, out):
     """Recursive part, then taps, on every row; state and history move along."""
     for first in range(0, x.shape[0], len(_SIDE_BY_SIDE)):
@@ -207,15 +206,15 @@ def _filter_rows(x, numerator, denominator, taps, state, history, out):
 def _filter_group(x, numerator, denominator, taps, state, history, out, first, last, side):
     """Some rows side by side; the tuple ``side`` makes their number a constant of the code."""
     past, order, lanes = taps.size - 1, state.shape[1], len(side)
+    samples = _TILE // lanes
     length = min(_STRETCH, x.shape[1])
-    inner, sums = _aligned((past + length) * lanes), _aligned(_TILE)
+    inner, sums = _aligned((past + length) * lanes), _aligned(samples * lanes)
     rest = np.zeros((order, lanes))
     for r in range(last - first):
         for i in range(order):
             rest[i, r] = state[first + r, i]
         for t in range(past):
             inner[t * lanes + r] = history[first + r, t]
-    samples = _TILE // lanes
     for start in range(0, x.shape[1], _STRETCH):
         length = min(_STRETCH, x.shape[1] - start)
         for t in range(0, length, samples):

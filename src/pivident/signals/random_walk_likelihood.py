@@ -133,7 +133,7 @@ def innovations_model(nvr: float, order: int) -> tuple[np.ndarray, float]:
 @njit(cache=True, nogil=True)
 def _spectral_factor(nvr, order):
     """θ padded with zeros to degree four, f0, and the modulus of the slowest root of θ."""
-    theta = np.zeros(5, dtype=np.complex128)
+    theta, real = np.zeros(5, dtype=np.complex128), np.zeros(5)
     theta[0] = 1.0
     f0, slowest = 1.0 + 0.0j, 0.0
     for k in range(order):
@@ -145,10 +145,13 @@ def _spectral_factor(nvr, order):
         if abs(outer) < 1:
             outer = (2 - s - root) / 2
         zeta = 1 / outer
-        theta[1:] -= zeta * theta[:-1]
+        for i in range(4, 0, -1):  # of slices would be compiled ten times as long
+            theta[i] -= zeta * theta[i - 1]
         f0 *= outer
         slowest = max(slowest, abs(zeta))
-    return theta.real.copy(), f0.real, slowest
+    for i in range(5):
+        real[i] = theta[i].real
+    return real, f0.real, slowest
 
 
 @njit(cache=True, nogil=True)

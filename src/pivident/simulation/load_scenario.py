@@ -14,7 +14,7 @@ from pivident.drives.drive_equations import motor_coupling
 from pivident.drives.known_payload import Payload
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from pivident.simulation.noise import stream
 from pivident.simulation.payload_scenario import tx40_in_amperes

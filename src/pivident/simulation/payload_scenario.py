@@ -18,8 +18,8 @@ from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
 from pivident.robot.description import Robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 from pivident.simulation.noise import Noise, stream

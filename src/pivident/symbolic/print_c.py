@@ -13,7 +13,7 @@ from dataclasses import replace
 from importlib import resources
 
 from pivident.dynamics.grouping.expressions import Call, Cosine, Expression, Sine, ordered
-from pivident.symbolic.notation import C99, expression_texts
+from pivident.dynamics.grouping.notation import C99, expression_texts
 from pivident.symbolic.print_python import argument_names, scalar_names
 from pivident.symbolic.program import Input, Output, Program
 from pivident.text.identifiers import c_comment, identifiers

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from pivident.dynamics.grouping.expressions import Expression
-from pivident.symbolic.notation import LATEX, expression_texts
+from pivident.dynamics.grouping.notation import LATEX, expression_texts
 from pivident.symbolic.print_python import scalar_names
 from pivident.symbolic.program import Output, Program
 from pivident.text.identifiers import identifiers, latex_name, latex_text

@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from pivident.dynamics.grouping.expressions import Expression
-from pivident.symbolic.notation import PYTHON, expression_texts
+from pivident.dynamics.grouping.notation import PYTHON, expression_texts
 from pivident.symbolic.program import Input, Program
 from pivident.text.identifiers import identifiers
 

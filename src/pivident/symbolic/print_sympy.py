@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.dynamics.grouping.expressions import Expression
-from pivident.symbolic.notation import PYTHON, expression_texts
+from pivident.dynamics.grouping.notation import PYTHON, expression_texts
+from pivident.dynamics.grouping.sympy_expressions import sympy_expressions
+from pivident.extras import require
 from pivident.symbolic.print_python import scalar_names
 from pivident.symbolic.program import Program
-from pivident.symbolic.sympy_expressions import sympy_expressions
 from pivident.text.identifiers import identifiers
 
 if TYPE_CHECKING:
@@ -42,7 +43,7 @@ def sympy_program(
         Pairs (symbol, expression) in the order of evaluation, as ``sympy.cse`` returns them, and
         an array for each output by its name.
     """
-    import sympy
+    sympy = require("sympy", extra="symbolic", purpose="an expression of SymPy")
 
     names: dict[Expression, Any] = {}
     for node, text in scalar_names(program).items():

@@ -9,57 +9,75 @@ from typing import Any
 from pivident.robot.naming import nearest
 from pivident.tables.columns import Table, TableError
 
-#: By class: the module below ``pivident.tables`` that has its tables, and their names, the first of
+_HERE, _MANY = "pivident.tables.", "pivident.many.result_tables"
+
+#: By class: the module that has its tables, and their names, the first of
 #: which is taken where none is named. A table ``x`` of a class ``Y`` is made by ``y_x``.
 TABLES: Mapping[str, tuple[str, str, tuple[str, ...]]] = {
     "pivident.estimation.identification.Identification": (
-        "identifications",
+        _HERE + "identifications",
         "identification",
         ("parameters", "covariance", "joints", "iterations", "history", "signals"),
     ),
     "pivident.estimation.problem.Problem": (
-        "inputs",
+        _HERE + "inputs",
         "problem",
         ("parameters", "recordings", "signals"),
     ),
-    "pivident.recording.recording.Recording": ("inputs", "recording", ("signals",)),
-    "pivident.robot.description.Robot": ("inputs", "robot", ("joints", "parameters")),
-    "pivident.audit.audit.Audit": ("inputs", "audit", ("findings",)),
+    "pivident.recording.recording.Recording": (_HERE + "inputs", "recording", ("signals",)),
+    "pivident.robot.description.Robot": (
+        _HERE + "inputs",
+        "robot",
+        ("joints", "parameters"),
+    ),
+    "pivident.audit.audit.Audit": (_HERE + "inputs", "audit", ("findings",)),
     "pivident.validation.residuals.residual_tests.ResidualTests": (
-        "diagnostics",
+        _HERE + "diagnostics",
         "residual",
         ("tests",),
     ),
     "pivident.validation.held_out.cross_validation.CrossValidation": (
-        "diagnostics",
+        _HERE + "diagnostics",
         "validation",
         ("folds", "joints"),
     ),
-    "pivident.diagnostics.verdict.Verdict": ("diagnostics", "verdict", ("statements",)),
+    "pivident.diagnostics.verdict.Verdict": (
+        _HERE + "diagnostics",
+        "verdict",
+        ("statements",),
+    ),
     "pivident.consistency.consistent_model.ConsistentModel": (
-        "models",
+        _HERE + "models",
         "consistent",
         ("parameters", "links", "moved"),
     ),
     "pivident.consistency.profile_intervals.ProfileIntervals": (
-        "models",
+        _HERE + "models",
         "profile",
         ("intervals",),
     ),
     "pivident.comparison.compare.Comparison": (
-        "many_results",
+        _HERE + "many_results",
         "comparison",
         ("parameters", "results", "torques", "friction"),
     ),
-    "pivident.many.study.summary.Summary": ("many_results", "study", ("parameters", "methods")),
-    "pivident.many.fleet.identify_fleet.Fleet": ("many_results", "fleet", ("parameters",)),
+    "pivident.many.study.summary.Summary": (
+        _MANY,
+        "study",
+        ("parameters", "methods"),
+    ),
+    "pivident.many.fleet.identify_fleet.Fleet": (
+        _MANY,
+        "fleet",
+        ("parameters",),
+    ),
     "pivident.many.fleet.judgement.Judgement": (
-        "many_results",
+        _MANY,
         "judgement",
         ("parameters", "alarms", "wear"),
     ),
     "pivident.friction.friction_study.FrictionStudy": (
-        "many_results",
+        _HERE + "many_results",
         "friction",
         ("curves",),
     ),
@@ -87,7 +105,7 @@ def table(thing: Any, name: str | None = None) -> Table:
             f"a {type(thing).__name__} has no table {chosen!r}; {nearest(str(chosen), names)}; "
             f"there are {', '.join(names)}"
         )
-    return getattr(import_module(f"pivident.tables.{module}"), f"{prefix}_{chosen}")(thing)
+    return getattr(import_module(module), f"{prefix}_{chosen}")(thing)
 
 
 def table_names(thing: Any) -> tuple[str, ...]:

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import PividentError
+from pivident.extras import require
+from pivident.text import display
 from pivident.text.printable import sheet_text
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ _SHOWN, _LONGEST = 20, 40
 
 
 class TableError(PividentError, ValueError):
-    """A table that does not exist, or a library that is not installed."""
+    """A table that does not exist."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,23 +93,21 @@ class Table:
         return [dict(zip(self.columns, row, strict=True)) for row in zip(*lists, strict=True)]
 
     def to_polars(self) -> pl.DataFrame:
-        """The table as a polars frame."""
-        import polars as pl
+        """The table as a polars frame.
 
+        Raises:
+            MissingExtra: polars is not installed.
+        """
+        pl = require("polars", extra="tables", purpose="to_polars()")
         return pl.DataFrame({name: _series(values) for name, values in self.columns.items()})
 
     def to_pandas(self) -> pd.DataFrame:
         """The table as a pandas frame.
 
         Raises:
-            TableError: pandas is not installed.
+            MissingExtra: pandas is not installed.
         """
-        try:
-            import pandas as pd
-        except ImportError:
-            raise TableError(
-                "pandas is not installed; `pip install pandas`, or use to_polars()"
-            ) from None
+        pd = require("pandas", extra="pandas", purpose="to_pandas()")
         return pd.DataFrame({name: _series(values) for name, values in self.columns.items()})
 
     def to_csv(self, path: str | PathLike[str] | None = None) -> str:
@@ -162,9 +162,7 @@ class Table:
         return columns
 
     def _repr_html_(self) -> str:
-        from pivident.report.notebook import table_html
-
-        return table_html(self)
+        return display.html_of(self)
 
 
 def _column(values: list[Any]) -> Values:

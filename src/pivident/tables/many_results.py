@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pivident.comparison.compare import Comparison
 from pivident.comparison.comparison_files import rows as comparison_rows
@@ -14,9 +13,6 @@ if TYPE_CHECKING:
     import polars as pl
 
     from pivident.friction.friction_study import FrictionStudy
-    from pivident.many.fleet.identify_fleet import Fleet
-    from pivident.many.fleet.judgement import Judgement
-    from pivident.many.study.summary import Summary
 
 
 def of_frame(name: str, frame: pl.DataFrame) -> Table:
@@ -122,113 +118,6 @@ def comparison_friction(comparison: Comparison) -> Table:
                 )
     empty = ("joint", "result", "speed", "speed_unit", "value", "low", "high", "torque_unit")
     return Table.of_rows("friction", rows, empty=empty)
-
-
-def study_parameters(summary: Summary) -> Table:
-    """One row for each method and parameter of a study.
-
-    Args:
-        summary: of a study with known truth.
-    """
-    rows = []
-    for method, found in summary.methods.items():
-        for p in found.parameters:
-            low, high = p.coverage_interval
-            own = {f.name: getattr(p, f.name) for f in fields(p) if f.name != "coverage_interval"}
-            rows.append({"method": method} | own | {"coverage_low": low, "coverage_high": high})
-    meanings = {
-        "spread": "empirical standard deviation of the estimates",
-        "predicted": "mean of the reported deviations",
-        "coverage": "share of runs whose truth lies within 2σ, with its 95 % interval",
-    }
-    return Table.of_rows("parameters", rows, meanings)
-
-
-def study_methods(summary: Summary) -> Table:
-    """One row for each method of a study.
-
-    Args:
-        summary: of a study with known truth.
-    """
-    names = (
-        "robust_coverage", "median_relative_error", "relative_spread",
-        "predicted_over_empirical", "robust_over_empirical", "efficiency", "runs", "records",
-        "failed", "not_converged", "seconds",
-    )  # fmt: skip
-    rows = []
-    for method, found in summary.methods.items():
-        low, high = found.coverage_interval
-        own: dict[str, Any] = {"coverage": found.coverage, "coverage_low": low}
-        own |= {"coverage_high": high} | {name: getattr(found, name) for name in names}
-        rows.append({"method": method} | own)
-    return Table.of_rows("methods", rows, {"coverage": "with its 95 % interval"})
-
-
-def fleet_parameters(fleet: Fleet) -> Table:
-    """One row for each log and parameter, and one for each log that failed.
-
-    Args:
-        fleet: the estimates.
-    """
-    from pivident.many.fleet.judgement import parameter_table
-
-    return of_frame("parameters", parameter_table(fleet))
-
-
-def judgement_parameters(judgement: Judgement) -> Table:
-    """The estimates that a judgement is about.
-
-    Args:
-        judgement: of a fleet.
-    """
-    return fleet_parameters(judgement.fleet)
-
-
-def judgement_alarms(judgement: Judgement) -> Table:
-    """One row for each parameter of a robot that has changed.
-
-    Args:
-        judgement: of a fleet.
-    """
-    from pivident.many.fleet.control_chart import Alarm
-
-    names = [f.name for f in fields(Alarm)]
-    rows = [
-        {name: getattr(alarm, name) for name in names} | {"charts": " ".join(alarm.charts)}
-        for alarm in judgement.alarms
-    ]
-    meanings = {
-        "change": "mean change from that record on, with its 95 % interval",
-        "charts": "shewhart (sudden) and ewma (slow), those that gave the alarm",
-    }
-    return Table.of_rows("alarms", rows, meanings, empty=names)
-
-
-def judgement_wear(judgement: Judgement) -> Table:
-    """One row for each robot and watched parameter whose slope over time is known.
-
-    Args:
-        judgement: of a fleet.
-    """
-    rows = [
-        {
-            "robot": robot,
-            "parameter": wear.parameter,
-            "rate": rate.value,
-            "low": rate.low,
-            "high": rate.high,
-            "confidence": 0.95,
-            "clear": rate.clear,
-            "level": float(wear.level),
-            "unit": wear.unit,
-        }
-        for wear in judgement.wear
-        for robot, rate in wear.robots.items()
-        if rate is not None
-    ]
-    meanings = {"rate": "slope per unit of the fleet's time axis", "level": "mean over the robots"}
-    empty = ("robot", "parameter", "rate", "low", "high", "confidence", "clear", "level", "unit")
-    return Table.of_rows("wear", rows, meanings, empty)
 
 
 def friction_curves(study: FrictionStudy) -> Table:

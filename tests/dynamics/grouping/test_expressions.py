@@ -107,7 +107,7 @@ def test_copies_are_the_same_object():
 
 
 def test_expressions_that_nobody_holds_are_forgotten():
-    from pivident.symbolic import expression_graph
+    from pivident.dynamics.grouping import expression_graph
 
     kept = symbol("kept") * 1.25
     before = len(expression_graph._known)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.forward import make_model
+from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import build_regression, identify
@@ -16,7 +17,8 @@ from pivident.estimation.load_dependence import MAX_PASSES
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
 from pivident.estimation.problem import Loop, Problem
 from pivident.recording.recording import Recording
-from pivident.robot import FrictionLaw, load_robot
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
@@ -61,10 +63,10 @@ def exact(name: str, duration: float = 12.0) -> tuple[Problem, Kinematics, np.nd
         springs = [t for t in joint.friction.terms if t.carries_load]
         load = tau[:, j].copy()
         if springs:
-            load += FrictionLaw(tuple(springs)).columns(dq[:, j], q[:, j]) @ [
+            load += friction_columns(FrictionLaw(tuple(springs)), dq[:, j], q[:, j]) @ [
                 friction[t.stem] for t in springs
             ]
-        columns = joint.friction.columns(dq[:, j], q[:, j], load)
+        columns = friction_columns(joint.friction, dq[:, j], q[:, j], load)
         tau[:, j] += columns @ [friction[t.stem] for t in joint.friction.terms]
     recording = replace(empty, tau=tau)
     unknown = np.full(2, np.nan)

@@ -14,7 +14,7 @@ from pivident.friction.ripple.ripple_orders import NamedOrder, angles_of, relate
 from pivident.friction.ripple.ripple_search import find_ripple
 from pivident.recording.recording import Recording
 from pivident.report.friction.ripple_figures import ripple_figures
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.synthetic_identification import synthetic_identification
 

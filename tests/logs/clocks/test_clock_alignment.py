@@ -10,7 +10,7 @@ from pivident.errors import ClocksDisagree, GapInClock, RecordingError
 from pivident.estimation.problem import Problem
 from pivident.logs.clocks.clock_alignment import ClockedChannel, onto_one_clock
 from pivident.recording.load import load_recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.bags import EPOCH, MIDNIGHT, joint_states, typestore, write_bag
 from tests.planar_log import RATE, planar_log, planar_truth
 

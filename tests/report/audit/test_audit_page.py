@@ -8,9 +8,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log, write_audit
+from pivident.audit.audit import audit_log
 from pivident.cli import main
 from pivident.errors import PividentError
+from pivident.report.audit.audit_files import write_audit
 from pivident.report.audit.audit_page import render_page
 from pivident.report.drawing_library import DrawingLibrary
 from tests.audit.logs import planar, with_torque
@@ -62,7 +63,7 @@ def test_json_is_strict_and_complete(faulty, tmp_path):
 
 def test_nothing_is_left_half_written(faulty, tmp_path, monkeypatch):
     target = tmp_path / "out"
-    monkeypatch.setattr("pivident.report.audit.audit_page.render_page", lambda audits: 1 / 0)
+    monkeypatch.setattr("pivident.report.audit.audit_files.render_page", lambda audits: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_audit([faulty], target)
     assert not target.exists()

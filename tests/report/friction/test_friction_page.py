@@ -11,9 +11,10 @@ import pytest
 
 from pivident.cli import main
 from pivident.errors import PividentError
-from pivident.friction.curves import curves_table, write_friction
+from pivident.friction.curves import curves_table
 from pivident.friction.friction_study import FrictionStudy, joint_friction
 from pivident.report.drawing_library import DrawingLibrary
+from pivident.report.friction.friction_files import write_friction
 from pivident.report.friction.friction_page import render_page
 from tests.browser import needs_browser, seen_on_a_phone
 from tests.friction.made_up import friction_torque
@@ -97,7 +98,7 @@ def test_files_agree_and_are_strict(study, tmp_path):
 
 
 def test_nothing_is_left_half_written(study, tmp_path, monkeypatch):
-    monkeypatch.setattr("pivident.report.friction.friction_page.render_page", lambda *a: 1 / 0)
+    monkeypatch.setattr("pivident.report.friction.friction_files.render_page", lambda *a: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         write_friction(study, tmp_path / "out")
     assert not (tmp_path / "out").exists()

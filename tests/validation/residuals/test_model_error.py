@@ -16,7 +16,7 @@ from pivident.estimation.repetition import (
     find_repetition,
 )
 from pivident.recording.public_records import load_emps, load_emps_pulses
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.residuals.model_error import (

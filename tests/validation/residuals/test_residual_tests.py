@@ -9,7 +9,7 @@ import pivident as pv
 from pivident.estimation.full_rate import torque_of
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV, RandomWalk
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from pivident.validation.residuals.cross_correlation import Stretches, cross_correlation_test
 from pivident.validation.residuals.residual import joint_residuals

@@ -21,7 +21,10 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any, cast
 
-from pivident.symbolic.expression_graph import (
+# These modules provide methods of every expression.
+from pivident.dynamics.grouping import notation as _notation  # noqa: F401
+from pivident.dynamics.grouping import sympy_expressions as _sympy_expressions  # noqa: F401
+from pivident.dynamics.grouping.expression_graph import (
     ONE,
     ZERO,
     Add,
@@ -41,6 +44,8 @@ from pivident.symbolic.expression_graph import (
     make_node,
     multiply,
     negate,
+    ordered,
+    provides,
     symbol,
     without_constant,
     without_sign,
@@ -179,6 +184,7 @@ def _quarter_turns(a: Expression) -> tuple[Expression, int]:
     return part[0], quarters
 
 
+@provides("divide")
 def divide(a: Operand, b: Operand) -> Expression:
     """The quotient a / b; by a constant it is a product.
 
@@ -198,6 +204,7 @@ def divide(a: Operand, b: Operand) -> Expression:
     return quotient if minus_a == minus_b else negate(quotient)
 
 
+@provides("power")
 def power(a: Operand, exponent: Number) -> Expression:
     """A power with constant exponent; whole ones up to 8 become products."""
     a = as_expression(a)
@@ -237,30 +244,9 @@ def _numeric(function: str) -> Callable[..., Any]:
     return getattr(np, names.get(function, function))
 
 
-def ordered(
-    roots: Iterable[Expression], stop: Mapping[Expression, Any] | None = None
-) -> list[Expression]:
-    """All expressions that the given ones are made of, each once, operands first.
-
-    Args:
-        roots: where to start; each comes behind what it is made of.
-        stop: expressions that are not looked into, unless they are roots.
-    """
-    roots = list(roots)
-    known = () if stop is None else stop
-    own = set(roots)
-    found: dict[Expression, None] = {}
-    waiting: list[tuple[Expression, bool]] = [(root, False) for root in reversed(roots)]
-    while waiting:
-        node, complete = waiting.pop()
-        if node in found:
-            continue
-        if complete or not node.operands or (node in known and node not in own):
-            found[node] = None
-            continue
-        waiting.append((node, True))
-        waiting.extend((operand, False) for operand in reversed(node.operands))
-    return list(found)
+@provides("evaluate")
+def _evaluated(expression: Expression, values: Mapping[str, Any]) -> Any:
+    return evaluate([expression], values)[0]
 
 
 def evaluate(expressions: Iterable[Expression], values: Mapping[str, Any]) -> list[Any]:

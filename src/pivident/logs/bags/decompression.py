@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from pivident.errors import FileFormatError
+from pivident.extras import require
 from pivident.logs.source_files import HARMLESS_SIZE, refuse_bomb
 
 #: Most bytes of a chunk, unpacked.
@@ -124,9 +125,8 @@ def _decompressor(path: Path, kind: str) -> Any:
     if kind == "bz2":
         return bz2.BZ2Decompressor()
     if kind == "lz4":
-        from lz4.frame import LZ4FrameDecompressor
-
-        return LZ4FrameDecompressor()
+        lz4 = require("lz4.frame", extra="bags", purpose=f"{path.name}, packed with lz4,")
+        return lz4.LZ4FrameDecompressor()
     if kind == "zstd":
         return _zstd().ZstdDecompressor()
     raise FileFormatError(

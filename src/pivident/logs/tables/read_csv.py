@@ -10,15 +10,18 @@ from __future__ import annotations
 
 import gzip
 import io
+import math
 import zlib
+from array import array
 from collections.abc import Iterable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import NoReturn
 
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
-from pivident.logs.source_files import HARMLESS_SIZE, existing_file, nameable, refuse_bomb
+from pivident.logs.source_files import HARMLESS_SIZE, existing_file, refuse_bomb
 from pivident.logs.tables.dialect import (
     COMMENT,
     MAX_LINE,
@@ -28,9 +31,6 @@ from pivident.logs.tables.dialect import (
     is_number,
     quoted,
 )
-
-if TYPE_CHECKING:
-    import polars as pl
 
 
 def csv_names(path: str | Path) -> tuple[str, ...]:
@@ -57,32 +57,23 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
         FileFormatError: the file is missing, empty, binary, or expands beyond reason.
         BadCell: a line is ragged, or a wanted cell is empty or not a number; names both.
     """
-    import polars as pl
-
     path = existing_file(path)
     header = _header(path)
     wanted = list(header.names if names is None else names)
-    place_of = {name: place for place, name in enumerate(header.names)}
-    places = sorted({place_of[name] for name in wanted})
-    chosen = set(places)
+    places = [header.names.index(name) for name in wanted]
+    table = np.empty((0, len(places)))
     try:
-        frame = pl.read_csv(
-            _table_content(path, header),
-            columns=places,
-            schema_overrides=[
-                pl.Float64 if place in chosen else pl.String for place in range(len(header.names))
-            ],
-            **_parsing(header),
-        )
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        _explain(path, header, wanted, str(error).partition("\n")[0])
-    frame = _without_blank_end(frame)
-    if frame.height == 0:
+        table = _numbers(path, header, places)
+    except FileFormatError:
+        raise
+    except ValueError as error:
+        try:
+            table = _numbers(path, header, places, _last_sample(path, header, places))
+        except ValueError:
+            _explain(path, header, wanted, str(error).partition("\n")[0])
+    if not len(table):
         raise FileFormatError(f"{path.name} has a header but no samples; export the log again")
-    if sum(frame.null_count().row(0)):
-        _explain(path, header, wanted, "a cell is empty")
-    by_place = dict(zip(places, frame.get_columns(), strict=True))
-    return {name: by_place[place_of[name]].to_numpy() for name in wanted}
+    return dict(zip(wanted, np.ascontiguousarray(table.T), strict=True))
 
 
 def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
@@ -91,43 +82,96 @@ def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
     Raises:
         FileFormatError: the file cannot be read as a table at all.
     """
-    import polars as pl
-
     path = existing_file(path)
     header = _header(path)
-    try:
-        frame = pl.read_csv(
-            _table_content(path, header),
-            infer_schema=False,
-            truncate_ragged_lines=True,
-            **(_parsing(header) | {"decimal_comma": False}),
-        )
-    except (pl.exceptions.PolarsError, pl.exceptions.PanicException) as error:
-        reason = str(error).partition("\n")[0]
-        raise FileFormatError(f"{path.name} cannot be read as a table ({reason})") from error
-    table = {}
-    for name, column in zip(header.names, frame.get_columns(), strict=False):
-        text = column.str.strip_chars()
-        text = text.str.replace(",", ".", literal=True) if header.decimal_comma else text
-        numbers = text.cast(pl.Float64, strict=False)
-        if numbers.null_count() < len(numbers):
-            values = numbers.fill_null(float("nan")).to_numpy()
-            table[name] = np.array(values, dtype=float)
-    return table
-
-
-def _parsing(header: Dialect) -> dict[str, Any]:
-    """The parser's options for a dialect."""
+    columns = [array("d") for _ in header.names]
+    holds_numbers = [False] * len(columns)
+    with _whole_text(path) as text:
+        for _, cells in _rows(_lines(path, text), header):
+            for place, column in enumerate(columns):
+                number = _number(cells[place], header) if place < len(cells) else None
+                column.append(math.nan if number is None else number)
+                if number is not None:
+                    holds_numbers[place] = True
     return {
-        "has_header": header.present,
-        "separator": header.separator,
-        "decimal_comma": header.decimal_comma,
-        "skip_rows": 0 if header.blanks else header.above,
-        "skip_rows_after_header": int(header.units),
-        "comment_prefix": COMMENT,
-        "encoding": "utf8-lossy",
-        "glob": False,
+        name: np.array(column)
+        for name, column, kept in zip(header.names, columns, holds_numbers, strict=True)
+        if kept
     }
+
+
+def _numbers(
+    path: Path, header: Dialect, places: Sequence[int], last: int | None = None
+) -> np.ndarray:
+    """Columns at some places, shape (samples, columns), up to a line of the file.
+
+    Raises:
+        ValueError: a cell is not a number, or a line has too many or too few.
+    """
+    with _whole_text(path) as text:
+        lines = _plain_lines(_lines(path, text), header, last)
+        first = next(lines, None)
+        if first is None or not places:
+            return np.empty((0, len(places)))
+        return np.loadtxt(
+            chain((first,), lines),
+            delimiter=header.separator,
+            comments=None,
+            usecols=places,
+            ndmin=2,
+        )
+
+
+def _plain_lines(lines: Iterable[str], header: Dialect, last: int | None) -> Iterator[str]:
+    """Lines of samples as `numpy.loadtxt` reads them; blank ones at the end are left out.
+
+    Raises:
+        ValueError: a line has too many cells, or is blank and others follow.
+    """
+    separator, most = header.separator, len(header.names) - 1
+    blank = False
+    rows = _sample_lines(lines, header)
+    for number, line in rows:
+        if last is not None and number > last:
+            return
+        if header.blanks:
+            line = separator.join(line.split())
+        if '"' in line:
+            while line.count('"') % 2 and len(line) < MAX_LINE and (more := next(rows, None)):
+                line += more[1]  # a cell of several lines
+            cells = cells_of(line, separator)
+            line = separator.join(" ".join(cell.replace(separator, " ").split()) for cell in cells)
+        if header.decimal_comma:
+            line = line.replace(",", ".")
+        if not line.strip(separator + " \t\r\n"):
+            blank = True
+        elif blank:
+            raise ValueError("a line is blank")
+        elif line.count(separator) > most:
+            raise ValueError("a line has too many cells")
+        else:
+            yield line
+
+
+def _last_sample(path: Path, header: Dialect, places: Sequence[int]) -> int:
+    """Number of the last line that has any of the wanted cells, or too many."""
+    found = 0
+    with _whole_text(path) as text:
+        for number, cells in _rows(_lines(path, text), header):
+            filled = any(cells[place] for place in places if place < len(cells))
+            if filled or len(cells) > len(header.names):
+                found = number
+    return found
+
+
+def _number(cell: str, header: Dialect) -> float | None:
+    """The number in a cell, if it holds one."""
+    text = cell.strip('"')
+    text = text.replace(",", ".", 1) if header.decimal_comma else text
+    try:
+        return float(text) if text.isascii() and "_" not in text else None
+    except ValueError:
+        return None
 
 
 def _header(path: Path) -> Dialect:
@@ -167,39 +211,6 @@ def _lines(path: Path, text: io.TextIOWrapper) -> Iterator[str]:
         raise FileFormatError(f"{path.name} is not a whole gzip file ({error})") from error
 
 
-def _without_blank_end(frame: pl.DataFrame) -> pl.DataFrame:
-    """The table without blank lines after its last sample."""
-    import polars as pl
-
-    filled = frame.select(pl.any_horizontal(pl.all().is_not_null())).to_series().arg_true()
-    return frame.head(int(filled[-1]) + 1) if len(filled) else frame.clear()
-
-
-def text_content(path: Path) -> Path | bytes:
-    """What a parser reads: the file itself, or what it holds where it is packed.
-
-    Raises:
-        FileFormatError: it expands beyond reason, or is no whole gzip file.
-    """
-    encoding = _encoding(path)
-    if encoding == "utf-16":
-        content = _unpacked(path) if _is_gzipped(path) else path.read_bytes()
-        return content.decode(encoding, "replace").encode()
-    return _unpacked(path) if _is_gzipped(path) else nameable(path)
-
-
-def _table_content(path: Path, header: Dialect) -> Path | bytes:
-    """What the parser reads, with single tabs for the blanks that separate."""
-    if not header.blanks:
-        return text_content(path)
-    out = io.BytesIO()
-    with _text(path) as lines:
-        for number, line in enumerate(_lines(path, lines)):
-            if number >= header.above and (line.startswith(COMMENT) or line.strip()):
-                out.write(b"\t".join(cell.encode() for cell in line.split()) + b"\n")
-    return out.getvalue()
-
-
 def _is_gzipped(path: Path) -> bool:
     """Whether the file's name says that it is packed."""
     return path.suffix.lower() == ".gz"
@@ -209,6 +220,14 @@ def _text(path: Path) -> io.TextIOWrapper:
     """The file as lines of text, unpacked on the way."""
     raw = gzip.open(path, "rb") if _is_gzipped(path) else path.open("rb")
     return io.TextIOWrapper(raw, encoding=_encoding(path), errors="replace", newline="")
+
+
+def _whole_text(path: Path) -> io.TextIOWrapper:
+    """The same lines, once an archive is known to expand within reason."""
+    if not _is_gzipped(path):
+        return _text(path)
+    content = io.BytesIO(_unpacked(path))
+    return io.TextIOWrapper(content, encoding=_encoding(path), errors="replace", newline="")
 
 
 def _encoding(path: Path) -> str:
@@ -267,7 +286,13 @@ def _why_no_number(cell: str, name: str, line: int) -> str:
 
 
 def _rows(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, list[str]]]:
-    """Line number and cells of each line below the header that is no comment."""
+    """Line number and cells of each line of samples."""
+    for number, line in _sample_lines(lines, header):
+        yield number, line.split() if header.blanks else cells_of(line, header.separator)
+
+
+def _sample_lines(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, str]]:
+    """Number and text of each line below the header that is no comment."""
     above = int(header.present) + int(header.units)
     for number, line in enumerate(lines, start=1):
         if number <= header.above or line.startswith(COMMENT) or (above and not line.strip()):
@@ -277,4 +302,4 @@ def _rows(lines: Iterable[str], header: Dialect) -> Iterator[tuple[int, list[str
         if above:
             above -= 1
             continue
-        yield number, line.split() if header.blanks else cells_of(line, header.separator)
+        yield number, line

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from pivident.errors import FileFormatError
+from pivident.extras import MissingExtra, require
 from pivident.logs.source_files import existing_file, refuse_bomb
 from pivident.logs.tables.mat_elements import array_of, variables
 
@@ -21,6 +22,10 @@ from pivident.logs.tables.mat_elements import array_of, variables
 NUMERIC = {"double", "single", "logical"} | {
     f"{u}int{n}" for u in ("", "u") for n in (8, 16, 32, 64)
 }
+
+
+#: First bytes of an HDF5 file; MATLAB puts 512 bytes of its own before them.
+HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def mat_names(path: str | Path) -> tuple[str, ...]:
@@ -61,15 +66,17 @@ def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 
 def _is_hdf5(path: Path) -> bool:
     """Whether the file is of version 7.3."""
-    import h5py
-
-    return bool(h5py.is_hdf5(path))
+    with path.open("rb") as file:
+        beginning = file.read(512 + len(HDF5))
+    return beginning.startswith(HDF5) or beginning[512:] == HDF5
 
 
 def _variables(path: Path) -> dict[str, tuple[int, ...]]:
     """Shapes of the numeric variables by name."""
     try:
         return _variables_hdf5(path) if _is_hdf5(path) else _variables_v5(path)
+    except MissingExtra:
+        raise
     except Exception as error:
         raise FileFormatError(f"{path.name} is not a readable MATLAB file ({error})") from error
 
@@ -79,8 +86,7 @@ def _variables_v5(path: Path) -> dict[str, tuple[int, ...]]:
 
 
 def _variables_hdf5(path: Path) -> dict[str, tuple[int, ...]]:
-    import h5py
-
+    h5py = _h5py(path)
     with h5py.File(path, "r") as file:
         links = {name: file.get(name, getlink=True) for name in file}
         inside = [name for name, link in links.items() if isinstance(link, h5py.HardLink)]
@@ -89,6 +95,10 @@ def _variables_hdf5(path: Path) -> dict[str, tuple[int, ...]]:
             for name in inside
             if isinstance(file[name], h5py.Dataset) and _is_numeric(file[name])
         }
+
+
+def _h5py(path: Path) -> Any:
+    return require("h5py", extra="matlab", purpose=f"{path.name}, of MATLAB 7.3,")
 
 
 def _is_numeric(dataset: Any) -> bool:
@@ -109,8 +119,7 @@ def _read_v5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
 
 
 def _read_hdf5(path: Path, names: Sequence[str]) -> dict[str, np.ndarray]:
-    import h5py
-
+    h5py = _h5py(path)
     arrays = {}
     with h5py.File(path, "r") as file:
         for name in names:

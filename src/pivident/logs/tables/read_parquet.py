@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.errors import BadCell, FileFormatError
+from pivident.extras import require
 from pivident.logs.source_files import existing_file, refuse_bomb
 from pivident.scratch import working_array
 
@@ -82,13 +83,12 @@ def read_parquet(path: str | Path, names: Sequence[str] | None = None) -> dict[s
 @contextmanager
 def _opened(path: Path, problem: str) -> Iterator[ParquetFile]:
     """The table of a file; what is wrong with it ends as one error that says so."""
-    import pyarrow
-    from pyarrow.parquet import ParquetFile
-
+    pyarrow = require("pyarrow", extra="parquet", purpose=path.name)
+    parquet = require("pyarrow.parquet", extra="parquet", purpose=path.name)
     try:
         with (
             path.open("rb") as stream,
-            ParquetFile(
+            parquet.ParquetFile(
                 stream,
                 pre_buffer=False,
                 thrift_string_size_limit=MAX_TEXT,

@@ -11,6 +11,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from pivident.extras import require
 from pivident.many.batch.batch_errors import BatchError, SchedulerUnreachable, WorkersDiffer
 from pivident.many.batch.fingerprint import fingerprint
 from pivident.threads import thread_count
@@ -40,7 +41,7 @@ class DaskCluster:
         workers: number of processes of the local cluster; None: one for each core.
 
     Raises:
-        BatchError: Dask is not installed.
+        MissingExtra: Dask is not installed.
         SchedulerUnreachable: nothing answers at the address.
         WorkersDiffer: workers have another version of pivident.
     """
@@ -88,26 +89,20 @@ class DaskCluster:
 
     @contextmanager
     def _client(self) -> Iterator[Client]:
-        try:
-            import dask
-            from distributed import Client, LocalCluster
-
-            logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised here
-        except ImportError as error:
-            raise BatchError(
-                "Dask is not installed; run pip install 'pivident[cluster]', or leave --dask and "
-                "--scheduler out and use --workers"
-            ) from error
+        purpose = "a cluster (--dask or --scheduler; --workers does without)"
+        dask = require("dask", extra="cluster", purpose=purpose)
+        distributed = require("distributed", extra="cluster", purpose=purpose)
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised here
         if self.scheduler is None:
             with (
                 dask.config.set({f"{SPAWNED}.{key}": value for key, value in MEMORY.items()}),
-                _cluster_of_this_machine(LocalCluster, self.workers) as cluster,
-                Client(cluster) as client,
+                _cluster_of_this_machine(distributed.LocalCluster, self.workers) as cluster,
+                distributed.Client(cluster) as client,
             ):
                 yield client
             return
         try:
-            client = Client(self.scheduler, timeout=PATIENCE)
+            client = distributed.Client(self.scheduler, timeout=PATIENCE)
         except (OSError, ValueError, TimeoutError) as error:
             reason = " ".join(str(error).split()) or type(error).__name__
             raise SchedulerUnreachable(self.scheduler, reason) from error

@@ -16,7 +16,7 @@ NUMERICAL = (
 @cache
 def fingerprint() -> str:
     """Version of pivident with the first digits of the SHA-256 of its numerical code."""
-    from pivident import __version__
+    from pivident.version import __version__
 
     package = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()

@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ClassVar
 
+from pivident.extras import require
 from pivident.files import regular_file
 from pivident.many.batch.batch_errors import OtherContents, ResultsFolderError
 from pivident.many.batch.fingerprint import fingerprint
@@ -79,7 +80,9 @@ class ResultsFolder:
             OtherContents: it holds results of something else; nothing is changed.
             ResultsFolderError: it cannot be written to, another process is writing to it, or it
                 is not a folder of results.
+            MissingExtra: polars is not installed.
         """
+        require("polars", extra="tables", purpose="a folder of many results")
         with self._errors():
             if self.folder.exists() and not self.folder.is_dir():
                 raise self.error(self.folder, "it is a file", "choose another --out")
@@ -138,8 +141,7 @@ class ResultsFolder:
             ResultsFolderError: the disk is full, or the folder cannot be written to. What was
                 there before is as it was.
         """
-        import polars as pl
-
+        pl = require("polars", extra="tables", purpose="a folder of many results")
         if not rows:
             return
         buffer = io.BytesIO()
@@ -185,8 +187,7 @@ class ResultsFolder:
         Raises:
             ResultsFolderError: a shard cannot be read.
         """
-        import polars as pl
-
+        pl = require("polars", extra="tables", purpose="a folder of many results")
         frames = []
         for shard in self._shard_files():
             try:
@@ -207,7 +208,7 @@ class ResultsFolder:
         return sorted(p for p in self.shards.glob("*.parquet") if not p.name.startswith("."))
 
     def _check(self, manifest: Mapping[str, Any], wanted: Mapping[str, Any]) -> None:
-        from pivident import __version__
+        from pivident.version import __version__
 
         if manifest.get("layout") != LAYOUT or self.owner not in manifest:
             raise self.error(
@@ -230,7 +231,7 @@ class ResultsFolder:
     ) -> None:
         import numpy as np
 
-        from pivident import __version__
+        from pivident.version import __version__
 
         programs = list((manifest or {}).get("programs", []))
         programs += [fingerprint()] * (fingerprint() not in programs)

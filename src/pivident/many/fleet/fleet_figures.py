@@ -6,10 +6,10 @@ import html
 from collections.abc import Sequence
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pivident.many.fleet.control_chart import Chart
 from pivident.many.fleet.judgement import Judgement
+from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 
 #: Blue for less, red for more, nothing for no change; legible on white and on black.

@@ -9,7 +9,6 @@ from typing import Any
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
-from pivident import __version__
 from pivident.many.fleet.control_chart import Alarm
 from pivident.many.fleet.fleet_figures import chart_figure, overview_figure
 from pivident.many.fleet.judgement import Judgement, promise
@@ -17,6 +16,7 @@ from pivident.many.fleet.wear import Rate
 from pivident.report.builder import page_environment
 from pivident.text.numbers import with_spread
 from pivident.text.toml import toml_lines
+from pivident.version import __version__
 
 #: Charts that are drawn: those with alarms first; more would only make the page heavy.
 MAX_CHARTS = 40

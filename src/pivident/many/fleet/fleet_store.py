@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from pivident.extras import require
 from pivident.many.batch.results_folder import ResultsFolder, Row
 from pivident.many.fleet.fleet_errors import FleetFolderError, OtherFleet
 
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 
 def row_schema() -> dict[str, Any]:
     """Columns of a shard."""
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
     text, number = pl.String, pl.Float64
     return {
         "task": text,
@@ -90,8 +90,7 @@ class FleetStore(ResultsFolder):
         Args:
             digests: hash of the content that is meant of each log, None for the latest one.
         """
-        import polars as pl
-
+        pl = require("polars", extra="tables", purpose="the study of a fleet")
         meant = pl.DataFrame(
             {"task": list(digests), "meant": list(digests.values())},
             schema={"task": pl.String, "meant": pl.String},

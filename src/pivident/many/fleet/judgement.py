@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
+from pivident.extras import require
 from pivident.many.fleet.baseline import Baseline, fit_baseline
 from pivident.many.fleet.control_chart import Alarm, Chart, draw_charts, find_alarms
 from pivident.many.fleet.identify_fleet import Fleet
@@ -111,8 +112,7 @@ def parameter_table(fleet: Fleet) -> pl.DataFrame:
     Args:
         fleet: the estimates.
     """
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
     names = [name for name, _ in fleet.logs[0].captures]
     logs = pl.DataFrame(
         {
@@ -192,8 +192,7 @@ def promise(judgement: Judgement) -> str:
 
 def _notes(fleet: Fleet, baselines: list[Baseline], charts: list[Chart]) -> list[str]:
     """What a reader has to know, and could not see from the charts."""
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
     entry, notes = fleet.template.fleet, []
     failed = fleet.failures
     if len(failed):

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pivident.extras import require
 from pivident.many.fleet.fleet_errors import FleetError
 from pivident.many.fleet.logs import FleetLog
 from pivident.robot.naming import nearest
@@ -71,8 +72,7 @@ def watched_series(
     Raises:
         FleetError: a name is none of the parameters, or there is no friction.
     """
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="the study of a fleet")
     good = rows.filter(pl.col("error").is_null() & pl.col("converged"))
     if good.is_empty():
         return []

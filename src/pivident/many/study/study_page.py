@@ -8,19 +8,19 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import plotly.graph_objects as go
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
-from pivident import __version__
 from pivident.many.study.bench import Bench
 from pivident.many.study.study_text import number, percent
 from pivident.many.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
 from pivident.report.builder import page_environment
+from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import ERROR, SHADE, Figure, colour
 from pivident.report.plotly_figures import empty_plot as empty_plot
 from pivident.text.numbers import percent as two_digits
 from pivident.text.toml import toml_lines
+from pivident.version import __version__
 
 if TYPE_CHECKING:
     import polars as pl

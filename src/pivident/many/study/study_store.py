@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from pivident.extras import require
 from pivident.many.batch.results_folder import MANIFEST as MANIFEST
 from pivident.many.batch.results_folder import UNFINISHED as UNFINISHED
 from pivident.many.batch.results_folder import ResultsFolder, Row
@@ -21,8 +22,7 @@ if TYPE_CHECKING:
 
 def row_schema() -> dict[str, Any]:
     """Columns of a shard."""
-    import polars as pl
-
+    pl = require("polars", extra="tables", purpose="a Monte Carlo study")
     numbers, text = pl.List(pl.Float64), pl.String
     return {
         "run": pl.Int64,

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.errors import IdentificationError
+from pivident.extras import require
 from pivident.many.study.bench import Bench
 from pivident.many.study.bound import Bounds, efficiency_bounds
 from pivident.many.study.merit import Merit, figures_of_merit
@@ -174,7 +175,7 @@ def summarise(bench: Bench, rows: pl.DataFrame) -> Summary:
         bench: knows the truth.
         rows: as the store has them.
     """
-    from pivident import __version__
+    from pivident.version import __version__
 
     try:
         bounds = efficiency_bounds(bench)
@@ -197,8 +198,7 @@ class _Table:
     """The rows of one method as arrays."""
 
     def __init__(self, bench: Bench, rows: pl.DataFrame) -> None:
-        import polars as pl
-
+        pl = require("polars", extra="tables", purpose="a Monte Carlo study")
         self.failures = rows.filter(pl.col("error").is_not_null())
         self.rows = rows.filter(pl.col("error").is_null())
         size = len(bench.estimated)

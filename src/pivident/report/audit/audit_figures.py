@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pivident.audit.audit import Audit
 from pivident.report.downsampling import kept_samples
+from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure
 from pivident.text.numbers import with_spread
 

@@ -7,12 +7,12 @@ from collections.abc import Callable, Sequence
 from jinja2 import ChoiceLoader, Environment, PackageLoader
 from markupsafe import Markup
 
-from pivident import __version__
 from pivident.audit.audit import Audit
 from pivident.audit.finding import Finding, gravest_first, grouped
 from pivident.report.audit import audit_figures as figures
 from pivident.report.builder import page_environment
 from pivident.report.plotly_figures import Figure
+from pivident.version import __version__
 
 #: Checks in the order of the page, with their headings.
 CHECKS = {

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-import plotly.graph_objects as go
 
 from pivident.friction.contrasts import common_speeds
 from pivident.friction.friction_findings import Finding, pm
 from pivident.friction.friction_map import FrictionMap
 from pivident.friction.friction_study import JointFriction
+from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
 
 FORWARDS, BACKWARDS = METHOD_COLOURS[0], METHOD_COLOURS[1]

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
-from pivident import __version__
 from pivident.friction.friction_findings import Finding, headline
 from pivident.friction.friction_study import FrictionStudy
 from pivident.report.builder import page_environment
 from pivident.report.friction.friction_figures import gain_figure, joint_figures
 from pivident.report.friction.ripple_figures import ripple_figures
+from pivident.version import __version__
 
 
 def render_page(study: FrictionStudy, title: str | None = None) -> str:

@@ -25,7 +25,6 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.diagnostics.statement import listed
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.full_rate import FullRateRecord, accumulate, torque_of
@@ -36,6 +35,7 @@ from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.estimation.repetition import RepeatedMotion, repeated_motion, usable_samples
 from pivident.signals.bandpass import butterworth
+from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, with_spread
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import cast
 
-from pivident.dynamics.grouping.expressions import (
+from pivident.dynamics.grouping.expression_graph import (
     Add,
     Call,
     Constant,
@@ -17,6 +17,7 @@ from pivident.dynamics.grouping.expressions import (
     Sine,
     Symbol,
     ordered,
+    provides,
 )
 from pivident.text.identifiers import identifier, latex_name
 
@@ -217,3 +218,18 @@ def _latex_function(
     if len(texts) == 1 and operands[0][1] == _ATOM:
         return rf"{notation.functions[name]} {texts[0]}", _PRODUCT
     return rf"{notation.functions[name]}\left({', '.join(texts)}\right)", _ATOM
+
+
+@provides("to_python")
+def _to_python(expression: Expression, prefix: str = "np.") -> str:
+    return expression_text(expression, PYTHON, prefix=prefix)
+
+
+@provides("to_c")
+def _to_c(expression: Expression) -> str:
+    return expression_text(expression, C99)
+
+
+@provides("to_latex")
+def _to_latex(expression: Expression) -> str:
+    return expression_text(expression, LATEX)

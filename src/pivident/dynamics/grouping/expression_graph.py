@@ -8,9 +8,9 @@ from __future__ import annotations
 import math
 import re
 import zlib
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Union, cast
+from typing import TYPE_CHECKING, Any, TypeVar, Union, cast
 from weakref import WeakValueDictionary
 
 if TYPE_CHECKING:
@@ -18,6 +18,22 @@ if TYPE_CHECKING:
 
 Number = Union[int, float]  # noqa: UP007
 Operand = Union["Expression", int, float]
+
+
+_Method = TypeVar("_Method", bound=Callable[..., Any])
+
+#: Methods of expressions that other modules of this package provide: texts, values, SymPy.
+_PROVIDED: dict[str, Callable[..., Any]] = {}
+
+
+def provides(name: str) -> Callable[[_Method], _Method]:
+    """Register a function as what a method of expressions does."""
+
+    def register(function: _Method) -> _Method:
+        _PROVIDED[name] = function
+        return function
+
+    return register
 
 
 class Expression:
@@ -52,19 +68,13 @@ class Expression:
         return multiply(other, self)
 
     def __truediv__(self, other: Operand) -> Expression:
-        from pivident.dynamics.grouping.expressions import divide
-
-        return divide(self, other)
+        return _PROVIDED["divide"](self, other)
 
     def __rtruediv__(self, other: Operand) -> Expression:
-        from pivident.dynamics.grouping.expressions import divide
-
-        return divide(other, self)
+        return _PROVIDED["divide"](other, self)
 
     def __pow__(self, exponent: Number) -> Expression:
-        from pivident.dynamics.grouping.expressions import power
-
-        return power(self, exponent)
+        return _PROVIDED["power"](self, exponent)
 
     def __neg__(self) -> Expression:
         return negate(self)
@@ -96,8 +106,6 @@ class Expression:
     @property
     def symbols(self) -> tuple[Symbol, ...]:
         """Symbols that it depends on, in their order."""
-        from pivident.dynamics.grouping.expressions import ordered
-
         found = [node for node in ordered([self]) if isinstance(node, Symbol)]
         return tuple(sorted(found, key=lambda node: node.order))
 
@@ -111,33 +119,23 @@ class Expression:
         Raises:
             KeyError: a symbol has no value.
         """
-        from pivident.dynamics.grouping.expressions import evaluate
-
-        return evaluate([self], values)[0]
+        return _PROVIDED["evaluate"](self, values)
 
     def to_python(self, prefix: str = "np.") -> str:
         """As text of Python; ``prefix`` stands before the names of functions."""
-        from pivident.symbolic.notation import PYTHON, expression_text
-
-        return expression_text(self, PYTHON, prefix=prefix)
+        return _PROVIDED["to_python"](self, prefix)
 
     def to_c(self) -> str:
         """As text of C99 with the functions of ``math.h``."""
-        from pivident.symbolic.notation import C99, expression_text
-
-        return expression_text(self, C99)
+        return _PROVIDED["to_c"](self)
 
     def to_latex(self) -> str:
         """As LaTeX for math mode."""
-        from pivident.symbolic.notation import LATEX, expression_text
-
-        return expression_text(self, LATEX)
+        return _PROVIDED["to_latex"](self)
 
     def to_sympy(self) -> sympy.Expr:
         """As an expression of SymPy, with real symbols of the same names."""
-        from pivident.symbolic.sympy_expressions import sympy_expressions
-
-        return sympy_expressions([self])[0]
+        return _PROVIDED["to_sympy"](self)
 
 
 class Constant(Expression):
@@ -368,3 +366,29 @@ def _product(a: Expression, b: Expression) -> Expression:
     if a is ONE or b is ONE:
         return b if a is ONE else a
     return make_node(Multiply, (a, b) if a.order <= b.order else (b, a))
+
+
+def ordered(
+    roots: Iterable[Expression], stop: Mapping[Expression, Any] | None = None
+) -> list[Expression]:
+    """All expressions that the given ones are made of, each once, operands first.
+
+    Args:
+        roots: where to start; each comes behind what it is made of.
+        stop: expressions that are not looked into, unless they are roots.
+    """
+    roots = list(roots)
+    known = () if stop is None else stop
+    own = set(roots)
+    found: dict[Expression, None] = {}
+    waiting: list[tuple[Expression, bool]] = [(root, False) for root in reversed(roots)]
+    while waiting:
+        node, complete = waiting.pop()
+        if node in found:
+            continue
+        if complete or not node.operands or (node in known and node not in own):
+            found[node] = None
+            continue
+        waiting.append((node, True))
+        waiting.extend((operand, False) for operand in reversed(node.operands))
+    return list(found)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
-from pivident.dynamics.grouping.expressions import (
+from pivident.dynamics.grouping.expression_graph import (
     Add,
     Call,
     Constant,
@@ -16,7 +16,9 @@ from pivident.dynamics.grouping.expressions import (
     Sine,
     Symbol,
     ordered,
+    provides,
 )
+from pivident.extras import require
 
 
 def sympy_expressions(
@@ -31,7 +33,7 @@ def sympy_expressions(
     Returns:
         Expressions of SymPy; symbols are real, whole numbers exact.
     """
-    import sympy
+    sympy = require("sympy", extra="symbolic", purpose="an expression of SymPy")
 
     known = names or {}
     translated = []
@@ -67,3 +69,8 @@ def _translated(node: Expression, operands: list[Any], sympy: Any) -> Any:
         return operands[0] ** operands[1]
     names = {"abs": "Abs", "maximum": "Max", "minimum": "Min"}
     return getattr(sympy, names.get(function, function))(*operands)
+
+
+@provides("to_sympy")
+def _to_sympy(expression: Expression) -> Any:
+    return sympy_expressions([expression])[0]

@@ -5,23 +5,26 @@ lines and shades are made from it, so that light and dark themes both show it. T
 and header cells, drawings a label in words. Everything that comes from outside is escaped.
 """
 
-from __future__ import annotations
+from functools import cache, singledispatch
+from typing import Any
 
-from functools import cache
-from typing import TYPE_CHECKING, Any
-
+import numpy as np
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
+from pivident.comparison.compare import Comparison
+from pivident.comparison.comparison_text import difference_text, estimate_text
+from pivident.comparison.remarks import findings, level_sentence
+from pivident.diagnostics.verdict import Verdict
+from pivident.estimation.identification import Identification
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.problem import Problem
+from pivident.estimation.summary_tables import ending, friction_line, rows_line
+from pivident.recording.recording import Recording
+from pivident.report.intervals import interval_drawing
+from pivident.robot.description import Robot
+from pivident.tables.columns import Table
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
-
-if TYPE_CHECKING:
-    from pivident.comparison.compare import Comparison
-    from pivident.diagnostics.verdict import Verdict
-    from pivident.estimation.identification import Identification
-    from pivident.estimation.problem import Problem
-    from pivident.recording.recording import Recording
-    from pivident.robot.description import Robot
-    from pivident.tables.columns import Table
+from pivident.text.printable import escaped
 
 #: Rows of a table that are shown; a notebook keeps what it shows.
 MAX_ROWS = 60
@@ -30,16 +33,26 @@ MAX_ROWS = 60
 POINTS = 160
 
 
+@singledispatch
+def html_of(result: Any) -> str:
+    """A result as HTML, by its class.
+
+    Args:
+        result: an identification, robot, recording, problem, verdict, comparison or table.
+
+    Raises:
+        TypeError: there is no display of its class.
+    """
+    raise TypeError(f"there is no display of a {type(result).__name__}")
+
+
+@html_of.register
 def identification_html(result: Identification) -> str:
     """Parameters with intervals, fit of the joints, warnings.
 
     Args:
         result: the identification.
     """
-    from pivident.estimation.parameter_rows import parameter_rows
-    from pivident.estimation.summary_tables import ending, friction_line, rows_line
-    from pivident.report.intervals import interval_drawing
-
     rows = parameter_rows(result)
     return _rendered(
         "identification",
@@ -58,6 +71,7 @@ def identification_html(result: Identification) -> str:
     )
 
 
+@html_of.register
 def robot_html(robot: Robot) -> str:
     """Joints with their limits and friction laws.
 
@@ -67,6 +81,7 @@ def robot_html(robot: Robot) -> str:
     return _rendered("robot", robot=robot, links=_masses(robot))
 
 
+@html_of.register
 def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()) -> str:
     """Rates, length, joints with their ranges, and a curve of each position.
 
@@ -74,8 +89,6 @@ def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()
         recording: the recording.
         units: unit of position and torque of each joint, where the robot is known.
     """
-    import numpy as np
-
     rows = []
     for j, name in enumerate(recording.joint_names):
         q, tau = recording.q[:, j], recording.tau[:, j]
@@ -93,6 +106,7 @@ def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()
     return _rendered("recording", recording=recording, rows=rows)
 
 
+@html_of.register
 def problem_html(problem: Problem) -> str:
     """What is given, in short.
 
@@ -102,6 +116,7 @@ def problem_html(problem: Problem) -> str:
     return _rendered("problem", problem=problem, left_out=len(problem.base) - len(problem.names))
 
 
+@html_of.register
 def verdict_html(verdict: Verdict) -> str:
     """The statements with their grades.
 
@@ -112,15 +127,13 @@ def verdict_html(verdict: Verdict) -> str:
     return _rendered("verdict", verdict=verdict, marks=marks)
 
 
+@html_of.register
 def comparison_html(comparison: Comparison) -> str:
     """Parameters of all results side by side, significant differences marked.
 
     Args:
         comparison: several results.
     """
-    from pivident.comparison.comparison_text import difference_text, estimate_text
-    from pivident.comparison.remarks import findings, level_sentence
-
     return _rendered(
         "comparison",
         comparison=comparison,
@@ -131,6 +144,7 @@ def comparison_html(comparison: Comparison) -> str:
     )
 
 
+@html_of.register
 def table_html(table: Table) -> str:
     """The first rows of a table.
 
@@ -145,7 +159,7 @@ def table_html(table: Table) -> str:
 @cache
 def _environment() -> Environment:
     environment = Environment(
-        loader=PackageLoader("pivident.report", "templates/notebook"),
+        loader=PackageLoader("pivident.notebook"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -160,8 +174,6 @@ def _environment() -> Environment:
 
 
 def _rendered(name: str, **content: Any) -> str:
-    from pivident.text.printable import escaped
-
     text = _environment().get_template(f"{name}.html").render(content)
     return escaped(text)
 
@@ -176,8 +188,6 @@ def _masses(robot: Robot) -> list[str]:
 
 def _curve(x: Any) -> str:
     """A signal as the points of a polyline, 100 wide and 20 high."""
-    import numpy as np
-
     chosen = np.unique(np.linspace(0, x.size - 1, POINTS).astype(int))
     low, high = float(x.min()), float(x.max())
     u = 100.0 * np.linspace(0.0, 1.0, chosen.size)

@@ -7,19 +7,19 @@ import math
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
-from pivident import __version__
 from pivident.comparison.compare import ComparedParameter, Comparison
 from pivident.comparison.comparison_text import deviations, difference_text, estimate_text
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
 from pivident.report.builder import page_environment
+from pivident.report.drawing_library import go
 from pivident.report.intervals import Interval, IntervalDrawing
 from pivident.report.plotly_figures import METHOD_COLOURS, Figure, colour, empty_plot
 from pivident.text.numbers import with_spread
+from pivident.version import __version__
 
 HEADINGS = {
     "glance": "At a glance",
@@ -45,7 +45,7 @@ def render_page(comparison: Comparison) -> str:
     """
     environment = page_environment()
     environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.report.comparison"), PackageLoader("pivident.report")]
+        [PackageLoader("pivident.comparison"), PackageLoader("pivident.report")]
     )
     environment.globals |= {
         "estimate_text": estimate_text,

@@ -1,0 +1,4 @@
+from .audit import Audit as Audit
+from .audit import audit_log as audit_log
+from .audit_file import audit_file as audit_file
+from .finding import Finding as Finding

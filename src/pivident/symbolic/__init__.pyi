@@ -1,0 +1,3 @@
+from .newton_euler import inverse_model as inverse_model
+from .observation_matrix import observation_matrix as observation_matrix
+from .robot_models import symbolic_models as symbolic_models

@@ -1,0 +1,148 @@
+"""The order of the packages: each imports only from those before it, wherever the import stands."""
+
+import ast
+import re
+from collections.abc import Iterator
+from itertools import count
+from pathlib import Path
+
+import pytest
+
+from tests.conftest import REPOSITORY
+
+SOURCE = REPOSITORY / "src"
+
+#: From the lowest to the highest; CONTRIBUTING.md shows the same list.
+ORDER = (
+    "version", "text", "errors", "extras", "files", "scratch", "threads", "compiled",
+    "robot", "dynamics", "signals", "logs", "recording", "simulation",
+    "estimation", "control_law", "drives", "validation", "consistency", "friction", "models",
+    "diagnostics", "experiment", "audit", "check", "init",
+    "report", "comparison", "figures", "tables", "notebook",
+    "linear", "symbolic", "export", "payload", "flexibility", "many",
+    "cli", "__main__",
+)  # fmt: skip
+
+#: Doors that can be closed: no package before the command line imports them.
+DOORS = ("linear", "symbolic", "export", "payload", "flexibility", "many")
+
+MAX_LINES_OF_PACKAGE = 6000
+MAX_LINES = 84_000
+MAX_MODULES_OF_IDENTIFY = 90
+
+
+def modules() -> dict[str, Path]:
+    found = {}
+    for path in sorted((SOURCE / "pivident").rglob("*.py")):
+        name = ".".join(path.relative_to(SOURCE).with_suffix("").parts)
+        found[name.removesuffix(".__init__")] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imported(name: str) -> Iterator[tuple[str, int]]:
+    """Modules of pivident that a module imports anywhere in its text, and the line."""
+    for node in ast.walk(ast.parse(MODULES[name].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from ((a.name, node.lineno) for a in node.names if a.name in MODULES)
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{name}:{node.lineno}: relative import"
+            for alias in node.names:
+                whole = f"{node.module}.{alias.name}"
+                if whole in MODULES or node.module in MODULES:
+                    yield (whole if whole in MODULES else str(node.module)), node.lineno
+
+
+GRAPH = {name: {to for to, _ in imported(name) if to != name} for name in MODULES}
+
+
+def package(name: str) -> str:
+    return name.split(".")[1] if "." in name else ""
+
+
+def test_every_package_has_its_place():
+    assert {package(name) for name in MODULES} - {""} == set(ORDER)
+
+
+@pytest.mark.parametrize("name", sorted(set(MODULES) - {"pivident"}))
+def test_imports_go_downward(name):
+    here = ORDER.index(package(name))
+    upward = [
+        f"{name}:{line} imports {to}"
+        for to, line in imported(name)
+        if package(to) != package(name) and (not package(to) or ORDER.index(package(to)) > here)
+    ]
+    assert not upward
+
+
+def test_no_door_is_imported_by_what_stands_before_it():
+    lowest = min(ORDER.index(door) for door in DOORS)
+    below = [name for name in MODULES if package(name) in ORDER[:lowest]]
+    assert not [(a, b) for a in below for b in GRAPH[a] if package(b) in DOORS]
+
+
+def cycles() -> list[set[str]]:
+    """Strongly connected components of more than one module (Tarjan 1972)."""
+    number, low, stack, found = {}, {}, [], []
+    counter = count()
+
+    def visit(name: str) -> None:
+        number[name] = low[name] = next(counter)
+        stack.append(name)
+        for other in GRAPH[name]:
+            if other not in number:
+                visit(other)
+            if other in stack:
+                low[name] = min(low[name], low[other])
+        if low[name] == number[name]:
+            component = set()
+            while name not in component:
+                component.add(stack.pop())
+            if len(component) > 1:
+                found.append(component)
+
+    for name in GRAPH:
+        if name not in number:
+            visit(name)
+    return found
+
+
+def test_no_modules_import_one_another():
+    assert cycles() == []
+
+
+def needed_by(name: str) -> set[str]:
+    """Modules that a module needs, through imports inside functions too; packages not counted."""
+    seen, waiting = set(), [name]
+    while waiting:
+        module = waiting.pop()
+        if module not in seen:
+            seen.add(module)
+            waiting += GRAPH[module]
+    return {module for module in seen if MODULES[module].name != "__init__.py"}
+
+
+def test_identify_needs_few_modules():
+    assert len(needed_by("pivident.estimation.identify")) <= MAX_MODULES_OF_IDENTIFY
+
+
+def test_packages_stay_small():
+    lines: dict[str, int] = {}
+    for name, path in MODULES.items():
+        here = len(path.read_text(encoding="utf-8").splitlines())
+        lines[package(name)] = lines.get(package(name), 0) + here
+    assert {name: n for name, n in lines.items() if n > MAX_LINES_OF_PACKAGE} == {}
+    assert sum(lines.values()) <= MAX_LINES
+
+
+def test_contributing_shows_the_same_order():
+    text = (REPOSITORY / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    table = text[text.index("## Where things are") :]
+    shown = [
+        name
+        for row in re.findall(r"^\|([^|]*`[^|]*)\|", table, re.MULTILINE)
+        for name in re.findall(r"`(\w+)`", row)
+    ]
+    assert [name for name in shown if name in ORDER] == [n for n in ORDER if n != "__main__"]
