@@ -119,6 +119,9 @@ def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
     Args:
         log: the log.
         progress: called with one line at each stage.
+
+    Returns:
+        Findings, check by check, and the numbers behind them.
     """
     say = progress or (lambda line: None)
     say("looking at clock and channels")

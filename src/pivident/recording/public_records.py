@@ -149,6 +149,9 @@ def load_staubli_tx40(
         files: its two files as ``q`` and ``tau``; those of `fetch` where they are not given.
         robot: gives joint names, transmission and zero position; the gallery's robot otherwise.
 
+    Returns:
+        The recording, SI and joint side.
+
     Raises:
         DatasetUnavailable: the files are not here and cannot be fetched.
     """
@@ -162,6 +165,9 @@ def load_emps(file: str | Path | None = None, robot: Robot | None = None) -> Rec
         file: DATA_EMPS.mat; that of `fetch` where it is not given.
         robot: gives the joint's name; the gallery's robot otherwise.
 
+    Returns:
+        The recording, SI and joint side.
+
     Raises:
         DatasetUnavailable: the file is not here and cannot be fetched.
     """
@@ -174,6 +180,9 @@ def load_emps_pulses(file: str | Path | None = None, robot: Robot | None = None)
     Args:
         file: DATA_EMPS_PULSES.mat; that of `fetch` where it is not given.
         robot: gives the joint's name; the gallery's robot otherwise.
+
+    Returns:
+        The recording, SI and joint side.
 
     Raises:
         DatasetUnavailable: the file is not here and cannot be fetched.
@@ -191,6 +200,9 @@ def load_kuka_kr300(
         file: its .npz file; that of `fetch` where it is not given.
         robot: gives joint names and transmission; the record's own ones otherwise. A robot of
             fewer joints gets the first axes of the record.
+
+    Returns:
+        The recording, SI and joint side.
 
     Raises:
         RecordingError: there is no such motion.
