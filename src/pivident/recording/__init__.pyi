@@ -1,3 +1,4 @@
+from .load import recording_from as recording_from
 from .public_records import load_emps as load_emps
 from .public_records import load_emps_pulses as load_emps_pulses
 from .public_records import load_kuka_kr300 as load_kuka_kr300

@@ -66,7 +66,14 @@ class Transmission:
         return cls(np.eye(joints), np.ones(joints), np.zeros(joints), none)
 
     def first(self, joints: int) -> Transmission:
-        """That of the first joints, for logs with fewer of them."""
+        """That of the first joints, for logs with fewer of them.
+
+        Args:
+            joints: how many, counted from the base.
+
+        Returns:
+            Itself where it has no more.
+        """
         if joints >= len(self.drive_gain):
             return self
         n = slice(joints)
