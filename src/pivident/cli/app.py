@@ -283,6 +283,8 @@ def main(tokens: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    # Matrices are small: threads of the linear algebra would wait for each other, not work.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")
