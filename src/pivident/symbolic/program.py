@@ -31,8 +31,8 @@ class Program(Assignments):
     def function(self) -> Callable[..., Any]:
         """The program as a function of NumPy arrays, compiled from `to_python`.
 
-        Its arguments are the inputs, each of shape (..., elements), and the parameters, shape
-        (parameters,); it returns the outputs, each of shape (..., *shape), a tuple if several.
+        Its arguments are the inputs, each of shape ``(..., elements)``, and the parameters, shape
+        (parameters,); it returns the outputs, each of shape ``(..., *shape)``, a tuple if several.
         """
         return python_function(self)
 
