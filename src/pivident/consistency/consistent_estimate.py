@@ -42,47 +42,28 @@ OPEN, NOT_FOUND = "open", "not found"
 
 @dataclass(frozen=True)
 class MovedRow:
-    """A base parameter that the stage moved.
+    """A base parameter that the stage moved."""
 
-    Attributes:
-        name: of the parameter.
-        free: free estimate [unit].
-        spread: half of its 95 % interval [unit].
-        consistent: consistent estimate [unit].
-        interval: of the consistent one, as text.
-        moved: consistent less free estimate [σ of the free one].
-        unit: of the parameter.
-    """
-
-    name: str
-    free: float
-    spread: float
-    consistent: float
-    interval: str
-    moved: float
-    unit: str
+    name: str  # of the parameter
+    free: float  # free estimate [unit]
+    spread: float  # half of its 95 % interval [unit]
+    consistent: float  # consistent estimate [unit]
+    interval: str  # of the consistent one, as text
+    moved: float  # consistent less free estimate [σ of the free one]
+    unit: str  # of the parameter
 
 
 @dataclass(frozen=True, eq=False)
 class ConsistentEstimate:
-    """An estimate after the stage.
+    """An estimate after the stage."""
 
-    Attributes:
-        label: name in tables, ``PC-IDIM-PIV``.
-        model: the consistent parameters.
-        base: intervals of the estimated base parameters.
-        standard: intervals of all standard parameters.
-        links: the links as bodies, with intervals.
-        options: of the stage.
-        prediction: torque errors on held-out motion, free and consistent; None without any.
-    """
-
-    label: str
-    model: ConsistentModel
-    base: ProfileIntervals
-    standard: ProfileIntervals
-    links: tuple[LinkRow, ...]
-    options: ConsistencyOptions
+    label: str  # name in tables, ``PC-IDIM-PIV``
+    model: ConsistentModel  # the consistent parameters
+    base: ProfileIntervals  # intervals of the estimated base parameters
+    standard: ProfileIntervals  # intervals of all standard parameters
+    links: tuple[LinkRow, ...]  # the links as bodies, with intervals
+    options: ConsistencyOptions  # of the stage
+    # torque errors on held-out motion, free and consistent; None without any
     prediction: ConsistentPrediction | None = None
 
     def headline(self) -> str:
@@ -181,15 +162,10 @@ class ConsistentEstimate:
 
 @dataclass(frozen=True)
 class NoConsistentEstimate:
-    """A stage that came to no result.
+    """A stage that came to no result."""
 
-    Attributes:
-        label: name in tables, ``PC-IDIM-PIV``.
-        reason: why, with the next step.
-    """
-
-    label: str
-    reason: str
+    label: str  # name in tables, ``PC-IDIM-PIV``
+    reason: str  # why, with the next step
 
     def headline(self) -> str:
         """How it ended, in a line."""
@@ -201,17 +177,7 @@ def consistent_estimate(
     options: ConsistencyOptions,
     progress: Callable[[str], None] | None = None,
 ) -> ConsistentEstimate:
-    """Make an estimate consistent, with intervals of all that is shown.
-
-    Args:
-        free: the estimate.
-        options: of the stage.
-        progress: called with one line at each stage.
-
-    Raises:
-        IdentificationError: no consistent parameters lie near the estimate, the bounds leave
-            none, or the covariance cannot serve as a metric.
-    """
+    """Make an estimate consistent, with intervals of all that is shown."""
     from pivident.consistency.link_intervals import link_rows
 
     say = progress or (lambda line: None)
@@ -237,16 +203,7 @@ def consistent_estimates(
     recordings: Sequence[Recording],
     progress: Callable[[str], None] | None = None,
 ) -> Mapping[str, ConsistentEstimate | NoConsistentEstimate]:
-    """Make several estimates consistent, and judge them on what was held out.
-
-    Args:
-        free_estimates: by short name of the method.
-        judged: how they predict held-out motion; None: nothing was held out.
-        names: short names of the methods.
-        options: of the stage.
-        recordings: those that held-out stretches are parts of.
-        progress: called with one line at each stage.
-    """
+    """Make several estimates consistent, and judge them on what was held out."""
     say = progress or (lambda line: None)
     made: dict[str, ConsistentEstimate | NoConsistentEstimate] = {}
     for name in names:
@@ -269,24 +226,12 @@ def consistent_estimates(
 
 
 def interval_text(quantity: Quantity, factor: float = 1.0, digits: int = 3) -> str:
-    """An interval in words and numbers.
-
-    Args:
-        quantity: value and ends.
-        factor: to the unit that is shown.
-        digits: significant ones.
-    """
+    """An interval with its value times ``factor``, as text."""
     return ends_text(factor * quantity.low, factor * quantity.high, digits)
 
 
 def ends_text(low: float, high: float, digits: int = 3) -> str:
-    """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is not known.
-
-    Args:
-        low: lower end.
-        high: upper end.
-        digits: significant ones.
-    """
+    """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is unknown."""
     ends = [_end_text(end, digits) for end in (low, high)]
     if ends[0] == ends[1] and ends[0] in (OPEN, NOT_FOUND):
         return ends[0]

@@ -24,18 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ConsistentPrediction:
-    """Torque errors of free and consistent estimates on the same held-out stretches.
+    """Torque errors of free and consistent estimates on the same held-out stretches."""
 
-    Attributes:
-        free: of the estimates as they are.
-        consistent: of the same estimates made consistent.
-        stretches: how many of them.
-        failures: stretches whose estimate could not be made consistent, with the reason.
-    """
-
-    free: PredictionError
-    consistent: PredictionError
-    stretches: int
+    free: PredictionError  # of the estimates as they are
+    consistent: PredictionError  # of the same estimates made consistent
+    stretches: int  # how many of them
+    # stretches whose estimate could not be made consistent, with the reason
     failures: tuple[str, ...] = ()
 
     @property
@@ -61,13 +55,7 @@ def consistent_prediction(
 ) -> ConsistentPrediction | None:
     """Judge free and consistent estimates on the stretches of a cross-validation.
 
-    Args:
-        validation: of the method; its fits are used again.
-        recordings: those that the stretches are parts of.
-        make_consistent: the stage with its options.
-
-    Returns:
-        The errors of both; None where nothing was held out, or no fit could be made consistent.
+    Its fits are used again. None where nothing was held out, or no fit could be made consistent.
     """
     if validation.training_only:
         return None

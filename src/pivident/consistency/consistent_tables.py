@@ -35,12 +35,7 @@ def headline(model: ConsistentModel) -> str:
 
 
 def link_table(bodies: Sequence[LinkBody], *further: tuple[str, str, Sequence[str]]) -> str:
-    """Links as bodies: mass, centre of mass, principal moments.
-
-    Args:
-        bodies: the links.
-        further: columns after the mass, see `plain_table`.
-    """
+    """Links as bodies: mass, centre of mass, principal moments."""
     columns: list[tuple[str, str, Sequence[str]]] = [
         ("link", "<", [b.name for b in bodies]),
         ("mass [kg]", ".", [format_significant(b.mass) for b in bodies]),

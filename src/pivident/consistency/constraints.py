@@ -50,25 +50,15 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """One condition on the standard parameters, F φ + g ∈ K.
+    """One condition on the standard parameters, F φ + g ∈ K."""
 
-    Attributes:
-        subject: link or joint that it is about, or ``all links``.
-        kind: what it demands, in words.
-        cone: kind of K.
-        order: order of the matrices of a semidefinite cone; otherwise the number of rows.
-        matrix: F, shape (rows, standard).
-        offset: g, shape (rows,).
-        is_declared: whether it is a bound of the user.
-    """
-
-    subject: str
-    kind: str
-    cone: Cone
-    order: int
-    matrix: np.ndarray
-    offset: np.ndarray
-    is_declared: bool = False
+    subject: str  # link or joint that it is about, or ``all links``
+    kind: str  # what it demands, in words
+    cone: Cone  # kind of K
+    order: int  # order of the matrices of a semidefinite cone; otherwise the number of rows
+    matrix: np.ndarray  # F, shape (rows, standard)
+    offset: np.ndarray  # g, shape (rows,)
+    is_declared: bool = False  # whether it is a bound of the user
 
 
 #: Words for the demand on a link's second moments, see `WORDS` in `nearest_consistent`, and on its
@@ -91,18 +81,7 @@ def make_constraints(
     reference: Reference,
     bounds: Bounds | None = None,
 ) -> tuple[Constraint, ...]:
-    """All conditions.
-
-    Args:
-        robot: the robot.
-        standard: its standard parameters.
-        reference: gives the scale of each link and the size of the smallest body.
-        bounds: declared ones.
-
-    Raises:
-        RobotDescriptionError: bounds of unknown links.
-        ExperimentError: empty bounds.
-    """
+    """All conditions."""
     made = _real_bodies(robot, standard, reference)
     made += _positive_forms(robot, standard, reference)
     made += _dissipative(robot, standard, reference)

@@ -40,21 +40,13 @@ MAX_UNSEEN = 10.0
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """Base parameters as β = center + root · x, with d = |x|.
+    """Base parameters as β = center + root · x, with d = |x|."""
 
-    Attributes:
-        base: base parameters of the robot.
-        estimated: indices of the estimated ones, shape (parameters,).
-        center: the estimate, zero for those left out, shape (base,).
-        root: shape (base, base).
-        notes: sentences.
-    """
-
-    base: BaseParameters
-    estimated: np.ndarray
-    center: np.ndarray
-    root: np.ndarray
-    notes: tuple[str, ...]
+    base: BaseParameters  # base parameters of the robot
+    estimated: np.ndarray  # indices of the estimated ones, shape (parameters,)
+    center: np.ndarray  # the estimate, zero for those left out, shape (base,)
+    root: np.ndarray  # shape (base, base)
+    notes: tuple[str, ...]  # sentences
 
 
 def make_metric(
@@ -65,15 +57,8 @@ def make_metric(
 ) -> Metric:
     """The metric of an estimate.
 
-    Args:
-        identification: the estimate.
-        base: base parameters of its robot.
-        sums: of the fitted record; None: without them left out parameters count on the scale of
-            the robot's own parameters only.
-        scales: typical size of each base parameter, shape (base,).
-
-    Raises:
-        IdentificationError: a covariance that is not that of all parameters.
+    Without ``sums`` of the fitted record, parameters left out of the estimate count on the scale of
+    the robot's own parameters only.
     """
     notes = []
     estimated = estimated_indices(identification, base)
@@ -114,15 +99,7 @@ def make_metric(
 
 
 def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
-    """A covariance of full rank with the reported deviations, and whether it had to be mixed.
-
-    Args:
-        identification: the estimate.
-
-    Raises:
-        IdentificationError: deviations that are not positive and finite, or a formula covariance
-            that does not tell the parameters apart; names the weakest one.
-    """
+    """Covariance of full rank with the reported standard errors, and whether it had to be mixed."""
     reported = identification.covariance
     deviations = np.sqrt(np.maximum(np.diag(reported), 0.0))
     if not (np.isfinite(reported).all() and (deviations > 0.0).all()):

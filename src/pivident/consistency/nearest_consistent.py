@@ -67,19 +67,12 @@ WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class Active:
-    """A constraint that holds the estimate back.
+    """A constraint that holds the estimate back."""
 
-    Attributes:
-        subject: link or joint.
-        constraint: what is at its limit, in words.
-        multiplier: growth of d²/2 per unit of the constraint on the scale of the reference.
-        share: part of d² that is due to it; all shares together are 1.
-    """
-
-    subject: str
-    constraint: str
-    multiplier: float
-    share: float
+    subject: str  # link or joint
+    constraint: str  # what is at its limit, in words
+    multiplier: float  # growth of d²/2 per unit of the constraint on the scale of the reference
+    share: float  # part of d² that is due to it; all shares together are 1
 
     def __str__(self) -> str:
         return f"{self.subject}: {self.constraint} ({100 * self.share:.0f} % of the distance)"
@@ -87,19 +80,12 @@ class Active:
 
 @dataclass(frozen=True, eq=False)
 class StandardSpace:
-    """Standard parameters as φ = start + slope · (x, z).
+    """Standard parameters as φ = start + slope · (x, z)."""
 
-    Attributes:
-        start: the estimate lifted onto the reference, shape (standard,).
-        slope: shape (standard, base + undetermined).
-        distances: number of unknowns x.
-        links: indices of each link's inertial parameters, shape (joints, 10).
-    """
-
-    start: np.ndarray
-    slope: np.ndarray
-    distances: int
-    links: np.ndarray
+    start: np.ndarray  # the estimate lifted onto the reference, shape (standard,)
+    slope: np.ndarray  # shape (standard, base + undetermined)
+    distances: int  # number of unknowns x
+    links: np.ndarray  # indices of each link's inertial parameters, shape (joints, 10)
 
     def values(self, u: np.ndarray) -> np.ndarray:
         """Standard parameters at u = (x, z), shape (standard,)."""
@@ -108,36 +94,21 @@ class StandardSpace:
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """The nearest consistent parameters.
+    """The nearest consistent parameters."""
 
-    Attributes:
-        values: standard parameters, shape (standard,).
-        least_distance: d* [σ]; zero where the estimate was consistent.
-        distance: that of the values, √(d*² + room) at most [σ].
-        was_consistent: whether the estimate itself was.
-        active: constraints that hold it back, the most expensive first.
-        directions: how many directions of the base parameters they take.
-        notes: sentences.
-    """
-
-    values: np.ndarray
-    least_distance: float
-    distance: float
-    was_consistent: bool
-    active: tuple[Active, ...]
-    directions: int
-    notes: tuple[str, ...] = ()
+    values: np.ndarray  # standard parameters, shape (standard,)
+    least_distance: float  # d* [σ]; zero where the estimate was consistent
+    distance: float  # that of the values, √(d*² + room) at most [σ]
+    was_consistent: bool  # whether the estimate itself was
+    active: tuple[Active, ...]  # constraints that hold it back, the most expensive first
+    directions: int  # how many directions of the base parameters they take
+    notes: tuple[str, ...] = ()  # sentences
 
 
 def standard_space(robot: Robot, metric: Metric, reference: Reference) -> StandardSpace:
     """Standard parameters over distances and undetermined ones.
 
     With K the regrouping of the base parameters, β = φ_kept + K φ_dropped.
-
-    Args:
-        robot: the robot.
-        metric: estimate and deviations.
-        reference: where the undetermined ones start, and their scales.
     """
     base = metric.base
     free = np.r_[base.dropped, base.without_effect]
@@ -159,19 +130,7 @@ def nearest_consistent(
     prior: str,
     room: float = ROOM,
 ) -> Nearest:
-    """Find them.
-
-    Args:
-        space: standard parameters around the estimate.
-        constraints: what they must satisfy.
-        reference: where the prior pulls.
-        prior: ``entropic``, ``euclidean`` or ``none``.
-        room: growth of d² that is left to the prior.
-
-    Raises:
-        ContradictoryBounds: no parameters satisfy the constraints at all.
-        IdentificationError: the solver fails.
-    """
+    """The nearest consistent parameters; ``room`` is the growth of d² that is left to the prior."""
     requirements = imposed(space, constraints)
     closest = _closest(space, requirements, constraints)
     x = closest.u[: space.distances]
@@ -200,13 +159,7 @@ def nearest_consistent(
 def imposed(
     space: StandardSpace, constraints: Sequence[Constraint], without_distance: bool = False
 ) -> list[Requirement]:
-    """The constraints on u = (x, z), or on z alone where x = 0.
-
-    Args:
-        space: standard parameters around the estimate.
-        constraints: the constraints.
-        without_distance: whether x is zero.
-    """
+    """The constraints on u = (x, z), or on z alone where x = 0."""
     slope = space.slope[:, space.distances :] if without_distance else space.slope
     return [
         Requirement(c.cone, c.order, c.matrix @ slope, c.matrix @ space.start + c.offset)
@@ -270,11 +223,6 @@ def active_constraints(
 
     At the solution x = Σ F_xᵀ y over the constraints' multipliers y and Σ F_zᵀ y = 0, so d² is the
     sum of ⟨y, F_x x⟩: each constraint's share.
-
-    Args:
-        space: standard parameters around the estimate.
-        constraints: in the order of the multipliers.
-        closest: solution of the first program.
     """
     x = closest.u[: space.distances]
     squared = max(float(x @ x), 1e-300)

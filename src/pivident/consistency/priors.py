@@ -31,17 +31,11 @@ TIES = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class PriorTerms:
-    """Objective of a prior, in unknowns u = (standard parameters, further ones).
+    """Objective of a prior, in unknowns u = (standard parameters, further ones)."""
 
-    Attributes:
-        quadratic: H, shape (n, n).
-        linear: c, shape (n,).
-        requirements: conditions that the further unknowns need.
-    """
-
-    quadratic: np.ndarray
-    linear: np.ndarray
-    requirements: list[Requirement]
+    quadratic: np.ndarray  # H, shape (n, n)
+    linear: np.ndarray  # c, shape (n,)
+    requirements: list[Requirement]  # conditions that the further unknowns need
 
 
 def prior_terms(
@@ -54,13 +48,6 @@ def prior_terms(
     """Objective of a prior for links that are φ = slope · v + start.
 
     Rotor inertias and friction that the torques leave open count by ½ ((φ - φ₀)/scale)².
-
-    Args:
-        prior: ``entropic``, ``euclidean`` or ``none``.
-        reference: the reference.
-        links: indices of the inertial parameters of each link, shape (links, 10).
-        slope: shape (standard, unknowns).
-        start: shape (standard,).
     """
     others = np.setdiff1d(np.arange(start.size), links.ravel())
     rest = slope[others] / reference.scales[others, None]

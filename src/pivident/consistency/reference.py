@@ -35,30 +35,18 @@ POSTURES = 32
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A consistent set of standard parameters, and the scale of each.
+    """A consistent set of standard parameters, and the scale of each."""
 
-    Attributes:
-        values: standard parameters, shape (standard,).
-        scales: what is a large change of each, shape (standard,).
-        roots: P₀^-½ of each link, shape (joints, 4, 4): from a link to its scale.
-        diameters: of the steel ball that each link must be at least as large as [m], shape
-            (joints,): smaller in a link that is light or thin.
-        notes: where it comes from, sentences.
-    """
-
-    values: np.ndarray
-    scales: np.ndarray
-    roots: np.ndarray
+    values: np.ndarray  # standard parameters, shape (standard,)
+    scales: np.ndarray  # what is a large change of each, shape (standard,)
+    roots: np.ndarray  # P₀^-½ of each link, shape (joints, 4, 4): from a link to its scale
+    # of the steel ball that each link must be at least as large as [m], shape (joints,): smaller in
+    # a link that is light or thin
     diameters: np.ndarray
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # where it comes from, sentences
 
     def scaled(self, link: int, matrix: np.ndarray) -> np.ndarray:
-        """P₀^-½ P P₀^-½ of a link, for one matrix or many, shape (..., 4, 4).
-
-        Args:
-            link: index.
-            matrix: P, shape (..., 4, 4).
-        """
+        """P₀^-½ P P₀^-½ of a link, for one matrix or many, shape (..., 4, 4)."""
         return self.roots[link] @ matrix @ self.roots[link]
 
 
@@ -68,19 +56,11 @@ def make_reference(
     diameter: float,
     given: Robot | np.ndarray | None = None,
 ) -> Reference:
-    """Nominal values made consistent; links without any get a plain guess from geometry.
+    """Nominal values made consistent; links without any are assumed to be solid cylinders.
 
-    A guessed link is a solid cylinder from its frame to the next joint, a quarter as thick as long.
-
-    Args:
-        robot: the robot.
-        standard: its standard parameters.
-        diameter: of the steel ball that every link must be at least as large as [m].
-        given: another description with the same joints, or standard parameters, shape (standard,),
-            that take the place of the nominal ones.
-
-    Raises:
-        ExperimentError: a reference that does not fit the robot.
+    A cylinder reaches from the link's frame to the next joint and is a quarter as thick as long.
+    Every link is at least as large as a steel ball of ``diameter`` [m]. Another description with
+    the same joints, or standard parameters, may be ``given`` in place of the nominal ones.
     """
     values = _given_values(robot, standard, given)
     notes: list[str] = []

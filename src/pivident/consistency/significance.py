@@ -20,13 +20,7 @@ HALF_INTERVAL = 1.96
 
 
 def probability(distance: float, directions: int, most: int) -> float:
-    """χ² probability of a distance; one where the estimate was consistent.
-
-    Args:
-        distance: d* [σ].
-        directions: degrees of freedom, those that active constraints take.
-        most: number of base parameters.
-    """
+    """χ² probability of a distance; one where the estimate was consistent."""
     from scipy.stats import chi2
 
     if distance == 0.0:
@@ -35,16 +29,11 @@ def probability(distance: float, directions: int, most: int) -> float:
 
 
 def is_far(p_value: float, free: float, consistent: float) -> bool:
-    """Whether an estimate is too poor: the step is improbable, and costs much torque.
+    """Whether the step to the consistent point is improbable and costs much torque.
 
-    Or the estimate itself misses half of the torque. Improbability or cost alone is no reason.
-    Intervals of measured records do not know all model error, so long steps may cost nothing; and
-    a noisy record may allow for a step that costs much.
-
-    Args:
-        p_value: probability of the step.
-        free: relative torque error of the estimate; NaN where it is not known.
-        consistent: of the consistent parameters, likewise.
+    Or the estimate itself does not explain half of the torque. Improbability or cost alone does
+    not suffice: intervals of measured records do not include all model error, so long steps may
+    cost nothing, and a noisy record may allow a step that costs much.
     """
     if not np.isfinite(consistent):
         return False
@@ -53,12 +42,7 @@ def is_far(p_value: float, free: float, consistent: float) -> bool:
 
 
 def cost_notes(errors: tuple[float, float], p_value: float) -> tuple[str, ...]:
-    """A sentence where the step costs torque.
-
-    Args:
-        errors: relative torque errors, free and consistent; NaN where they are not known.
-        p_value: probability of the step.
-    """
+    """A sentence where the step costs torque."""
     free, consistent = errors
     if not np.isfinite(consistent) or consistent <= (1.0 + NOTABLE_COST) * free:
         return ()

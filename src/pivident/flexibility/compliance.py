@@ -55,52 +55,33 @@ MAX_UNEXPLAINED = 0.5
 class Compliance:
     """What the deflection of one joint is made of.
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        stiffness: k [N m/rad].
-        motor_inertia: Jm that was taken off the torque [kg m²].
-        stiffness_change: change of k if Jm were a tenth larger [%].
-        friction: Coulomb friction before the spring [N m].
-        encoder_lag: how much later the link encoder is read [s]; holds the viscous friction before
-            the spring, too.
-        offset: difference of the encoders' zeros [rad].
-        hysteresis: width of the loop of deflection over torque [rad].
-        backlash: gap without torque, or None where the torque does not change its sign [rad].
-        damping: d, with the torque's delay in it [N m s/rad].
-        lines: transmission error.
-        transmitted: lowest and highest torque through the spring [N m].
-        deflection: lowest and highest part of the deflection that is due to it [rad].
-        recorded: lowest and highest recorded difference of the encoders [rad].
-        residual: rms of what is left [rad].
-        unexplained: the same over the deflection's standard deviation.
-        instrumented: whether instruments from the reference were used.
-        notes: what to know, in sentences.
-        fitted: deflection and model without lines over the torque, shape (3, samples), to draw.
-
     Where more than :data:`MAX_UNEXPLAINED` is left, what was estimated is withheld: those
     quantities have neither value nor ends, and the note says why.
     """
 
-    recording: str
-    joint: str
-    stiffness: Measured
-    motor_inertia: float
-    stiffness_change: float
-    friction: Measured
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    stiffness: Measured  # k [N m/rad]
+    motor_inertia: float  # Jm that was taken off the torque [kg m²]
+    stiffness_change: float  # change of k if Jm were a tenth larger [%]
+    friction: Measured  # Coulomb friction before the spring [N m]
+    # how much later the link encoder is read [s]; holds the viscous friction before the spring, too
     encoder_lag: Measured
-    offset: Measured
-    hysteresis: Measured
+    offset: Measured  # difference of the encoders' zeros [rad]
+    hysteresis: Measured  # width of the loop of deflection over torque [rad]
+    # gap without torque, or None where the torque does not change its sign [rad]
     backlash: Measured | None
-    damping: Measured
-    lines: tuple[TransmissionLine, ...]
-    transmitted: tuple[float, float]
+    damping: Measured  # d, with the torque's delay in it [N m s/rad]
+    lines: tuple[TransmissionLine, ...]  # transmission error
+    transmitted: tuple[float, float]  # lowest and highest torque through the spring [N m]
+    # lowest and highest part of the deflection that is due to it [rad]
     deflection: tuple[float, float]
-    recorded: tuple[float, float]
-    residual: float
-    unexplained: float
-    instrumented: bool
-    notes: tuple[str, ...]
+    recorded: tuple[float, float]  # lowest and highest recorded difference of the encoders [rad]
+    residual: float  # rms of what is left [rad]
+    unexplained: float  # the same over the deflection's standard deviation
+    instrumented: bool  # whether instruments from the reference were used
+    notes: tuple[str, ...]  # what to know, in sentences
+    # deflection and model without lines over the torque, shape (3, samples), to draw
     fitted: np.ndarray = field(repr=False)
 
     @property
@@ -231,19 +212,10 @@ def identify_compliances(
     *,
     cutoff: float = CUTOFF,
 ) -> tuple[Compliance, ...]:
-    """All joints of a record; a joint that leaves its stiffness open takes the others' lag.
+    """All joints of a record; a joint without a stiffness of its own takes the others' lag.
 
-    The encoders behind the gears are read together, so joints share their lag up to the viscous
-    friction before the spring, which the spread of the lags holds.
-
-    Args:
-        recording: has ``q_link``.
-        motor_inertia: of each joint, on the joint side, shape (joints,) [kg m²].
-        reduction: N of each joint, shape (joints,).
-        cutoff: of torque and acceleration [Hz].
-
-    Raises:
-        IdentificationError: there is no link encoder, or too little motion.
+    The link encoders are read together, so joints share their lag up to the viscous friction before
+    the spring, which the spread of the lags covers. Inertias are on the joint side [kg m²].
     """
 
     def one(joint: int, lag: tuple[float, float] | None) -> Compliance:

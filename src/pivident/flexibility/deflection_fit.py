@@ -27,23 +27,14 @@ from pivident.flexibility.transmission_error import TransmissionLine, line_colum
 
 @dataclass(frozen=True, eq=False)
 class DeflectionFit:
-    """A linear fit of the deflection, with its jackknife.
+    """A linear fit of the deflection, with its jackknife."""
 
-    Attributes:
-        names: of the terms; those of the transmission error come last.
-        columns: regressors, shape (samples, terms).
-        theta: coefficients, shape (terms,).
-        replicates: coefficients without each block, shape (blocks, terms).
-        line_count: number of columns of the transmission error.
-        by_lag: what the known lag's deviation moves in each coefficient, shape (terms,).
-    """
-
-    names: tuple[str, ...]
-    columns: np.ndarray
-    theta: np.ndarray
-    replicates: np.ndarray
-    line_count: int
-    by_lag: np.ndarray
+    names: tuple[str, ...]  # of the terms; those of the transmission error come last
+    columns: np.ndarray  # regressors, shape (samples, terms)
+    theta: np.ndarray  # coefficients, shape (terms,)
+    replicates: np.ndarray  # coefficients without each block, shape (blocks, terms)
+    line_count: int  # number of columns of the transmission error
+    by_lag: np.ndarray  # what the known lag's deviation moves in each coefficient, shape (terms,)
 
     @property
     def tells_stiffness(self) -> bool:
@@ -51,41 +42,22 @@ class DeflectionFit:
         return self.value("torque") - STUDENT * self.std("torque") > 0
 
     def value(self, name: str) -> float:
-        """Coefficient of a term.
-
-        Args:
-            name: of the term.
-        """
+        """Coefficient of a term."""
         return float(self.theta[self.names.index(name)])
 
     def std(self, name: str) -> float:
-        """Its standard deviation, with what the known lag leaves open.
-
-        Args:
-            name: of the term.
-        """
+        """Its standard error, including that of the known lag."""
         i = self.names.index(name)
         return math.hypot(jackknife_deviation(self.replicates[:, i]), self.by_lag[i])
 
     def ratio(self, name: str) -> float:
-        """Coefficient over standard deviation.
-
-        Args:
-            name: of the term.
-        """
+        """Coefficient over standard error."""
         return self.value(name) / max(self.std(name), 1e-300)
 
     def measured(
         self, name: str, unit: str, factor: float = 1.0, inverse: str | None = None
     ) -> Measured:
-        """A term with its interval.
-
-        Args:
-            name: of the term.
-            unit: of the coefficient times the factor.
-            factor: times the coefficient.
-            inverse: unit of 1/coefficient, where that is asked for instead.
-        """
+        """A term times ``factor`` with its interval; ``inverse``: unit of 1/coefficient."""
         value, std = self.value(name), self.std(name)
         if inverse is not None:
             return Measured.inverse(value, std, inverse, STUDENT)
@@ -97,11 +69,7 @@ class DeflectionFit:
         return self.columns[:, len(self.theta) - n :] @ self.theta[len(self.theta) - n :]
 
     def lines(self, orders: Sequence[float]) -> tuple[TransmissionLine, ...]:
-        """Transmission error, largest amplitude first.
-
-        Args:
-            orders: with which it was fitted, cycles per revolution of the motor.
-        """
+        """Transmission error, largest amplitude first."""
         first = len(self.theta) - self.line_count
         found = []
         for i, order in enumerate(orders):
@@ -113,12 +81,7 @@ class DeflectionFit:
         return tuple(sorted(found, key=lambda line: -line.amplitude.value))
 
     def over_compliance(self, name: str, unit: str) -> Measured:
-        """-coefficient/compliance, with its own jackknife.
-
-        Args:
-            name: of the term.
-            unit: of the quotient.
-        """
+        """-coefficient/compliance, with its own jackknife."""
         i, j = self.names.index(name), self.names.index("torque")
         if not self.tells_stiffness:
             return Measured.untold(unit)
@@ -130,12 +93,9 @@ class DeflectionFit:
 def fit_deflection(
     motion: DeflectionMotion, orders: Sequence[float], optional: Sequence[str]
 ) -> DeflectionFit:
-    """Least squares, or instrumental variables where the reference is there.
+    """Least squares, or instrumental variables where there is a reference.
 
-    Args:
-        motion: samples of the joint.
-        orders: of the transmission error, cycles per revolution of the motor.
-        optional: which of the terms damping, hysteresis and backlash are fitted, too.
+    ``optional``: which of damping, hysteresis and backlash are fitted too.
     """
     columns = {
         "torque": motion.torque,
@@ -191,13 +151,7 @@ def _with_known_lag(
 def torque_through_spring(
     motion: DeflectionMotion, fit: DeflectionFit, torque: np.ndarray | None = None
 ) -> np.ndarray:
-    """Torque behind the friction before the spring, as far as that is known [N m].
-
-    Args:
-        motion: samples of the joint.
-        fit: tells the friction.
-        torque: before the friction, shape (samples,) [N m]; None: that of the motion.
-    """
+    """Torque behind the friction before the spring, as far as that is known [N m]."""
     torque = motion.torque if torque is None else torque
     compliance = fit.value("torque")
     if not fit.tells_stiffness:

@@ -30,38 +30,25 @@ TRANSITION = 0.1
 
 @dataclass(frozen=True, eq=False)
 class DeflectionMotion:
-    """Moving samples of one joint, shape (samples,) each.
+    """Moving samples of one joint, shape (samples,) each."""
 
-    Attributes:
-        t: instants [s].
-        angle: of the motor [rad].
-        deflection: motor angle over gear ratio less the retimed link angle [rad].
-        torque: low-passed, less that of the motor's inertia [N m].
-        followed: the torque that follows from the reference; the torque itself without one [N m].
-        torque_rate: derivative of the torque [N m/s].
-        speed: low-passed [rad/s].
-        sign: smoothed sign of the speed.
-        direction: in which the torque moves, -1 to 1.
-        instruments: functions of the reference, shape (samples, functions), or None.
-        known_lag: how much later the retimed link encoder is read, and the deviation of that [s],
-            or None where it is to be estimated.
-        retimed: by how much the link encoder was moved back [s].
-        recorded: lowest and highest recorded difference of the encoders [rad].
-    """
-
-    t: np.ndarray
-    angle: np.ndarray
-    deflection: np.ndarray
-    torque: np.ndarray
+    t: np.ndarray  # instants [s]
+    angle: np.ndarray  # of the motor [rad]
+    deflection: np.ndarray  # motor angle over gear ratio less the retimed link angle [rad]
+    torque: np.ndarray  # low-passed, less that of the motor's inertia [N m]
+    # the torque that follows from the reference; the torque itself without one [N m]
     followed: np.ndarray
-    torque_rate: np.ndarray
-    speed: np.ndarray
-    sign: np.ndarray
-    direction: np.ndarray
+    torque_rate: np.ndarray  # derivative of the torque [N m/s]
+    speed: np.ndarray  # low-passed [rad/s]
+    sign: np.ndarray  # smoothed sign of the speed
+    direction: np.ndarray  # in which the torque moves, -1 to 1
+    # functions of the reference, shape (samples, functions), or None
     instruments: np.ndarray | None
+    # how much later the retimed link encoder is read, and the deviation of that [s], or None where
+    # it is to be estimated
     known_lag: tuple[float, float] | None
-    retimed: float
-    recorded: tuple[float, float]
+    retimed: float  # by how much the link encoder was moved back [s]
+    recorded: tuple[float, float]  # lowest and highest recorded difference of the encoders [rad]
 
 
 def deflection_motion(
@@ -76,19 +63,9 @@ def deflection_motion(
 ) -> DeflectionMotion:
     """Signals of the samples in motion.
 
-    Args:
-        recording: has ``q_link``.
-        joint: index of the joint.
-        motor_inertia: Jm on the joint side [kg m²].
-        reduction: N, the gear ratio.
-        cutoff: of torque and acceleration [Hz].
-        known_lag: how much later the link encoder is read, and the deviation of that [s], or None.
-        gamma: slope of the smoothed sign of friction [s/rad]; None: it changes within 2 % of the
-            highest speed.
-        retimed: by how much the link encoder is moved back [s].
-
-    Raises:
-        IdentificationError: there is no link encoder, or too little motion.
+    ``known_lag``: how much later the link encoder is read, and its standard error [s]. ``gamma``:
+    slope of the smoothed sign of friction [s/rad]; None: it changes within 2 % of the highest
+    speed. ``retimed``: by how much the link encoder is moved back [s].
     """
     if recording.q_link is None:
         raise IdentificationError(

@@ -23,11 +23,7 @@ POINTS = 1500
 
 
 def render_page(found: Sequence[JointFlexibility]) -> str:
-    """The page as text.
-
-    Args:
-        found: joints of recordings.
-    """
+    """The page as text."""
     environment = page_environment()
     environment.loader = ChoiceLoader(
         [PackageLoader("pivident.flexibility"), PackageLoader("pivident.report")]
@@ -76,12 +72,7 @@ def _figures(one: JointFlexibility) -> list[Figure]:
 
 
 def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
-    """Deflection over the torque through the spring.
-
-    Args:
-        compliance: of one joint.
-        sliding: whether the joint is prismatic.
-    """
+    """Deflection over the torque through the spring."""
     torque, measured, model = compliance.fitted
     kept = np.arange(0, len(torque), max(1, len(torque) // POINTS))
     plot = empty_plot(of_kind("motor less link [mrad]", sliding))
@@ -107,12 +98,7 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
 
 
 def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
-    """Frequency response from torque to speed, measured and fitted.
-
-    Args:
-        resonance: of one joint.
-        sliding: whether the joint is prismatic.
-    """
+    """Frequency response from torque to speed, measured and fitted."""
     frequency, measured, fitted = resonance.response
     quantity = "force" if sliding else "torque"
     conclusion = of_kind(resonance.conclusion, sliding)

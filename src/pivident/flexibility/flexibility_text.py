@@ -22,25 +22,15 @@ SLIDING = {
 
 @dataclass(frozen=True)
 class Part:
-    """What one way of looking at a joint tells.
+    """What one way of looking at a joint tells."""
 
-    Attributes:
-        heading: the way.
-        rows: names and values with unit and interval.
-        sentences: what is to be known besides.
-    """
-
-    heading: str
-    rows: tuple[tuple[str, str], ...]
-    sentences: tuple[str, ...]
+    heading: str  # the way
+    rows: tuple[tuple[str, str], ...]  # names and values with unit and interval
+    sentences: tuple[str, ...]  # what is to be known besides
 
 
 def parts_of(found: JointFlexibility) -> list[Part]:
-    """The answer part by part.
-
-    Args:
-        found: one joint of one recording.
-    """
+    """The answer part by part."""
     parts = []
     if found.compliance is not None:
         rows = _compliance_rows(found.compliance)
@@ -76,11 +66,7 @@ def parts_of(found: JointFlexibility) -> list[Part]:
 
 
 def flexibility_lines(found: JointFlexibility) -> list[str]:
-    """The answer in lines of text.
-
-    Args:
-        found: one joint of one recording.
-    """
+    """The answer in lines of text."""
     lines = [f"{found.recording}, {found.joint}"]
     for part in parts_of(found):
         lines.append(f"  {part.heading}")
@@ -90,12 +76,7 @@ def flexibility_lines(found: JointFlexibility) -> list[str]:
 
 
 def of_kind(text: str, sliding: bool) -> str:
-    """A text with the units of a sliding joint, where it is one.
-
-    Args:
-        text: with the units of a joint that turns.
-        sliding: whether the joint is prismatic.
-    """
+    """A text with the units of a sliding joint, where it is one."""
     if sliding:
         for turning, other in SLIDING.items():
             text = text.replace(turning, other)
@@ -152,11 +133,7 @@ def _recorded_rows(c: Compliance) -> list[tuple[str, str]]:
 
 
 def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:
-    """Whether recordings agree on the stiffness of a joint, one line for each joint.
-
-    Args:
-        found: joints of recordings.
-    """
+    """Whether recordings agree on the stiffness of a joint, one line for each joint."""
     lines = []
     for joint, values in summary(found).items():
         if len(values) < 2:

@@ -29,23 +29,14 @@ ROUGH = 0.2
 
 @dataclass(frozen=True, eq=False)
 class LocalSpectra:
-    """Spectra of several signals, cleared of what the ends leak.
+    """Spectra of several signals, cleared of what the ends leak."""
 
-    Attributes:
-        frequency: shape (bins,) [Hz].
-        x: spectra without transients, shape (bins, signals).
-        disturbance: spectra of the disturbances, shape (bins, disturbances).
-        driven: their part that follows from the reference, shape (bins, signals).
-        noise: spectral matrices of the rest, shape (bins, signals, signals).
-        excited: bins in which every signal is clear of its noise, shape (bins,).
-    """
-
-    frequency: np.ndarray
-    x: np.ndarray
-    disturbance: np.ndarray
-    driven: np.ndarray
-    noise: np.ndarray
-    excited: np.ndarray
+    frequency: np.ndarray  # shape (bins,) [Hz]
+    x: np.ndarray  # spectra without transients, shape (bins, signals)
+    disturbance: np.ndarray  # spectra of the disturbances, shape (bins, disturbances)
+    driven: np.ndarray  # their part that follows from the reference, shape (bins, signals)
+    noise: np.ndarray  # spectral matrices of the rest, shape (bins, signals, signals)
+    excited: np.ndarray  # bins in which every signal is clear of its noise, shape (bins,)
 
     @property
     def excited_up_to(self) -> float:
@@ -66,15 +57,9 @@ def local_spectra(
     low: float,
     high: float,
 ) -> LocalSpectra:
-    """Local polynomial method for all signals at once.
+    """Local polynomial method for all signals (samples, signals) at once.
 
-    Args:
-        signals: shape (samples, signals).
-        reference: what drives the loop, shape (samples,).
-        disturbance: what else acts in it, shape (samples, disturbances).
-        rate: sampling rate [Hz].
-        low: lowest frequency [Hz].
-        high: highest frequency [Hz].
+    ``reference`` (samples,) drives the loop, ``disturbance`` (samples, disturbances) acts in it.
     """
     samples, n = len(reference), HALF_WIDTH
     every = np.column_stack([signals, reference, disturbance])

@@ -23,14 +23,7 @@ STARTS = 10
 
 
 def fit_rigid(spectra: LocalSpectra) -> tuple[np.ndarray, float, np.ndarray]:
-    """J, fv, fc of a rigid joint.
-
-    Args:
-        spectra: of speed and torque; the sign of the speed is the disturbance.
-
-    Returns:
-        Parameters, cost and covariance.
-    """
+    """J, fv, fc of a rigid joint, cost and covariance; the sign of the speed is the disturbance."""
     (y, u), s = spectra.x.T, spectra.disturbance[:, 0]
     p = 2j * np.pi * spectra.frequency
     columns = np.column_stack([p * y, y, s])
@@ -51,17 +44,10 @@ def fit_flexible(
     motor_inertia: float | None,
     known: np.ndarray | None = None,
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """From a known fit, or the best of several starts; a given Jm is held.
+    """Parameters, cost and covariance, from a known fit or the best of several starts.
 
-    Args:
-        spectra: of speed and torque; signs of the motor's speed and, where it is known, of the
-            load's are the disturbances.
-        rigid: parameters of the rigid joint, where the starts come from.
-        motor_inertia: Jm where it is known [kg m²], or None.
-        known: parameters of an earlier fit, or None.
-
-    Returns:
-        Parameters, cost and covariance.
+    Signs of the motor's speed and, where it is known, of the load's are the disturbances. A given
+    Jm is held.
     """
     held = None if motor_inertia is None else np.log(motor_inertia)
     free = np.arange(FLEXIBLE) if held is None else np.arange(1, FLEXIBLE)

@@ -18,16 +18,7 @@ BLOCKS, STUDENT = 10, 2.262
 def solve_with_jackknife(
     phi: np.ndarray, z: np.ndarray, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(ZᵀΦ)⁻¹Zᵀy, of all samples and without each block.
-
-    Args:
-        phi: regressors, shape (samples, parameters).
-        z: instruments, shape (samples, parameters); the regressors for least squares.
-        y: left-hand side, shape (samples,).
-
-    Returns:
-        The estimate, shape (parameters,), and its replicates, shape (blocks, parameters).
-    """
+    """(ZᵀΦ)⁻¹Zᵀy of all samples, (parameters,), and without each block, (blocks, parameters)."""
     bounds = np.linspace(0, len(y), BLOCKS + 1).astype(int)
     parts = [slice(a, b) for a, b in pairwise(bounds)]
     scale = np.maximum(np.linalg.norm(phi, axis=0), 1e-300)
@@ -44,10 +35,6 @@ def solve_with_jackknife(
 
 
 def jackknife_deviation(replicates: np.ndarray) -> float:
-    """Standard deviation from the estimates without each block.
-
-    Args:
-        replicates: one estimate per block, shape (blocks,).
-    """
+    """Standard error from the estimates without each block."""
     n = len(replicates)
     return float(np.sqrt((n - 1) / n * np.sum((replicates - replicates.mean()) ** 2)))

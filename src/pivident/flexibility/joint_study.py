@@ -23,27 +23,17 @@ from pivident.robot.description import Robot
 
 @dataclass(frozen=True, eq=False)
 class JointFlexibility:
-    """What is known about one joint from one recording.
+    """What is known about one joint from one recording."""
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        sliding: whether it is prismatic.
-        compliance: from both encoders in slow motion, or None.
-        two_mass: from both encoders with inertias, or None.
-        resonance: from the motor's encoder, or None.
-        rigid: what it does to a rigid model, or None where no stiffness is known.
-        notes: why something is missing.
-    """
-
-    recording: str
-    joint: str
-    sliding: bool
-    compliance: Compliance | None
-    two_mass: TwoMassEstimate | None
-    resonance: Resonance | None
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    sliding: bool  # whether it is prismatic
+    compliance: Compliance | None  # from both encoders in slow motion, or None
+    two_mass: TwoMassEstimate | None  # from both encoders with inertias, or None
+    resonance: Resonance | None  # from the motor's encoder, or None
+    # what it does to a rigid model, or None where no stiffness is known
     rigid: RigidValidity | None
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # why something is missing
 
 
 def study_flexibility(
@@ -184,18 +174,7 @@ def _stiffness_and_inertias(
 
 
 def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
-    """Write ``flexibility.json`` and ``flexibility.html``, both or neither.
-
-    Args:
-        found: joints of recordings.
-        folder: folder to create or to write into.
-
-    Returns:
-        The page.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
+    """Write ``flexibility.json`` and ``flexibility.html``, both or neither; returns the page."""
     from pivident.files import atomic_folder
     from pivident.flexibility.flexibility_page import render_page
 
@@ -228,11 +207,7 @@ def _plain(value: Any) -> Any:
 
 
 def summary(found: Sequence[JointFlexibility]) -> dict[str, list[Measured]]:
-    """Stiffness of each joint by recording, for comparison; withheld ones stay out.
-
-    Args:
-        found: joints of recordings.
-    """
+    """Stiffness of each joint by recording, for comparison; withheld ones stay out."""
     stiffness: dict[str, list[Measured]] = {}
     for one in found:
         if one.compliance is not None and one.compliance.stiffness.told:

@@ -11,42 +11,21 @@ MAX_DECIMALS = 9
 
 @dataclass(frozen=True)
 class Measured:
-    """An estimate of one quantity.
+    """An estimate of one quantity."""
 
-    Attributes:
-        value: the estimate, in SI.
-        low: lower end of its 95 % interval.
-        high: upper end; infinite where the record sets none.
-        unit: its unit.
-    """
-
-    value: float
-    low: float
-    high: float
-    unit: str
+    value: float  # the estimate, in SI
+    low: float  # lower end of its 95 % interval
+    high: float  # upper end; infinite where the record sets none
+    unit: str  # its unit
 
     @classmethod
     def around(cls, value: float, std: float, unit: str, factor: float = 2.0) -> Measured:
-        """An estimate ± factor·std.
-
-        Args:
-            value: the estimate.
-            std: its standard deviation.
-            unit: its unit.
-            factor: half the interval's width in deviations.
-        """
+        """An estimate ± factor·std."""
         return cls(float(value), float(value - factor * std), float(value + factor * std), unit)
 
     @classmethod
     def inverse(cls, value: float, std: float, unit: str, factor: float = 2.0) -> Measured:
-        """1/x for a positive quantity x; where x may be zero, no upper end is known.
-
-        Args:
-            value: estimate of x.
-            std: its standard deviation.
-            unit: unit of 1/x.
-            factor: half the interval's width in deviations.
-        """
+        """1/x for a positive quantity x; the upper end is unknown where x may be zero."""
         low, high = value - factor * std, value + factor * std
         best = 1.0 / value if value > 0 else math.inf
         least = 1.0 / high if high > 0 else math.inf
@@ -54,11 +33,7 @@ class Measured:
 
     @classmethod
     def untold(cls, unit: str) -> Measured:
-        """What a record says nothing about: no value, no ends.
-
-        Args:
-            unit: its unit.
-        """
+        """What a record says nothing about: no value, no ends."""
         return cls(math.nan, -math.inf, math.inf, unit)
 
     @property
@@ -72,20 +47,11 @@ class Measured:
         return self.low > 0 or self.high < 0
 
     def times(self, factor: float, unit: str) -> Measured:
-        """The same in another unit.
-
-        Args:
-            factor: positive factor.
-            unit: the unit it leads to.
-        """
+        """The same in another unit."""
         return Measured(self.value * factor, self.low * factor, self.high * factor, unit)
 
     def covers(self, value: float) -> bool:
-        """Whether the interval holds a value.
-
-        Args:
-            value: the value, in the same unit.
-        """
+        """Whether the interval holds a value."""
         return self.low <= value <= self.high
 
     def __str__(self) -> str:

@@ -36,41 +36,27 @@ FRICTION_DOUBT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Resonance:
-    """What one encoder tells about a joint's flexibility.
+    """What one encoder tells about a joint's flexibility."""
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        seen: whether there is a resonance in the excited band.
-        excited: lowest and highest frequency that the reference excites [Hz]; (0, 0): none.
-        total_inertia: Jm + Jl, or J of the rigid fit [kg m²]; None where nothing is excited.
-        antiresonance: √(k/Jl)/2π [Hz], or None.
-        resonance: √(k (1/Jm + 1/Jl))/2π [Hz], or None.
-        stiffness: k; where no resonance was seen, only its lower end, and only if the load's
-            inertia was given [N m/rad].
-        damping: d [N m s/rad], or None.
-        motor_inertia: Jm [kg m²], or None.
-        load_inertia: Jl [kg m²], or None.
-        gain: twice the log-likelihood of the flexible over that of the rigid joint.
-        misfit: cost over the number of bins; about 1 where the model holds.
-        conclusion: in one sentence.
-        response: frequency [Hz], |Y/U| measured and fitted [rad/s per N m], shape (3, bins).
-    """
-
-    recording: str
-    joint: str
-    seen: bool
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    seen: bool  # whether there is a resonance in the excited band
+    # lowest and highest frequency that the reference excites [Hz]; (0, 0): none
     excited: tuple[float, float]
+    # Jm + Jl, or J of the rigid fit [kg m²]; None where nothing is excited
     total_inertia: Measured | None
-    antiresonance: Measured | None
-    resonance: Measured | None
+    antiresonance: Measured | None  # √(k/Jl)/2π [Hz], or None
+    resonance: Measured | None  # √(k (1/Jm + 1/Jl))/2π [Hz], or None
+    # k; where no resonance was seen, only its lower end, and only if the load's inertia was given
+    # [N m/rad]
     stiffness: Measured | None
-    damping: Measured | None
-    motor_inertia: Measured | None
-    load_inertia: Measured | None
-    gain: float
-    misfit: float
-    conclusion: str
+    damping: Measured | None  # d [N m s/rad], or None
+    motor_inertia: Measured | None  # Jm [kg m²], or None
+    load_inertia: Measured | None  # Jl [kg m²], or None
+    gain: float  # twice the log-likelihood of the flexible over that of the rigid joint
+    misfit: float  # cost over the number of bins; about 1 where the model holds
+    conclusion: str  # in one sentence
+    # frequency [Hz], |Y/U| measured and fitted [rad/s per N m], shape (3, bins)
     response: np.ndarray = field(repr=False)
 
 

@@ -35,36 +35,21 @@ CUTOFF = 50.0
 
 @dataclass(frozen=True)
 class RigidValidity:
-    """How far a rigid model of one joint can be trusted.
+    """How far a rigid model of one joint can be trusted."""
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        antiresonance: locked-rotor frequency √(k/Jl)/2π [Hz].
-        motion_band: frequency below which 95 % of the acceleration's power lies [Hz].
-        cutoff: of the signals in the rigid fit [Hz].
-        inertia_error: of Jm + Jl in a rigid least-squares fit [%].
-        at_band_edge: (J(ω) - J)/J at the edge of the motion's band [%]; infinite beyond the
-            antiresonance.
-        viscous_error: of the viscous friction [N m s/rad].
-        coulomb_error: of the Coulomb friction [N m].
-        missing_torque: rms of the torque that the rigid model lacks after the fit [N m].
-        severity: ``fine``, ``look`` or ``wrong``.
-        sentences: in plain words.
-    """
-
-    recording: str
-    joint: str
-    antiresonance: float
-    motion_band: float
-    cutoff: float
-    inertia_error: float
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    antiresonance: float  # locked-rotor frequency √(k/Jl)/2π [Hz]
+    motion_band: float  # frequency below which 95 % of the acceleration's power lies [Hz]
+    cutoff: float  # of the signals in the rigid fit [Hz]
+    inertia_error: float  # of Jm + Jl in a rigid least-squares fit [%]
+    # (J(ω) - J)/J at the edge of the motion's band [%]; infinite beyond the antiresonance
     at_band_edge: float
-    viscous_error: float
-    coulomb_error: float
-    missing_torque: float
-    severity: Literal["fine", "look", "wrong"]
-    sentences: tuple[str, ...]
+    viscous_error: float  # of the viscous friction [N m s/rad]
+    coulomb_error: float  # of the Coulomb friction [N m]
+    missing_torque: float  # rms of the torque that the rigid model lacks after the fit [N m]
+    severity: Literal["fine", "look", "wrong"]  # ``fine``, ``look`` or ``wrong``
+    sentences: tuple[str, ...]  # in plain words
 
 
 def rigid_validity(

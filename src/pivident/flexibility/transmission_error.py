@@ -35,35 +35,20 @@ MAX_LINES = 6
 
 @dataclass(frozen=True)
 class TransmissionLine:
-    """One periodic part of the transmission error.
+    """One periodic part of the transmission error."""
 
-    Attributes:
-        order: cycles per revolution of the motor.
-        amplitude: of the deflection [rad].
-    """
-
-    order: float
-    amplitude: Measured
+    order: float  # cycles per revolution of the motor
+    amplitude: Measured  # of the deflection [rad]
 
 
 def line_columns(angle: np.ndarray, orders: Sequence[float]) -> np.ndarray:
-    """Cosine and sine of each order, shape (samples, 2·orders).
-
-    Args:
-        angle: motor angle, shape (samples,) [rad].
-        orders: cycles per revolution.
-    """
+    """Cosine and sine of each order, shape (samples, 2·orders)."""
     columns = [f(order * angle) for order in orders for f in (np.cos, np.sin)]
     return np.column_stack(columns) if columns else np.empty((len(angle), 0))
 
 
 def largest_order(angle: np.ndarray, rate: float) -> float:
-    """Order whose frequency reaches 80 % of half the sampling rate at the highest speed.
-
-    Args:
-        angle: motor angle of consecutive samples, shape (samples,) [rad].
-        rate: sampling rate [Hz].
-    """
+    """Order whose frequency reaches 80 % of half the sampling rate at the highest speed."""
     fastest = float(np.abs(np.gradient(angle)).max()) * rate
     return 0.8 * math.pi * rate / max(fastest, 1e-12)
 
@@ -73,11 +58,6 @@ def find_orders(residual: np.ndarray, angle: np.ndarray, highest: float) -> list
 
     One line at a time is found in the spectrum over the motor's angle and taken off with all those
     before it.
-
-    Args:
-        residual: deflection without its other terms, shape (samples,) [rad].
-        angle: motor angle at these samples, shape (samples,) [rad].
-        highest: highest order to look at.
     """
     period = 2 * math.pi / max(float(np.ptp(angle)), 1e-12)
     lowest, step = MIN_PERIODS * period, 0.5 * period

@@ -57,33 +57,20 @@ class _Signals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TwoMassEstimate:
-    """An identified flexible joint.
+    """An identified flexible joint."""
 
-    Attributes:
-        recording: name of the run.
-        joint_name: name of the joint.
-        names: parameters, fields of `TwoMassJoint`.
-        theta: their values, in SI.
-        covariance: shape (parameters, parameters).
-        joint: the parameters as a joint that can be simulated.
-        band: lowest and highest frequency used [Hz].
-        steps: how many steps it took.
-        converged: whether the last one changed nothing any more.
-        instrumented: whether instruments came from a simulated joint; else from the record itself.
-        notes: what to know, in sentences.
-    """
-
-    recording: str
-    joint_name: str
-    names: tuple[str, ...]
-    theta: np.ndarray
-    covariance: np.ndarray = field(repr=False)
-    joint: TwoMassJoint
-    band: tuple[float, float]
-    steps: int
-    converged: bool
+    recording: str  # name of the run
+    joint_name: str  # name of the joint
+    names: tuple[str, ...]  # parameters, fields of `TwoMassJoint`
+    theta: np.ndarray  # their values, in SI
+    covariance: np.ndarray = field(repr=False)  # shape (parameters, parameters)
+    joint: TwoMassJoint  # the parameters as a joint that can be simulated
+    band: tuple[float, float]  # lowest and highest frequency used [Hz]
+    steps: int  # how many steps it took
+    converged: bool  # whether the last one changed nothing any more
+    # whether instruments came from a simulated joint; else from the record itself
     instrumented: bool
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # what to know, in sentences
 
     @property
     def std(self) -> np.ndarray:
@@ -91,11 +78,7 @@ class TwoMassEstimate:
         return np.sqrt(np.diag(self.covariance))
 
     def measured(self, name: str) -> Measured:
-        """One parameter with its interval.
-
-        Args:
-            name: one of `names`.
-        """
+        """One parameter with its interval."""
         i = self.names.index(name)
         return Measured.around(self.theta[i], self.std[i], UNITS[name.rpartition("_")[2]], 1.96)
 

@@ -36,53 +36,35 @@ FEWEST = 12
 
 @dataclass(frozen=True, eq=False)
 class StateDependence:
-    """One term p(x) z of the model.
+    """One term p(x) z of the model."""
 
-    Attributes:
-        name: of the parameter.
-        state: x, shape (samples,).
-        regressor: z, likewise; the parameter is not seen where it is zero.
-        order: 1: random walk; 2: integrated random walk, a straight line where the data ask for
-            nothing else.
-        nvr: noise-to-variance ratio per unit of the coordinate; None: by maximum likelihood.
-        centred: whether the function has mean zero over its samples, because another one has the
-            level.
-        points: how many points of the state the function is given at; more where it is rough.
-        narrowest: smallest bandwidth of the search, as a share of the state's range. A record that
-            repeats itself repeats its small errors too, and likelihood would follow them.
-    """
-
-    name: str
-    state: np.ndarray
-    regressor: np.ndarray
+    name: str  # of the parameter
+    state: np.ndarray  # x, shape (samples,)
+    regressor: np.ndarray  # z, likewise; the parameter is not seen where it is zero
+    # 1: random walk; 2: integrated random walk, a straight line where the data ask for nothing else
     order: int = 2
+    # noise-to-variance ratio per unit of the coordinate; None: by maximum likelihood
     nvr: float | None = None
+    # whether the function has mean zero over its samples, because another one has the level
     centred: bool = False
+    # how many points of the state the function is given at; more where it is rough
     points: int = POINTS
+    # smallest bandwidth of the search, as a share of the state's range. A record that repeats
+    # itself repeats its small errors too, and likelihood would follow them
     narrowest: float = NARROWEST
 
 
 @dataclass(frozen=True, eq=False)
 class Sorted:
-    """A term's samples in the order of its state.
+    """A term's samples in the order of its state."""
 
-    Attributes:
-        term: the term, on averaged samples.
-        order: indices of the samples that are smoothed, by ascending state.
-        u: their coordinate, 0 to 1.
-        z: their regressor.
-        sets: for each set of samples D apart, where they are in ``order``.
-        low: smallest state.
-        width: range of the state.
-    """
-
-    term: StateDependence
-    order: np.ndarray
-    u: np.ndarray
-    z: np.ndarray
-    sets: tuple[np.ndarray, ...]
-    low: float
-    width: float
+    term: StateDependence  # the term, on averaged samples
+    order: np.ndarray  # indices of the samples that are smoothed, by ascending state
+    u: np.ndarray  # their coordinate, 0 to 1
+    z: np.ndarray  # their regressor
+    sets: tuple[np.ndarray, ...]  # for each set of samples D apart, where they are in ``order``
+    low: float  # smallest state
+    width: float  # range of the state
 
     def coordinate(self, state: np.ndarray) -> np.ndarray:
         """Coordinate of a state, held within 0 to 1."""
@@ -91,40 +73,24 @@ class Sorted:
 
 @dataclass(frozen=True, eq=False)
 class Averages:
-    """Means of consecutive samples, in the order of time.
+    """Means of consecutive samples, in the order of time."""
 
-    Attributes:
-        y: what is to be explained.
-        sorted: the terms on these means, each in the order of its state.
-    """
-
-    y: np.ndarray
-    sorted: tuple[Sorted, ...]
+    y: np.ndarray  # what is to be explained
+    sorted: tuple[Sorted, ...]  # the terms on these means, each in the order of its state
 
 
 @dataclass(frozen=True, eq=False)
 class BackFitted:
-    """Functions that stand still, before their bands.
+    """Functions that stand still, before their bands."""
 
-    Attributes:
-        correlation: D in samples.
-        merged: D in means.
-        averages: the means.
-        courses: state and value of each function, ascending.
-        nvrs: noise-to-variance ratios.
-        straight: whether likelihood asks for no more than a line.
-        rounds: rounds of back-fitting.
-        converged: whether they stand still.
-    """
-
-    correlation: float
-    merged: float
-    averages: Averages
-    courses: list[tuple[np.ndarray, np.ndarray]]
-    nvrs: list[float]
-    straight: list[bool]
-    rounds: int
-    converged: bool
+    correlation: float  # D in samples
+    merged: float  # D in means
+    averages: Averages  # the means
+    courses: list[tuple[np.ndarray, np.ndarray]]  # state and value of each function, ascending
+    nvrs: list[float]  # noise-to-variance ratios
+    straight: list[bool]  # whether likelihood asks for no more than a line
+    rounds: int  # rounds of back-fitting
+    converged: bool  # whether they stand still
 
     def residual(
         self, y: np.ndarray, terms: Sequence[StateDependence], used: np.ndarray
@@ -164,13 +130,9 @@ def averages_of(
     record: np.ndarray,
     correlation: float,
 ) -> tuple[float, Averages]:
-    """Means of so few samples that neither states nor errors change much within.
+    """D in means, and means of so few samples that neither states nor errors change much within.
 
-    Means lose nothing of the slow errors, and average the fast ones, which leaves the sum of
-    information as it was: n/D.
-
-    Returns:
-        D in means, and the means.
+    Means keep the slow errors and average the fast ones, so the information n/D stays the same.
     """
     at = np.flatnonzero(used)
     travel = [

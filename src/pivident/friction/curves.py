@@ -35,9 +35,6 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
     Columns: joint, kind (``function`` or ``map``), name, state_name, state, state_unit, value,
     lower, upper (2σ), torque_unit, passes, effective (both of a map; independent samples of a
     function).
-
-    Args:
-        study: the friction of a record.
     """
     pl = require("polars", extra="tables", purpose="the table of friction curves")
     frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
@@ -45,11 +42,7 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
 
 
 def as_json(study: FrictionStudy) -> dict[str, Any]:
-    """What was found, as plain values; numbers that are not finite become null.
-
-    Args:
-        study: the friction of a record.
-    """
+    """What was found, as plain values; numbers that are not finite become null."""
     return {
         "schema": SCHEMA,
         "pivident": __version__,

@@ -33,43 +33,28 @@ POINTS_OF_POSITION = 121
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """Errors of the models of one joint on motion that was not fitted.
+    """Errors of the models of one joint on motion that was not fitted."""
 
-    Attributes:
-        band: below which they are compared [Hz].
-        constant: viscous, Coulomb friction and offset as constants.
-        speed: functions of speed alone.
-        by_term: all functions but one, by the name of the one left out.
-        full: all functions.
-    """
-
-    band: float
-    constant: HeldOutError
-    speed: HeldOutError
-    by_term: dict[str, HeldOutError]
-    full: HeldOutError
+    band: float  # below which they are compared [Hz]
+    constant: HeldOutError  # viscous, Coulomb friction and offset as constants
+    speed: HeldOutError  # functions of speed alone
+    by_term: dict[str, HeldOutError]  # all functions but one, by the name of the one left out
+    full: HeldOutError  # all functions
 
 
 @dataclass(frozen=True, eq=False)
 class JointFriction:
-    """Everything about one joint.
+    """Everything about one joint."""
 
-    Attributes:
-        torque: its friction torque with states.
-        fit: functions of speed (``positive``, ``negative``), ``position``, ``load``, ``time``.
-        held_out: how they do on motion that was not fitted.
-        maps: binned maps by state; the friction against the motion and against each direction,
-            each less what the other functions explain.
-        plane: what the functions of speed leave, over speed and position.
-        findings: what is seen.
-    """
-
-    torque: FrictionTorque
+    torque: FrictionTorque  # its friction torque with states
+    # functions of speed (``positive``, ``negative``), ``position``, ``load``, ``time``
     fit: StateDependentFit
-    held_out: HeldOut
+    held_out: HeldOut  # how they do on motion that was not fitted
+    # binned maps by state; the friction against the motion and against each direction, each less
+    # what the other functions explain
     maps: dict[str, FrictionMap]
-    plane: FrictionPlane
-    findings: tuple[Finding, ...]
+    plane: FrictionPlane  # what the functions of speed leave, over speed and position
+    findings: tuple[Finding, ...]  # what is seen
 
     @property
     def name(self) -> str:
@@ -79,23 +64,14 @@ class JointFriction:
 
 @dataclass(frozen=True, eq=False)
 class FrictionStudy:
-    """The friction of a record.
+    """The friction of a record."""
 
-    Attributes:
-        robot: name of the robot.
-        method: estimate whose rigid part was taken off.
-        recordings: names of the recordings.
-        joints: the joints that could be examined.
-        left_out: why others could not, by joint.
-        ripple: lines over position, where they were searched.
-    """
-
-    robot: str
-    method: str
-    recordings: tuple[str, ...]
-    joints: tuple[JointFriction, ...]
-    left_out: dict[str, str]
-    ripple: Ripple | None = None
+    robot: str  # name of the robot
+    method: str  # estimate whose rigid part was taken off
+    recordings: tuple[str, ...]  # names of the recordings
+    joints: tuple[JointFriction, ...]  # the joints that could be examined
+    left_out: dict[str, str]  # why others could not, by joint
+    ripple: Ripple | None = None  # lines over position, where they were searched
 
 
 def study_friction(
@@ -145,9 +121,6 @@ def friction_terms(torque: FrictionTorque) -> list[StateDependence]:
 
     with a straight line over time: a function of time would fit whatever is correlated in time.
     Terms whose state does not vary, or directions in which the joint never moves, are left out.
-
-    Args:
-        torque: friction torque with its states.
     """
     d, speed = torque.direction, np.abs(torque.dq)
     one = np.where(torque.moving, 1.0, 0.0)
@@ -164,15 +137,7 @@ def friction_terms(torque: FrictionTorque) -> list[StateDependence]:
 
 
 def joint_friction(torque: FrictionTorque, bins: int = 24) -> JointFriction:
-    """Examine one joint.
-
-    Args:
-        torque: its friction torque.
-        bins: of every map.
-
-    Raises:
-        IdentificationError: it does not move enough in both directions.
-    """
+    """Examine one joint."""
     for sign, words in ((1.0, "forwards"), (-1.0, "backwards")):
         if not (torque.direction == sign).any():
             raise IdentificationError(
@@ -261,11 +226,7 @@ def _plane(torque: FrictionTorque, fit: StateDependentFit, residual: np.ndarray)
 
 
 def elapsed(torque: FrictionTorque) -> np.ndarray:
-    """Time over all recordings, one behind the other [s], shape (samples,).
-
-    Args:
-        torque: friction torque with its states.
-    """
+    """Time over all recordings, one behind the other [s], shape (samples,)."""
     ends = [torque.t[torque.record == k].max() for k in np.unique(torque.record)]
     starts = np.concatenate([[0.0], np.cumsum(ends)[:-1]])
     return torque.t + starts[torque.record]

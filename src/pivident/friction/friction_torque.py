@@ -39,43 +39,25 @@ class FrictionTorque:
     """Friction torque of one joint with its states, at the full rate; arrays (samples,).
 
     Recordings follow each other; ``record`` tells them apart.
-
-    Attributes:
-        name: name of the joint.
-        torque_unit: N m or N.
-        position_unit: rad or m.
-        rate: sampling rate [Hz].
-        t: time since the first sample of its recording [s].
-        q: position [rad or m].
-        dq: speed [rad/s or m/s].
-        ddq: acceleration, smoothed like the load [rad/s² or m/s²].
-        load: torque of the rigid part: inertia, gravity, couplings of inertia, smoothed
-            [torque_unit].
-        tau: friction torque, own friction of the estimate plus residual [torque_unit].
-        law: own friction of the estimate alone [torque_unit].
-        record: number of the recording.
-        moving: whether the joint is faster than ``standstill``.
-        standstill: speed that passes for standstill [rad/s or m/s].
-        band: half-power frequency of load and acceleration [Hz].
-        load_std: rms standard deviation of ``load`` by the estimate's covariance [torque_unit].
     """
 
-    name: str
-    torque_unit: str
-    position_unit: str
-    rate: float
-    t: np.ndarray
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
+    name: str  # name of the joint
+    torque_unit: str  # N m or N
+    position_unit: str  # rad or m
+    rate: float  # sampling rate [Hz]
+    t: np.ndarray  # time since the first sample of its recording [s]
+    q: np.ndarray  # position [rad or m]
+    dq: np.ndarray  # speed [rad/s or m/s]
+    ddq: np.ndarray  # acceleration, smoothed like the load [rad/s² or m/s²]
+    # torque of the rigid part: inertia, gravity, couplings of inertia, smoothed [torque_unit]
     load: np.ndarray
-    tau: np.ndarray
-    law: np.ndarray
-    record: np.ndarray
-    moving: np.ndarray
-    standstill: float
-    band: float
-    load_std: float
+    tau: np.ndarray  # friction torque, own friction of the estimate plus residual [torque_unit]
+    law: np.ndarray  # own friction of the estimate alone [torque_unit]
+    record: np.ndarray  # number of the recording
+    moving: np.ndarray  # whether the joint is faster than ``standstill``
+    standstill: float  # speed that passes for standstill [rad/s or m/s]
+    band: float  # half-power frequency of load and acceleration [Hz]
+    load_std: float  # rms standard deviation of ``load`` by the estimate's covariance [torque_unit]
 
     @property
     def direction(self) -> np.ndarray:
@@ -88,11 +70,7 @@ class FrictionTorque:
         return float(np.mean(np.abs(self.tau[self.moving]))) if self.moving.any() else 0.0
 
     def pieces(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        """A signal by recording, NaN where the joint stands still.
-
-        Args:
-            values: shape (samples,).
-        """
+        """A signal by recording, NaN where the joint stands still."""
         values = np.where(self.moving, values, np.nan)
         return tuple(values[self.record == k] for k in np.unique(self.record))
 
@@ -103,18 +81,10 @@ def friction_torques(
     standstill: float | None = None,
     band: float | None = None,
 ) -> tuple[FrictionTorque, ...]:
-    """Friction torque of every joint on all recordings.
+    """Friction torque of every joint on all recordings, motion smoothed at the full rate.
 
-    Args:
-        problem: what the estimate was made from.
-        identification: an estimate by any method. The motion is smoothed at the full rate, as
-            the estimate did it or, after a decimated one, anew.
-        standstill: share of the rated speed that passes for standstill; None: 1 %.
-        band: half-power frequency of load and acceleration [Hz]; None: the highest frequency of
-            the motion, 20 Hz.
-
-    Returns:
-        One friction torque for each joint.
+    ``standstill`` is a share of the rated speed (None: 1 %), ``band`` the half-power frequency of
+    load and acceleration [Hz] (None: the highest frequency of the motion, 20 Hz).
     """
     rigid = _rigid_theta(identification)
     regressor = Regressor.build(identification.robot, identification.parameters)

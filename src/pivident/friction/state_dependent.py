@@ -47,27 +47,16 @@ MIN_MEANS = 30
 
 @dataclass(frozen=True, eq=False)
 class StateDependentParameter:
-    """One estimated function.
+    """One estimated function."""
 
-    Attributes:
-        name: of the parameter.
-        state: points of the state, ascending, shape (points,).
-        value: p at these points, shape (points,).
-        std: its standard deviation, likewise; 2 std is the band.
-        nvr: noise-to-variance ratio.
-        is_straight: whether likelihood asks for no more than a line (order 2) or constant (1).
-        contribution: p(x_k) z_k at all samples, shape (samples,).
-        density: independent samples near each point, shape (points,).
-    """
-
-    name: str
-    state: np.ndarray
-    value: np.ndarray
-    std: np.ndarray
-    nvr: float
-    is_straight: bool
-    contribution: np.ndarray = field(repr=False)
-    density: np.ndarray = field(repr=False)
+    name: str  # of the parameter
+    state: np.ndarray  # points of the state, ascending, shape (points,)
+    value: np.ndarray  # p at these points, shape (points,)
+    std: np.ndarray  # its standard deviation, likewise; 2 std is the band
+    nvr: float  # noise-to-variance ratio
+    is_straight: bool  # whether likelihood asks for no more than a line (order 2) or constant (1)
+    contribution: np.ndarray = field(repr=False)  # p(x_k) z_k at all samples, shape (samples,)
+    density: np.ndarray = field(repr=False)  # independent samples near each point, shape (points,)
 
     def at(self, state: np.ndarray) -> np.ndarray:
         """The function at other states, linear between its points and constant outside."""
@@ -76,26 +65,17 @@ class StateDependentParameter:
 
 @dataclass(frozen=True, eq=False)
 class StateDependentFit:
-    """All functions of the model together.
+    """All functions of the model together."""
 
-    Attributes:
-        parameters: one for each term.
-        covariance: joint covariance of all values, in the order of the terms.
-        noise_std: standard deviation of the residual, in the unit of y.
-        correlation: D, samples that count as one.
-        effective: number of independent samples.
-        rounds: rounds of back-fitting.
-        converged: whether the functions stand still.
-        residual: y less all contributions, shape (samples,); NaN on samples that were not used.
-    """
-
-    parameters: tuple[StateDependentParameter, ...]
+    parameters: tuple[StateDependentParameter, ...]  # one for each term
+    # joint covariance of all values, in the order of the terms
     covariance: np.ndarray = field(repr=False)
-    noise_std: float
-    correlation: float
-    effective: float
-    rounds: int
-    converged: bool
+    noise_std: float  # standard deviation of the residual, in the unit of y
+    correlation: float  # D, samples that count as one
+    effective: float  # number of independent samples
+    rounds: int  # rounds of back-fitting
+    converged: bool  # whether the functions stand still
+    # y less all contributions, shape (samples,); NaN on samples that were not used
     residual: np.ndarray = field(repr=False)
 
     def __getitem__(self, name: str) -> StateDependentParameter:
@@ -106,11 +86,7 @@ class StateDependentFit:
         return any(p.name == name for p in self.parameters)
 
     def contrast(self, weights: dict[str, np.ndarray]) -> tuple[float, float]:
-        """A weighted sum of values of the functions, and its standard deviation.
-
-        Args:
-            weights: by parameter, one number for each of its points.
-        """
+        """Weighted sum of values of the functions, weights by parameter, and its standard error."""
         stacked = np.concatenate(
             [weights.get(p.name, np.zeros(p.state.size)) for p in self.parameters]
         )
@@ -126,9 +102,6 @@ def correlation_length(pieces: Sequence[np.ndarray]) -> float:
     It tends to 1 + 2 Σ ρ_k for long m. The largest value over all lengths is taken: a slow model
     error under loud white noise is invisible in the correlations at short lags and rules the
     means all the same.
-
-    Args:
-        pieces: residual of each recording, NaN where there is none.
     """
     pieces = [p[np.isfinite(p)] for p in pieces]
     total = sum(p.size for p in pieces)
@@ -158,20 +131,10 @@ def fit_state_dependent(
 ) -> StateDependentFit:
     """Estimate the functions of (1) by back-fitting, with their joint bands.
 
-    Args:
-        y: what is to be explained, shape (samples,), in the order of time.
-        terms: the model.
-        used: samples that count, shape (samples,); None: all.
-        record: number of the recording of each sample; correlation ends where it changes.
-        expected: residual from which D is found first; None: y less a straight line in all
-            states.
-        correlation: D, where it is known.
-        rounds: most rounds of back-fitting.
-        tolerance: largest rms change of a contribution in a round that counts as standing still,
-            as a share of the deviation of y.
-
-    Raises:
-        IdentificationError: too few independent samples, or a state that does not vary.
+    Samples are in the order of time; correlation ends where ``record`` changes. D
+    (``correlation``) is found from the ``expected`` residual, None: y less a straight line in all
+    states. A round that changes no contribution by more than ``tolerance`` standard deviations of y
+    (rms) is the last.
     """
     y = np.asarray(y, dtype=float)
     used = np.ones(y.size, dtype=bool) if used is None else np.asarray(used, dtype=bool)
@@ -209,15 +172,6 @@ def contributions_without(
 
     The noise-to-variance ratios and D of a fit are kept. Outside the states that were seen a
     function goes on as a line, a centred one as a constant.
-
-    Args:
-        y: what is to be explained, shape (samples,).
-        terms: the model, terms of the fit or some of them.
-        fit: where the ratios come from.
-        used: samples to estimate from, shape (samples,).
-        record: number of the recording of each sample.
-        rounds: most rounds of back-fitting.
-        tolerance: see :func:`fit_state_dependent`.
     """
     given = [replace(t, nvr=fit[t.name].nvr) for t in terms if varies(t, used)]
     merged, averages = averages_of(y, given, used, record, fit.correlation)

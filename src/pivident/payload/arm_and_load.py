@@ -43,40 +43,25 @@ SINGULAR = 1e-14
 
 @dataclass(frozen=True, eq=False)
 class ArmAndLoad:
-    """The unknowns of a loaded record, and what is known of them.
+    """The unknowns of a loaded record, and what is known of them."""
 
-    Attributes:
-        problem: robot, loaded recordings and loop, with all parameters that θ_loaded needs.
-        selected: places of the arm's parameters among those of the problem, shape (arm,).
-        friction: places of the arm's parameters whose change under load is estimated.
-        basis: V, shape (10, r).
-        structural: directions of π that no torque of this arm depends on and nothing known tells,
-            shape (10, 10 - r).
-        loaded_map: M₂, shape (parameters of the problem, unknowns).
-        information: of what is known, shape (unknowns, unknowns): arm, known parts, weak knowledge.
-        right: information times the known values, shape (unknowns,).
-        arm_theta: θ̂₁, shape (arm,).
-        arm_information: P₁⁻¹ as the normal equations have it, shape (arm, arm).
-        arm_covariance: covariance of θ̂₁ as reported, shape (arm, arm).
-        known: what is known of the load.
-        known_rows: H V of its equations, shape (equations, r).
-        weak_load: information of the weak knowledge of ξ, shape (r, r).
-    """
-
-    problem: Problem
-    selected: np.ndarray
-    friction: np.ndarray
-    basis: np.ndarray
+    problem: Problem  # robot, loaded recordings and loop, with all parameters that θ_loaded needs
+    selected: np.ndarray  # places of the arm's parameters among those of the problem, shape (arm,)
+    friction: np.ndarray  # places of the arm's parameters whose change under load is estimated
+    basis: np.ndarray  # V, shape (10, r)
+    # directions of π that no torque of this arm depends on and nothing known tells, shape (10, 10 -
+    # r)
     structural: np.ndarray
-    loaded_map: np.ndarray
+    loaded_map: np.ndarray  # M₂, shape (parameters of the problem, unknowns)
+    # of what is known, shape (unknowns, unknowns): arm, known parts, weak knowledge
     information: np.ndarray
-    right: np.ndarray
-    arm_theta: np.ndarray
-    arm_information: np.ndarray
-    arm_covariance: np.ndarray
-    known: KnownParts
-    known_rows: np.ndarray
-    weak_load: np.ndarray
+    right: np.ndarray  # information times the known values, shape (unknowns,)
+    arm_theta: np.ndarray  # θ̂₁, shape (arm,)
+    arm_information: np.ndarray  # P₁⁻¹ as the normal equations have it, shape (arm, arm)
+    arm_covariance: np.ndarray  # covariance of θ̂₁ as reported, shape (arm, arm)
+    known: KnownParts  # what is known of the load
+    known_rows: np.ndarray  # H V of its equations, shape (equations, r)
+    weak_load: np.ndarray  # information of the weak knowledge of ξ, shape (r, r)
 
     @property
     def arm_part(self) -> slice:
@@ -101,21 +86,12 @@ class ArmAndLoad:
         return theta
 
     def mass_size(self, x: np.ndarray, covariance: np.ndarray) -> float:
-        """Root mean square of the load's mass by an estimate [kg].
-
-        Args:
-            x: the estimate, shape (unknowns,).
-            covariance: its covariance, shape (unknowns, unknowns).
-        """
+        """Root mean square of the load's mass by an estimate and its covariance [kg]."""
         own, row = self.load_part, self.basis[9]
         return float(np.sqrt((row @ x[own]) ** 2 + row @ covariance[own, own] @ row))
 
     def at_mass(self, mass: float) -> ArmAndLoad:
-        """The same with the deviations of the known parts for a mass of this size.
-
-        Args:
-            mass: as `mass_size` has it [kg].
-        """
+        """The same with the standard errors of the known parts for a mass of this size [kg]."""
         own = self.load_part
         _, values, deviations = self.known.equations(mass)
         information, right = self.information.copy(), self.right.copy()
@@ -133,18 +109,10 @@ def arm_and_load(
     frame: Pose,
     friction_under_load: bool,
 ) -> ArmAndLoad:
-    """Sort what is known from what is not.
+    """Separate known from unknown parameters of the loaded arm.
 
-    Args:
-        arm: the arm identified without load.
-        problem: the loaded recordings; its parameters are those that `widened` names.
-        link: index of the link that carries the load.
-        known: what is known of the load.
-        frame: frame of the known parts in that of the link.
-        friction_under_load: whether friction may be another one with the load.
-
-    Raises:
-        IdentificationError: the covariance of the arm is singular.
+    ``frame``: frame of the known parts in that of the link. ``friction_under_load``: friction may
+    be different with the load.
     """
     base = problem.base
     names = [p.name for p in problem.regressor.parameters]
@@ -177,35 +145,19 @@ def arm_and_load(
 
 
 def load_columns(base: BaseParameters, link: int) -> np.ndarray:
-    """B: change of all base parameters per parameter of the load, shape (base, 10).
-
-    Args:
-        base: base parameters of the robot.
-        link: index of the link.
-    """
+    """B: change of all base parameters per parameter of the load, shape (base, 10)."""
     return Payload(mass=1.0, link=link).base_columns(base)
 
 
 def widened(arm: Identification, base: BaseParameters, link: int) -> tuple[str, ...]:
-    """Names of the parameters that a loaded record needs: the arm's, and those a load changes.
-
-    Args:
-        arm: the arm identified without load.
-        base: base parameters of the robot.
-        link: index of the link.
-    """
+    """Names of the parameters that a loaded record needs: the arm's, and those a load changes."""
     touched = np.abs(load_columns(base, link)).sum(axis=1) > 0
     estimated = {p.name for p in arm.parameters}
     return tuple(p.name for k, p in enumerate(base.parameters) if touched[k] or p.name in estimated)
 
 
 def reduced(sums: Sequence[JointSums], unknowns: ArmAndLoad) -> list[JointSums]:
-    """Normal equations in x, from those in θ_loaded = M₂ x.
-
-    Args:
-        sums: one per joint, on its own columns of the problem.
-        unknowns: gives M₂.
-    """
+    """Normal equations in x, from those in θ_loaded = M₂ x."""
     every = np.arange(unknowns.loaded_map.shape[1])
     made = []
     for own in sums:
@@ -252,11 +204,7 @@ def _friction_sizes(arm: Identification) -> np.ndarray:
 
 
 def _information(arm: Identification) -> np.ndarray:
-    """Inverse of the covariance of parameters that differ by orders of magnitude.
-
-    Raises:
-        IdentificationError: there is none; names the parameters that go together.
-    """
+    """Inverse of the covariance of parameters that differ by orders of magnitude."""
     scale = np.sqrt(np.maximum(np.diag(arm.formula_covariance), 0.0))
     exact = [name for name, one in zip(arm.names, scale, strict=True) if not 0.0 < one < np.inf]
     if exact:

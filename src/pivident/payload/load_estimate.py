@@ -177,10 +177,6 @@ class LoadEstimate:
 
 
 def seen_from(pose: Pose) -> np.ndarray:
-    """Ten parameters in another frame of the same body, per parameter in the present one, (10, 10).
-
-    Args:
-        pose: of the other frame in the present one.
-    """
+    """Ten parameters in another frame of the same body, per present parameter, (10, 10)."""
     back = pose.rotation.T
     return np.column_stack([moved(unit, back, -back @ pose.translation) for unit in np.eye(10)])

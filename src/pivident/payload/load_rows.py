@@ -18,36 +18,22 @@ LOPSIDED = 0.05
 
 @dataclass(frozen=True)
 class LoadRow:
-    """One quantity of a load.
+    """One quantity of a load."""
 
-    Attributes:
-        name: short name: ``mass``, ``cx``, ``jxx`` (about the centre of mass), ``xx`` (at the
-            frame's origin).
-        label: name in words.
-        kind: ``mass``, ``center_of_mass``, ``inertia`` or ``parameter``.
-        value: estimate, NaN where it is not determined.
-        std: standard deviation, infinite where it is not determined.
-        interval: 95 % interval; Fieller's for the centre of mass.
-        unit: unit.
-        lopsided: whether the interval is another one than value ± 1.96 σ.
-    """
-
+    # short name: ``mass``, ``cx``, ``jxx`` (about the centre of mass), ``xx`` (at the frame's
+    # origin)
     name: str
-    label: str
-    kind: Kind
-    value: float
-    std: float
-    interval: tuple[float, float]
-    unit: str
-    lopsided: bool = False
+    label: str  # name in words
+    kind: Kind  # ``mass``, ``center_of_mass``, ``inertia`` or ``parameter``
+    value: float  # estimate, NaN where it is not determined
+    std: float  # standard deviation, infinite where it is not determined
+    interval: tuple[float, float]  # 95 % interval; Fieller's for the centre of mass
+    unit: str  # unit
+    lopsided: bool = False  # whether the interval is another one than value ± 1.96 σ
 
 
 def load_rows(load: LoadEstimate) -> list[LoadRow]:
-    """Mass, centre of mass, inertia about it, and the ten parameters at the frame's origin.
-
-    Args:
-        load: the load.
-    """
+    """Mass, centre of mass, inertia about it, and the ten parameters at the frame's origin."""
     rows = [_row("mass", "mass", "mass", load.mass, load.mass_std, "kg")]
     fieller = load.fieller_interval()
     for k, axis in enumerate("xyz"):

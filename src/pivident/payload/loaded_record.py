@@ -67,11 +67,7 @@ class LoadedRecords:
         return [Prefilter()] * self.problem.robot.size
 
     def least_squares(self, theta: np.ndarray) -> list[JointSums]:
-        """Normal equations with Z = Φ: those of least squares, and the start of the others.
-
-        Args:
-            theta: parameters that make the load of load-dependent friction.
-        """
+        """Normal equations with Z = Φ: those of least squares, and the start of the others."""
         known = [with_inner(self.problem.regressor, k, theta) for k in self.kinematics]
         self.records = records_without_instruments(known, self.limits)
         return accumulate(self.problem.regressor, self.records, self.filters)
@@ -79,19 +75,9 @@ class LoadedRecords:
     def with_instruments(
         self, number: int, last: np.ndarray, theta: np.ndarray
     ) -> tuple[list[JointSums], np.ndarray]:
-        """Normal equations with instruments from the simulated loop.
+        """Normal equations with instruments from the simulated loop, and the parameters simulated.
 
-        Args:
-            number: of the estimate, counted from one.
-            last: parameters of the estimate before, which could be simulated.
-            theta: the estimate, shape (parameters,).
-
-        Returns:
-            The equations, and the parameters that were simulated.
-
-        Raises:
-            SimulationDiverged: the controller does not stabilise the loaded arm.
-            MassMatrixNotPositiveDefinite: the parameters make no physical mass matrix.
+        ``last`` are the parameters of the previous estimate, which could be simulated.
         """
         assert self.auxiliary is not None
         regressor = self.problem.regressor
@@ -127,11 +113,7 @@ class LoadedRecords:
         return [r.kinematics.tau - torque_of(regressor, r.kinematics, theta) for r in self.records]
 
     def errors(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Error of τ - Φθ of each joint over the samples that vote.
-
-        Returns:
-            ‖τ - Φθ‖/‖τ‖, and its rms [N m or N], each (joints,).
-        """
+        """‖τ - Φθ‖/‖τ‖ and the rms of τ - Φθ [N m or N] of each joint over the samples in use."""
         left, total, rows = np.zeros((3, self.problem.robot.size))
         for record, residual in zip(self.records, self.residuals(theta), strict=True):
             left += np.sum(np.where(record.votes, residual, 0.0) ** 2, axis=1)
@@ -144,15 +126,8 @@ class LoadedRecords:
     ) -> np.ndarray:
         """V = Var Σ Zᵀε/λ for a residual that is stationary noise of any colour.
 
-        Args:
-            theta: the estimate.
-            sums: its normal equations.
-            variance: λ of each joint, shape (joints,).
-            metric: covariance of θ_loaded by the weights, shape (parameters, parameters): gives
-                the share of the noise that the estimate took.
-
-        Returns:
-            V, shape (parameters, parameters).
+        ``metric``, the covariance of θ_loaded by the weights, gives the share of the noise that the
+        estimate absorbed.
         """
         filters, root = self.filters, np.sqrt(variance)[:, None]
         white = [filtered(residual, filters) / root for residual in self.residuals(theta)]

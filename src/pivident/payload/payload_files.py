@@ -24,15 +24,7 @@ CSV_COLUMNS = ("name", "value", "std", "lower", "upper", "unit")
 
 
 def save_payload(found: PayloadIdentification, folder: str | PathLike[str]) -> None:
-    """Write JSON, CSV and text into a folder, all or nothing.
-
-    Args:
-        found: the result.
-        folder: folder to create or to write into; its other files stay.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
+    """Write JSON, CSV and text into a folder, all or nothing."""
     content = json.dumps(payload_values(found), indent=2, allow_nan=False, ensure_ascii=False)
     with atomic_folder(folder) as build:
         for name, text in (
@@ -45,11 +37,7 @@ def save_payload(found: PayloadIdentification, folder: str | PathLike[str]) -> N
 
 
 def payload_values(found: PayloadIdentification) -> dict[str, Any]:
-    """The result as plain values; numbers that are not finite are null.
-
-    Args:
-        found: the result.
-    """
+    """The result as plain values; numbers that are not finite are null."""
     load = found.load
     nearest = found.possible
     possible = None
@@ -114,11 +102,7 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
 
 
 def payload_csv(load: LoadEstimate) -> str:
-    """The load as a table with a header; numbers that are not finite are left empty.
-
-    Args:
-        load: the load.
-    """
+    """The load as a table with a header; numbers that are not finite are left empty."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)

@@ -114,9 +114,5 @@ def _frame(given: LoadEntry) -> Pose | None:
 
 
 def default_folder(path: Path) -> Path:
-    """Folder of the results: NAME-payload for NAME.toml.
-
-    Args:
-        path: the experiment file.
-    """
+    """Folder of the results: NAME-payload for NAME.toml."""
     return Path(f"{path.stem}-payload")

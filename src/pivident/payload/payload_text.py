@@ -17,11 +17,7 @@ FRICTION_NAMED = 3.0
 
 
 def payload_text(found: PayloadIdentification) -> str:
-    """Table of the load and what has to be said about it.
-
-    Args:
-        found: the result.
-    """
+    """Table of the load and what has to be said about it."""
     load = found.load
     errors = ", ".join(
         f"{name} {100 * e:.1f} % ({100 * fit.relative_error:.1f})"
@@ -44,11 +40,7 @@ def payload_text(found: PayloadIdentification) -> str:
 
 
 def load_table(rows: list[LoadRow]) -> str:
-    """Values with their intervals, as far as they are determined.
-
-    Args:
-        rows: one per quantity.
-    """
+    """Values with their intervals, as far as they are determined."""
     from pivident.text.plain_table import plain_table
 
     shown = [r for r in rows if math.isfinite(r.std) and r.name != "m"]  # m is the mass above

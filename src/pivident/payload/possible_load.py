@@ -45,22 +45,16 @@ AT_THE_ESTIMATE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class PossibleLoad:
-    """A load that a real body can be.
+    """A load that a real body can be."""
 
-    Attributes:
-        values: its ten parameters, shape (10,).
-        was_possible: whether the estimate itself is possible.
-        distance: from the estimate, in deviations (Mahalanobis).
-        p_value: probability of a larger distance from a true load that lies on the boundary, by
-            χ² with one degree of freedom; small: something is wrong with the records.
-        intervals: 95 % range of each parameter over possible loads, shape (10, 2); infinite where
-            there is no bound, NaN where the solver found no end.
-    """
-
-    values: np.ndarray
-    was_possible: bool
-    distance: float
+    values: np.ndarray  # its ten parameters, shape (10,)
+    was_possible: bool  # whether the estimate itself is possible
+    distance: float  # from the estimate, in deviations (Mahalanobis)
+    # probability of a larger distance from a true load that lies on the boundary, by χ² with one
+    # degree of freedom; small: something is wrong with the records
     p_value: float
+    # 95 % range of each parameter over possible loads, shape (10, 2); infinite where there is no
+    # bound, NaN where the solver found no end
     intervals: np.ndarray
 
     @property
@@ -71,14 +65,7 @@ class PossibleLoad:
 
 
 def possible_load(load: LoadEstimate) -> PossibleLoad | None:
-    """Nearest possible load of an estimate.
-
-    Args:
-        load: the estimate.
-
-    Returns:
-        The load; None where the solver fails: some body is always near enough.
-    """
+    """Nearest possible load of an estimate; None where the solver fails."""
     from scipy.stats import chi2
 
     centre, steps, told = load.values / NATURAL, *_whitened(load)
@@ -103,11 +90,9 @@ def possible_load(load: LoadEstimate) -> PossibleLoad | None:
 
 
 def _whitened(load: LoadEstimate) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates w with π = π̂ + steps w, in natural sizes, whose covariance is the identity.
+    """Steps (10, 10) and determined coordinates (10,) of π = π̂ + steps w with Cov w = 1.
 
-    Returns:
-        Steps, shape (10, 10), those of undetermined directions of length one, and which
-        coordinates are determined, shape (10,).
+    In natural sizes; steps of undetermined directions have length one.
     """
     lost = load.undetermined / NATURAL[:, None]
     spread = load.covariance / np.outer(NATURAL, NATURAL)

@@ -24,31 +24,18 @@ from pivident.payload.arm_and_load import ArmAndLoad, reduced
 
 @dataclass(frozen=True, eq=False)
 class RestrictedSolution:
-    """Solved equations.
+    """Solved equations."""
 
-    Attributes:
-        x: the unknowns (θ, ΔF, ξ), shape (unknowns,).
-        theta: θ_loaded = M₂ x, shape (parameters,).
-        variance: λ of each joint at the estimate, shape (joints,).
-        inverse: J⁻¹, shape (unknowns, unknowns).
-    """
-
-    x: np.ndarray
-    theta: np.ndarray
-    variance: np.ndarray
-    inverse: np.ndarray
+    x: np.ndarray  # the unknowns (θ, ΔF, ξ), shape (unknowns,)
+    theta: np.ndarray  # θ_loaded = M₂ x, shape (parameters,)
+    variance: np.ndarray  # λ of each joint at the estimate, shape (joints,)
+    inverse: np.ndarray  # J⁻¹, shape (unknowns, unknowns)
 
 
 def solve_restricted(
     sums: Sequence[JointSums], unknowns: ArmAndLoad, start: np.ndarray
 ) -> RestrictedSolution:
-    """Solve with weights from the residual, three times, so that weights and estimate agree.
-
-    Args:
-        sums: normal equations of the loaded record, one per joint, on θ_loaded.
-        unknowns: what is known.
-        start: θ_loaded of the first weights, shape (parameters,).
-    """
+    """Solve with weights from the residual, three times, so that weights and estimate agree."""
     theta, own = start, reduced(sums, unknowns)
     for _ in range(3):
         variance = joint_variances(sums, theta)
@@ -67,10 +54,7 @@ def noise_by_windows(
 ) -> np.ndarray:
     """C_noise by the jackknife over windows of time, see `pivident.estimation.covariance.sandwich`.
 
-    Args:
-        sums: normal equations with their windows.
-        unknowns: what is known; it belongs to no window.
-        solution: the solution.
+    The known parameters belong to no window.
     """
     count, size = len(sums[0].window_zf), solution.x.size
     shares, scores = np.zeros((count, size, size)), np.zeros((count, size))
@@ -87,13 +71,7 @@ def noise_by_windows(
 def noise_by_scores(
     scores: np.ndarray, unknowns: ArmAndLoad, solution: RestrictedSolution
 ) -> np.ndarray:
-    """C_noise = J⁻¹ M₂ᵀ V M₂ J⁻ᵀ from the variance V of the scores Σ Zᵀε/λ.
-
-    Args:
-        scores: V on θ_loaded, shape (parameters, parameters).
-        unknowns: gives M₂.
-        solution: the solution.
-    """
+    """C_noise = J⁻¹ M₂ᵀ V M₂ J⁻ᵀ from the variance V of the scores Σ Zᵀε/λ."""
     gain = solution.inverse @ unknowns.loaded_map.T
     return gain @ scores @ gain.T
 
@@ -101,16 +79,7 @@ def noise_by_scores(
 def with_known(
     noise: np.ndarray, unknowns: ArmAndLoad, solution: RestrictedSolution
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Covariance of x, and of how far the arm of both records is from that of the first one.
-
-    Args:
-        noise: C_noise, shape (unknowns, unknowns).
-        unknowns: the arm and its covariance, and the information of the known parts.
-        solution: the solution.
-
-    Returns:
-        Covariance of x, and that of θ - θ̂₁, shape (arm, arm).
-    """
+    """Covariance of x, and of θ - θ̂₁: arm of both records minus arm of the first one."""
     arm = unknowns.arm_part
     gain = solution.inverse[:, arm] @ unknowns.arm_information
     others = unknowns.information.copy()

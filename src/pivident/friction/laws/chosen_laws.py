@@ -17,15 +17,10 @@ from pivident.text.plain_table import plain_table
 
 @dataclass(frozen=True)
 class Gain:
-    """What a law gains over the law that the joint had, on blocks that were not fitted.
+    """What a law gains over the law that the joint had, on blocks that were not fitted."""
 
-    Attributes:
-        percent: fall of the mean square error, in percent of the old law's [%].
-        std: its standard error over the blocks [%].
-    """
-
-    percent: float
-    std: float
+    percent: float  # fall of the mean square error, in percent of the old law's [%]
+    std: float  # its standard error over the blocks [%]
 
     def __str__(self) -> str:
         return f"{self.percent:+.1f} ± {2.0 * self.std:.1f}"
@@ -33,23 +28,14 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class JointLawChoice:
-    """Laws that were tried on one joint.
+    """Laws that were tried on one joint."""
 
-    Attributes:
-        joint: name of the joint.
-        unit: of the error.
-        scores: the law that the joint had first, then in the order tried.
-        chosen: the law to take.
-        rows: number of rows.
-        effective_rows: how many of them are independent.
-    """
-
-    joint: str
-    unit: str
-    scores: tuple[LawScore, ...]
-    chosen: LawScore
-    rows: float
-    effective_rows: float
+    joint: str  # name of the joint
+    unit: str  # of the error
+    scores: tuple[LawScore, ...]  # the law that the joint had first, then in the order tried
+    chosen: LawScore  # the law to take
+    rows: float  # number of rows
+    effective_rows: float  # how many of them are independent
 
     @property
     def base(self) -> LawScore:
@@ -130,11 +116,7 @@ class LawChoice:
 
 
 def chosen_law(scores: Sequence[LawScore]) -> LawScore:
-    """The simplest law within a standard error of the best, lucky ones left out.
-
-    Args:
-        scores: laws with their information criteria, on the same rows and blocks.
-    """
+    """The simplest law within a standard error of the best, lucky ones left out."""
     sound = [s for s in scores if s.physical] or [scores[0]]
     fair = [
         s
@@ -151,13 +133,7 @@ def chosen_law(scores: Sequence[LawScore]) -> LawScore:
 
 
 def with_criteria(scores: Sequence[LawScore], rows: float, effective: float) -> list[LawScore]:
-    """Scores with their information criteria, the deviance scaled to the effective rows.
-
-    Args:
-        scores: laws on the same rows.
-        rows: number of rows.
-        effective: how many of them are independent.
-    """
+    """Scores with their information criteria, the deviance scaled to the effective rows."""
     made = []
     for s in scores:
         deviance = effective * np.log(max(s.squares, 1e-300) / rows)
@@ -172,12 +148,7 @@ def with_criteria(scores: Sequence[LawScore], rows: float, effective: float) -> 
 
 
 def difference(a: LawScore, b: LawScore) -> tuple[float, float]:
-    """Mean over the blocks of a's mean square error less b's, and its standard error.
-
-    Args:
-        a: a law.
-        b: another one, on the same blocks.
-    """
+    """Mean over the blocks of mean square error a minus b, and its standard error."""
     d = a.errors - b.errors
     return float(d.mean()), float(d.std(ddof=1) / np.sqrt(d.size))
 

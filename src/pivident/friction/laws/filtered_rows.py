@@ -30,34 +30,21 @@ BLOCK = 16384
 
 @dataclass(frozen=True, eq=False)
 class KeptRows:
-    """Columns of one record, filtered, zero where a sample does not vote; time last.
+    """Columns of one record, filtered, zero where a sample does not vote; time last."""
 
-    Attributes:
-        phi: observation matrix, shape (columns, rows).
-        z: instruments, likewise; None: least squares.
-        tau: torque, shape (rows,).
-        votes: 1 where a sample counts, 0 elsewhere, likewise.
-    """
-
-    phi: np.ndarray
-    z: np.ndarray | None
-    tau: np.ndarray
-    votes: np.ndarray
+    phi: np.ndarray  # observation matrix, shape (columns, rows)
+    z: np.ndarray | None  # instruments, likewise; None: least squares
+    tau: np.ndarray  # torque, shape (rows,)
+    votes: np.ndarray  # 1 where a sample counts, 0 elsewhere, likewise
 
 
 @dataclass(frozen=True, eq=False)
 class LastPass:
-    """Equations of an estimate with what is needed to change columns in them.
+    """Equations of an estimate with what is needed to change columns in them."""
 
-    Attributes:
-        equations: as the estimate left them.
-        signals: recipe of a band-pass method; None at full rate.
-        motions: simulated motion of each record; None: least squares.
-    """
-
-    equations: Equations
-    signals: Bandpass | None
-    motions: tuple[Motion, ...] | None
+    equations: Equations  # as the estimate left them
+    signals: Bandpass | None  # recipe of a band-pass method; None at full rate
+    motions: tuple[Motion, ...] | None  # simulated motion of each record; None: least squares
 
     @classmethod
     def of(cls, problem: Problem, method: Method, found: Identification) -> LastPass:
@@ -82,25 +69,14 @@ class LastPass:
         return decimated_sums(eq.regressor, thin)
 
     def rows_of(self, joint: int, keep: np.ndarray) -> list[KeptRows]:
-        """Filtered columns of one joint, for each record.
-
-        Args:
-            joint: index of the joint.
-            keep: which of the joint's columns, indices into ``columns_of(joint)``.
-        """
+        """Filtered columns of one joint for each record; ``keep`` indexes ``columns_of(joint)``."""
         count = len(self.equations.records)
         return [self._kept(self.equations.records[k], k, joint, keep) for k in range(count)]
 
     def changed(
         self, regressor: Regressor, joint: int, rows: Sequence[KeptRows]
     ) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        """Columns of another regressor, all on one joint, on these rows: of Φ and of Z.
-
-        Args:
-            regressor: with columns of that joint only.
-            joint: index of the joint.
-            rows: give the votes.
-        """
+        """Columns of Φ and of Z of another regressor of one joint, on these rows."""
         made = []
         for number, own in enumerate(rows):
             record = self.equations.records[number]

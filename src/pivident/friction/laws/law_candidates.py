@@ -32,23 +32,14 @@ Change = Callable[[FrictionLaw], FrictionLaw | None]
 
 @dataclass(frozen=True)
 class Reach:
-    """How far and how fast a joint moves in the records.
+    """How far and how fast a joint moves in the records."""
 
-    Attributes:
-        travel: between its ends [rad or m].
-        fastest: largest speed [rad/s or m/s].
-    """
-
-    travel: float
-    fastest: float
+    travel: float  # between its ends [rad or m]
+    fastest: float  # largest speed [rad/s or m/s]
 
 
 def default_changes(reach: Reach) -> dict[str, Change]:
-    """The usual changes, with constants of shape to start from.
-
-    Args:
-        reach: of the joint.
-    """
+    """The usual changes, with constants of shape to start from."""
     dry = (FrictionColumn.COULOMB,)
     speed, distance = 0.05 * reach.fastest, 1e-3 * reach.travel
     slips = [float(d) for d in np.geomspace(1e-3, 1e-1, 3) * reach.travel]
@@ -128,13 +119,7 @@ def in_place_of_coulomb(terms: tuple[FrictionTerm, ...]) -> Change:
 def changed(
     law: FrictionLaw, changes: Mapping[str, Change], known: set[frozenset[str]]
 ) -> dict[str, FrictionLaw]:
-    """Laws one change away that were not tried yet; ``known`` learns their terms.
-
-    Args:
-        law: where to start.
-        changes: by name.
-        known: laws tried before, as sets of their terms' functions.
-    """
+    """Laws one change away that were not tried yet; adds their terms to ``known``."""
     found = {}
     for name, change in changes.items():
         try:

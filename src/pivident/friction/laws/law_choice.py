@@ -114,11 +114,9 @@ def choose_laws(
 
 
 def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:
-    """The problem with other friction laws: their terms take the place of the joints' old ones.
+    """The problem with other friction laws, by joint name.
 
-    Args:
-        problem: what is given; chosen parameters and starting values of terms that go, go too.
-        laws: by the name of the joint.
+    Chosen parameters and starting values of terms that are replaced are removed.
     """
     robot = problem.robot.with_friction(laws)
     changed_joints = {find_joint(robot.joint_names, name) for name in laws}

@@ -34,27 +34,17 @@ _DRY = (FrictionColumn.COULOMB, FrictionColumn.COULOMB_POSITIVE, FrictionColumn.
 
 @dataclass(frozen=True, eq=False)
 class LawScore:
-    """One law on one joint.
+    """One law on one joint."""
 
-    Attributes:
-        name: what was changed, one change after the other.
-        law: with its constants of shape as the whole record has them.
-        unknowns: parameters of the law and constants of shape that were chosen.
-        errors: mean square of the error on each block that was not fitted, shape (folds,).
-        squares: sum of squares over all rows, fitted to all of them.
-        aic: Akaike's criterion with the effective number of rows; the difference counts.
-        bic: Schwarz's, likewise.
-        theta: estimates of the law's parameters on all rows, in the order of its terms.
-    """
-
-    name: str
-    law: FrictionLaw
-    unknowns: int
-    errors: np.ndarray
-    squares: float
-    theta: np.ndarray
+    name: str  # what was changed, one change after the other
+    law: FrictionLaw  # with its constants of shape as the whole record has them
+    unknowns: int  # parameters of the law and constants of shape that were chosen
+    errors: np.ndarray  # mean square of the error on each block that was not fitted, shape (folds,)
+    squares: float  # sum of squares over all rows, fitted to all of them
+    theta: np.ndarray  # estimates of the law's parameters on all rows, in the order of its terms
+    # Akaike's criterion with the effective number of rows; the difference counts
     aic: float = np.nan
-    bic: float = np.nan
+    bic: float = np.nan  # Schwarz's, likewise
 
     @property
     def physical(self) -> bool:
@@ -111,12 +101,7 @@ class JointJudge:
         self._columns: dict[FrictionTerm, list[tuple[np.ndarray, np.ndarray | None]]] = {}
 
     def score(self, name: str, law: FrictionLaw) -> LawScore:
-        """Fit a law and judge it.
-
-        Args:
-            name: of the result.
-            law: free constants of shape are chosen.
-        """
+        """Fit a law and judge it."""
         free = [s.name for s in law.shapes if s.free]
         points = self._points(law, free)
         lam = self._variance(min(points, key=lambda p: p[2])[1])

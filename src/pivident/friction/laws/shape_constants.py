@@ -32,27 +32,16 @@ SLOWEST_SHARE = 2e-3
 
 @dataclass(frozen=True)
 class ShapeConstant:
-    """One constant of one joint's friction law.
+    """One constant of one joint's friction law."""
 
-    Attributes:
-        joint: index of the joint.
-        joint_name: its name.
-        name: as the law has it, ``stribeck_speed``, or ``gamma``.
-        value: where the search starts, or what it found.
-        unit: of the value, ``rad/s``; ``1`` without one.
-        low: smallest value that the record can tell from others.
-        high: largest one.
-        logarithmic: whether the coordinate is ln s.
-    """
-
-    joint: int
-    joint_name: str
-    name: str
-    value: float
-    unit: str
-    low: float
-    high: float
-    logarithmic: bool
+    joint: int  # index of the joint
+    joint_name: str  # its name
+    name: str  # as the law has it, ``stribeck_speed``, or ``gamma``
+    value: float  # where the search starts, or what it found
+    unit: str  # of the value, ``rad/s``; ``1`` without one
+    low: float  # smallest value that the record can tell from others
+    high: float  # largest one
+    logarithmic: bool  # whether the coordinate is ln s
 
     @property
     def label(self) -> str:
@@ -91,12 +80,7 @@ def chosen_names(
 ) -> dict[int, tuple[str, ...]]:
     """Constants to identify, by joint.
 
-    Args:
-        robot: its joints' laws have the constants.
-        names: by joint name; a list: those of each joint that has them; None: all free ones.
-
-    Raises:
-        ExperimentError: a joint or a constant does not exist, or there is nothing to identify.
+    ``names`` by joint name; a list: those of each joint that has them; None: all free ones.
     """
     chosen: dict[int, tuple[str, ...]] = {}
     if isinstance(names, Mapping):
@@ -130,14 +114,7 @@ def chosen_names(
 def shape_constants(
     robot: Robot, joint: int, names: Iterable[str], motions: Sequence[Kinematics]
 ) -> list[ShapeConstant]:
-    """The constants of one joint with the bounds that its motion allows.
-
-    Args:
-        robot: the robot.
-        joint: index of the joint.
-        names: of the constants.
-        motions: smoothed motion of all recordings.
-    """
+    """The constants of one joint with the bounds that its motion allows."""
     law, kind = robot.joints[joint].friction, robot.joints[joint].kind
     q = [k.q[joint, k.start : k.stop] for k in motions]
     dq = np.abs(np.concatenate([k.dq[joint, k.start : k.stop] for k in motions]))

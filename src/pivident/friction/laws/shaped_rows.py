@@ -70,10 +70,7 @@ class ShapedRows:
     def sums(self, coordinates: np.ndarray, theta: np.ndarray | None = None) -> JointSums:
         """Normal equations of the joint at coordinates u.
 
-        Args:
-            coordinates: u, shape (constants,).
-            theta: all parameters; with them δu of each constant is an unknown too, numbered after
-                the parameters in the order of ``constants``.
+        With ``theta``, δu of each constant is an unknown too, numbered after the parameters.
         """
         moving = self._moving(coordinates, theta)
         s, fixed = self._empty(theta), self._fixed_sums
@@ -99,12 +96,9 @@ class ShapedRows:
         return s
 
     def windowed_sums(self, coordinates: np.ndarray, theta: np.ndarray, others: int) -> JointSums:
-        """The same with the sums of each window of time, as the sandwich needs them.
+        """The same with the sums of each window of time, for the sandwich covariance.
 
-        Args:
-            coordinates: u, shape (constants,).
-            theta: all parameters.
-            others: constants of other joints that come before among the unknowns.
+        ``others`` constants of other joints come before these among the unknowns.
         """
         windows = windows_of(self.last.equations.lengths)
         s = self._empty(theta, sum(w.count for w in windows), others)

@@ -47,25 +47,15 @@ SETTLED = 0.1
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedShape:
-    """One constant of shape and how well it is known.
+    """One constant of shape and how well it is known."""
 
-    Attributes:
-        constant: joint, name, unit, bounds, and the value that was found.
-        std: standard deviation [unit of the constant].
-        low: lower end of the 95 % interval [unit]; the bound where the record does not say.
-        high: upper end, likewise.
-        profile: the least-squares criterion along it.
-        open_low: whether the criterion does not rise down to the lower bound.
-        open_high: whether it does not rise up to the upper bound.
-    """
-
-    constant: ShapeConstant
-    std: float
-    low: float
-    high: float
-    profile: Profile
-    open_low: bool
-    open_high: bool
+    constant: ShapeConstant  # joint, name, unit, bounds, and the value that was found
+    std: float  # standard deviation [unit of the constant]
+    low: float  # lower end of the 95 % interval [unit]; the bound where the record does not say
+    high: float  # upper end, likewise
+    profile: Profile  # the least-squares criterion along it
+    open_low: bool  # whether the criterion does not rise down to the lower bound
+    open_high: bool  # whether it does not rise up to the upper bound
 
     @property
     def value(self) -> float:
@@ -97,27 +87,18 @@ class IdentifiedShape:
 
 @dataclass(frozen=True, eq=False)
 class ShapedIdentification:
-    """Parameters and constants of shape, estimated together.
+    """Parameters and constants of shape, estimated together."""
 
-    Attributes:
-        identification: the estimate with the constants found; its covariance knows that they are
-            estimates.
-        problem: the problem with the constants found in the robot's friction laws.
-        shapes: the constants.
-        covariance: of parameters and constants together, the sandwich, shape
-            (parameters + constants,) squared, in their units.
-        formula_covariance: the same for white residuals.
-        passes: how often estimate and search were repeated.
-        converged: whether both stood still.
-    """
-
+    # the estimate with the constants found; its covariance knows that they are estimates
     identification: Identification
-    problem: Problem
-    shapes: tuple[IdentifiedShape, ...]
+    problem: Problem  # the problem with the constants found in the robot's friction laws
+    shapes: tuple[IdentifiedShape, ...]  # the constants
+    # of parameters and constants together, the sandwich, shape (parameters + constants,) squared,
+    # in their units
     covariance: np.ndarray
-    formula_covariance: np.ndarray
-    passes: int
-    converged: bool
+    formula_covariance: np.ndarray  # the same for white residuals
+    passes: int  # how often estimate and search were repeated
+    converged: bool  # whether both stood still
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -128,11 +109,7 @@ class ShapedIdentification:
         return tuple(notes)
 
     def shape(self, name: str, joint: str | None = None) -> IdentifiedShape:
-        """One constant by its name and, where several joints have it, its joint.
-
-        Raises:
-            KeyError: there is none, or there are several.
-        """
+        """One constant by its name and, where several joints have it, its joint."""
         found = [
             s
             for s in self.shapes

@@ -48,36 +48,22 @@ _RCOND = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """The criterion along one constant, the others and θ at their best for each value.
+    """The criterion along one constant, the others and θ at their best for each value."""
 
-    Attributes:
-        values: of the constant, ascending, shape (points,).
-        increase: C(s) - C(ŝ), in variances of the residual, likewise.
-    """
-
-    values: np.ndarray
-    increase: np.ndarray
+    values: np.ndarray  # of the constant, ascending, shape (points,)
+    increase: np.ndarray  # C(s) - C(ŝ), in variances of the residual, likewise
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Constants of one joint at the solution.
+    """Constants of one joint at the solution."""
 
-    Attributes:
-        coordinates: u of each constant, shape (constants,).
-        theta: all parameters that go with them, shape (parameters,).
-        step: the last step δu, shape (constants,).
-        std: deviations of u by the formula for white residuals, likewise.
-        steps: how many were taken.
-        converged: whether they ended.
-    """
-
-    coordinates: np.ndarray
-    theta: np.ndarray
-    step: np.ndarray
-    std: np.ndarray
-    steps: int
-    converged: bool
+    coordinates: np.ndarray  # u of each constant, shape (constants,)
+    theta: np.ndarray  # all parameters that go with them, shape (parameters,)
+    step: np.ndarray  # the last step δu, shape (constants,)
+    std: np.ndarray  # deviations of u by the formula for white residuals, likewise
+    steps: int  # how many were taken
+    converged: bool  # whether they ended
 
 
 class SeparableSearch:
@@ -109,12 +95,10 @@ class SeparableSearch:
             self._rest.add(sums, float(variance[j]), weight_power)
 
     def search(self, u: np.ndarray, instruments: bool, grid: bool) -> Projection:
-        """The constants that solve the equations.
+        """The constants that solve the equations, from u.
 
-        Args:
-            u: coordinates to start from, shape (constants,).
-            instruments: whether the moment equations decide, not the criterion.
-            grid: whether the minimum of the criterion is sought from the best point of grids.
+        ``instruments``: the moment equations decide, not the criterion. ``grid``: search the
+        minimum of the criterion from the best point of grids.
         """
         if grid:
             # instruments simulated with constants that may be far off lead astray: not yet
@@ -152,12 +136,7 @@ class SeparableSearch:
         return best
 
     def minimise(self, u: np.ndarray, free: Sequence[int] | None = None) -> Projection:
-        """Gauss–Newton steps down the concentrated criterion from u.
-
-        Args:
-            u: coordinates to start from, shape (constants,).
-            free: constants that move; None: all.
-        """
+        """Gauss–Newton steps down the concentrated criterion from u, ``free`` constants moving."""
         lowest = self.criterion(u)
         for k in range(MAX_STEPS):
             theta, step, std = self._linearised(u, False, free)
@@ -193,12 +172,7 @@ class SeparableSearch:
         return Projection(u, theta, step, std, MAX_STEPS, False)
 
     def profile(self, u: np.ndarray, i: int) -> Profile:
-        """Increase of C along constant i, from the minimum in both directions.
-
-        Args:
-            u: coordinates at the minimum, shape (constants,).
-            i: which constant.
-        """
+        """Increase of C along constant i, from the minimum in both directions."""
         constant, lowest = self.rows.constants[i], self.criterion(u)
         grid = np.array([constant.coordinate(float(v)) for v in constant.grid()])
         others = [k for k in range(u.size) if k != i]

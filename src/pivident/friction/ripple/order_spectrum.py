@@ -54,46 +54,27 @@ _CELL = 2.0 * math.pi / math.sqrt(12.0)
 
 @dataclass(frozen=True, eq=False)
 class WhiteRows:
-    """Whitened residual of one joint on the rows that vote, with the angle it is looked at over.
+    """Whitened residual of one joint on the rows that vote, with the angle it is looked at over."""
 
-    Attributes:
-        white: A e / s, of unit variance, shape (rows,).
-        angle: φ, shape (rows,) [rad or m].
-        step: its change per sample, shape (rows,) [rad or m].
-        filter: A / s, shape (order + 1,).
-    """
-
-    white: np.ndarray
-    angle: np.ndarray
-    step: np.ndarray
-    filter: np.ndarray
+    white: np.ndarray  # A e / s, of unit variance, shape (rows,)
+    angle: np.ndarray  # φ, shape (rows,) [rad or m]
+    step: np.ndarray  # its change per sample, shape (rows,) [rad or m]
+    filter: np.ndarray  # A / s, shape (order + 1,)
 
 
 @dataclass(frozen=True, eq=False)
 class OrderSpectrum:
-    """What each order would explain; arrays (orders,).
+    """What each order would explain; arrays (orders,)."""
 
-    Attributes:
-        orders: n, phase per angle [rad/rad or rad/m].
-        gain: log-likelihood gained by a wave of that order.
-        floor: what noise and model error gain there on average.
-        freedom: K, independent values behind the floor.
-        information: Σ|A|²/s² over the rows used; a wave of amplitude a gains a²/4 of it.
-        spread: standard deviation of the angle over the rows used [rad or m].
-        share: share of the rows used: those slow enough for the sampling.
-        searched: orders of which enough cycles and rows were seen.
-        trials: ∫ √(var φ/π) dn over all orders searched, with this angle and others.
-    """
-
-    orders: np.ndarray
-    gain: np.ndarray
-    floor: np.ndarray
-    freedom: np.ndarray
-    information: np.ndarray
-    spread: np.ndarray
-    share: np.ndarray
-    searched: np.ndarray
-    trials: float
+    orders: np.ndarray  # n, phase per angle [rad/rad or rad/m]
+    gain: np.ndarray  # log-likelihood gained by a wave of that order
+    floor: np.ndarray  # what noise and model error gain there on average
+    freedom: np.ndarray  # K, independent values behind the floor
+    information: np.ndarray  # Σ|A|²/s² over the rows used; a wave of amplitude a gains a²/4 of it
+    spread: np.ndarray  # standard deviation of the angle over the rows used [rad or m]
+    share: np.ndarray  # share of the rows used: those slow enough for the sampling
+    searched: np.ndarray  # orders of which enough cycles and rows were seen
+    trials: float  # ∫ √(var φ/π) dn over all orders searched, with this angle and others
 
     @property
     def amplitude(self) -> np.ndarray:
@@ -123,11 +104,7 @@ class OrderSpectrum:
         return math.exp(-freedom * math.log1p(float(self.gain[k] / self.floor[k]) / freedom))
 
     def smallest_visible(self, level: float = 0.05) -> np.ndarray:
-        """Amplitude from which on a line counts as found [N m or N]; NaN where not searched.
-
-        Args:
-            level: chance of a false alarm over all orders.
-        """
+        """Smallest amplitude that counts as a line at this false-alarm probability [N m or N]."""
         freedom = _TAIL * self.freedom
         low, high = np.zeros(self.orders.size), np.full(self.orders.size, 1e4)
         for _ in range(50):
@@ -150,26 +127,14 @@ class OrderSpectrum:
 
 
 def false_alarm(ratio: float, freedom: float, trials: float) -> float:
-    """P of the module's docstring.
-
-    Args:
-        ratio: F, gain over floor.
-        freedom: K.
-        trials: ∫ √(var φ/π) dn.
-    """
+    """P of the module's docstring: F = ratio, K = freedom, ∫ √(var φ/π) dn = trials."""
     freedom = _TAIL * freedom
     expected = (1.0 + trials * math.sqrt(ratio)) * math.exp(-freedom * math.log1p(ratio / freedom))
     return -math.expm1(-expected)
 
 
 def order_grid(angle: np.ndarray, highest: float, most: int = 24000) -> np.ndarray:
-    """Orders from one cycle over the range of the angle upwards, equally spaced.
-
-    Args:
-        angle: positions visited [rad or m].
-        highest: largest order.
-        most: largest number of orders; the highest is lowered to meet it.
-    """
+    """At most ``most`` equally spaced orders, from one cycle over the range of the angle up."""
     reach = float(np.ptp(angle))
     if reach <= 0.0:
         return np.empty(0)
@@ -179,13 +144,7 @@ def order_grid(angle: np.ndarray, highest: float, most: int = 24000) -> np.ndarr
 
 
 def order_spectrum(rows: WhiteRows, orders: np.ndarray, cycles: float) -> OrderSpectrum:
-    """Gain and floor of every order.
-
-    Args:
-        rows: whitened residual.
-        orders: equally spaced, see :func:`order_grid`.
-        cycles: fewest cycles over the visited positions for an order to be searched.
-    """
+    """Gain and floor of the orders with at least ``cycles`` over the visited positions."""
     if orders.size < 2 or rows.white.size == 0:
         empty = np.zeros(0)
         return OrderSpectrum(*(empty,) * 7, np.zeros(0, bool), 0.0)

@@ -31,62 +31,41 @@ TOLD_APART = 3.0
 
 @dataclass(frozen=True, eq=False)
 class RippleLine:
-    """One line.
+    """One line."""
 
-    Attributes:
-        joint: name of the joint in whose torque it is.
-        index: its number.
-        angle: what it is periodic in.
-        order: n [rad/rad = cycles per revolution, or rad/m], as ``ripple(order)`` wants it.
-        order_std: its standard deviation.
-        lag: by how much the torque follows the positions, φ being that of ``lag`` before [s]: a
-            log of torque that is late, or the answer of the position loop where the ripple is
-            faster than the loop.
-        cosine: a [N m or N].
-        sine: b [N m or N].
-        covariance: of a and b, beside all other lines, order known, shape (2, 2).
-        unit: N m or N.
-        p_value: chance of such a line among all orders tried on this joint, without ripple.
-        beside_time: log-likelihood over noise that is left of it where the likeliest line of
-            constant frequency is taken out; nothing is, where the speed hardly varies.
-        frequencies: 5th and 95th percentile of n|dφ/dt| over the rows [Hz].
-        share: of the residual's variance, 0 to 1.
-        relation: the revolution it belongs to, or None.
-        beside: order of a stronger line within a few resolutions, or None: strength or phase of
-            that ripple change along the record, and this line makes up for it.
-        load_slope: relative change of amplitude per relative change of load; 0 constant,
-            1 proportional to the load |Φθ|.
-        load_slope_std: its standard deviation.
-        load_p: probability if the amplitude did not depend on load.
-        forward: amplitude at positive speed [unit].
-        backward: amplitude at negative speed [unit].
-        direction_p: probability if amplitude and phase did not depend on direction.
-        smoothed: share of the rows on which the ripple is faster than the position smoother lets
-            through; there the torque that moves the joint itself is missing from the amplitude.
-    """
-
-    joint: str
-    index: int
-    angle: Angle
-    order: float
-    order_std: float
+    joint: str  # name of the joint in whose torque it is
+    index: int  # its number
+    angle: Angle  # what it is periodic in
+    order: float  # n [rad/rad = cycles per revolution, or rad/m], as ``ripple(order)`` wants it
+    order_std: float  # its standard deviation
+    # by how much the torque follows the positions, φ being that of ``lag`` before [s]: a log of
+    # torque that is late, or the answer of the position loop where the ripple is faster than the
+    # loop
     lag: float
-    cosine: float
-    sine: float
-    covariance: np.ndarray
-    unit: str
-    p_value: float
+    cosine: float  # a [N m or N]
+    sine: float  # b [N m or N]
+    covariance: np.ndarray  # of a and b, beside all other lines, order known, shape (2, 2)
+    unit: str  # N m or N
+    p_value: float  # chance of such a line among all orders tried on this joint, without ripple
+    # log-likelihood over noise that is left of it where the likeliest line of constant frequency is
+    # taken out; nothing is, where the speed hardly varies
     beside_time: float
-    frequencies: tuple[float, float]
-    share: float
-    relation: Relation | None
+    frequencies: tuple[float, float]  # 5th and 95th percentile of n|dφ/dt| over the rows [Hz]
+    share: float  # of the residual's variance, 0 to 1
+    relation: Relation | None  # the revolution it belongs to, or None
+    # order of a stronger line within a few resolutions, or None: strength or phase of that ripple
+    # change along the record, and this line makes up for it
     beside: float | None
+    # relative change of amplitude per relative change of load; 0 constant, 1 proportional to the
+    # load |Φθ|
     load_slope: float
-    load_slope_std: float
-    load_p: float
-    forward: float
-    backward: float
-    direction_p: float
+    load_slope_std: float  # its standard deviation
+    load_p: float  # probability if the amplitude did not depend on load
+    forward: float  # amplitude at positive speed [unit]
+    backward: float  # amplitude at negative speed [unit]
+    direction_p: float  # probability if amplitude and phase did not depend on direction
+    # share of the rows on which the ripple is faster than the position smoother lets through; there
+    # the torque that moves the joint itself is missing from the amplitude
     smoothed: float
 
     @property
@@ -133,11 +112,7 @@ class RippleLine:
         return self.direction_p < 0.01
 
     def torque(self, q: np.ndarray) -> np.ndarray:
-        """A cos(nφ - ψ), shape (samples,) [unit].
-
-        Args:
-            q: positions of all joints, ``lag`` before, shape (samples, joints) [rad or m].
-        """
+        """A cos(nφ - ψ) [N m or N] from positions of all joints, ``lag`` earlier."""
         phase = self.order * (q @ self.angle.coefficients)
         return self.cosine * np.cos(phase) + self.sine * np.sin(phase)
 
@@ -174,63 +149,38 @@ class RippleLine:
 
 @dataclass(frozen=True)
 class TimeLine:
-    """A line of constant frequency, which is no ripple.
+    """A line of constant frequency, which is no ripple."""
 
-    Attributes:
-        frequency: [Hz].
-        amplitude: largest of all recordings [N m or N].
-    """
-
-    frequency: float
-    amplitude: float
+    frequency: float  # [Hz]
+    amplitude: float  # largest of all recordings [N m or N]
 
 
 @dataclass(frozen=True)
 class NamedFinding:
-    """What the record says about an order that was asked for.
+    """What the record says about an order that was asked for."""
 
-    Attributes:
-        order: what was asked for.
-        value: n [rad/rad or rad/m].
-        amplitude: at that order [N m or N]; NaN where it cannot be seen.
-        smallest_visible: amplitude that would have been found [N m or N]; NaN likewise.
-        p_value: chance of this amplitude at this one order, without ripple; NaN likewise.
-        unseen: why it cannot be seen, empty where it can.
-    """
-
-    order: NamedOrder
-    value: float
-    amplitude: float
-    smallest_visible: float
-    p_value: float
-    unseen: str
+    order: NamedOrder  # what was asked for
+    value: float  # n [rad/rad or rad/m]
+    amplitude: float  # at that order [N m or N]; NaN where it cannot be seen
+    smallest_visible: float  # amplitude that would have been found [N m or N]; NaN likewise
+    p_value: float  # chance of this amplitude at this one order, without ripple; NaN likewise
+    unseen: str  # why it cannot be seen, empty where it can
 
 
 @dataclass(frozen=True, eq=False)
 class JointRipple:
-    """Ripple of one joint.
+    """Ripple of one joint."""
 
-    Attributes:
-        name: joint.
-        unit: N m or N.
-        lines: found, the largest amplitude first.
-        time_lines: lines of constant frequency that were set apart.
-        angles: what was searched over.
-        spectra: of each angle, the lines still in the residual.
-        left: of each angle, without the lines; what the intervals and limits stand on.
-        named: what was asked for.
-        notes: what the record can and cannot show, whole sentences.
-    """
-
-    name: str
-    unit: str
-    lines: tuple[RippleLine, ...]
-    time_lines: tuple[TimeLine, ...]
-    angles: tuple[Angle, ...]
-    spectra: tuple[OrderSpectrum, ...]
+    name: str  # joint
+    unit: str  # N m or N
+    lines: tuple[RippleLine, ...]  # found, the largest amplitude first
+    time_lines: tuple[TimeLine, ...]  # lines of constant frequency that were set apart
+    angles: tuple[Angle, ...]  # what was searched over
+    spectra: tuple[OrderSpectrum, ...]  # of each angle, the lines still in the residual
+    # of each angle, without the lines; what the intervals and limits stand on
     left: tuple[OrderSpectrum, ...]
-    named: tuple[NamedFinding, ...]
-    notes: tuple[str, ...]
+    named: tuple[NamedFinding, ...]  # what was asked for
+    notes: tuple[str, ...]  # what the record can and cannot show, whole sentences
 
     @property
     def orders(self) -> tuple[float, ...]:
@@ -244,15 +194,10 @@ class JointRipple:
 
 @dataclass(frozen=True, eq=False)
 class Ripple:
-    """Ripple of all joints.
+    """Ripple of all joints."""
 
-    Attributes:
-        joints: one by one.
-        level: chance of a false alarm per joint that a line may have.
-    """
-
-    joints: tuple[JointRipple, ...]
-    level: float
+    joints: tuple[JointRipple, ...]  # one by one
+    level: float  # chance of a false alarm per joint that a line may have
 
     @property
     def lines(self) -> tuple[RippleLine, ...]:
@@ -288,11 +233,7 @@ def ripple_torque(
 ) -> np.ndarray:
     """Torque of some lines as a known signal, shape (samples, joints) [N m or N].
 
-    Args:
-        lines: found by ``find_ripple``.
-        q: positions of all joints at equal intervals, shape (samples, joints) [rad or m].
-        rate: sampling rate [Hz].
-        shift: how much later than the positions' the instants of the torque are [samples].
+    The torque is sampled ``shift`` samples later than the positions.
     """
     torque, samples = np.zeros(np.shape(q)), np.arange(len(q))
     for line in lines:

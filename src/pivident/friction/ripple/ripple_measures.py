@@ -121,15 +121,9 @@ def _modulation(
     factors: Sequence[np.ndarray],
     excess: float,
 ) -> _Modulation:
-    """Does the line change with a factor? Wald's test of two further columns, beside the line's.
+    """Wald test of two further columns: does the line change with a factor of mean zero?
 
-    Args:
-        series: residuals.
-        joint: whose.
-        fit: all waves, taken out.
-        wave: the line.
-        factors: of mean zero over the rows that vote, per recording.
-        excess: floor over white noise.
+    ``excess`` is the floor over that of white noise.
     """
     from scipy.stats import chi2
 

@@ -121,19 +121,7 @@ def search_joint(
     most: int,
     lag: float | None = None,
 ) -> JointRipple:
-    """All ripple lines of one joint; see ``find_ripple``.
-
-    Args:
-        robot: gives gears and couplings.
-        joint: its number.
-        series: residuals.
-        named: orders that are expected of this joint.
-        highest: largest order; None: see ``find_ripple``.
-        cycles: fewest cycles over the visited positions.
-        level: chance of a false alarm.
-        most: largest number of lines.
-        lag: by how much the torque follows the positions [s]; None: found.
-    """
+    """All ripple lines of one joint; see ``find_ripple``."""
     angles = angles_of(robot, joint)
     unit = "N m" if robot.joints[joint].kind == "revolute" else "N"
     tops = [highest_order(robot, series, joint, angle, highest) for angle in angles]
@@ -174,23 +162,15 @@ def search_joint(
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Waves taken out of a residual one after the other.
+    """Waves taken out of a residual one after the other."""
 
-    Attributes:
-        fit: all of them together.
-        owners: index of the angle of each wave; -1: a line in time.
-        chances: of a false alarm, when it was found.
-        beside_time: what a line is likelier than noise, where the best line in time is out.
-        first: spectra before anything was taken out.
-        left: spectra of what is left.
-    """
-
-    fit: WaveFit
-    owners: list[int]
-    chances: list[float]
+    fit: WaveFit  # all of them together
+    owners: list[int]  # index of the angle of each wave; -1: a line in time
+    chances: list[float]  # of a false alarm, when it was found
+    # what a line is likelier than noise, where the best line in time is out
     beside_time: list[float]
-    first: tuple[OrderSpectrum, ...]
-    left: tuple[OrderSpectrum, ...]
+    first: tuple[OrderSpectrum, ...]  # spectra before anything was taken out
+    left: tuple[OrderSpectrum, ...]  # spectra of what is left
 
 
 def _taken_out(

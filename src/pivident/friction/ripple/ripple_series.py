@@ -32,44 +32,24 @@ _SETTLED = 0.01
 
 @dataclass(frozen=True, eq=False)
 class ResidualSeries:
-    """Residual of one recording; arrays (samples, joints) at equal intervals.
+    """Residual of one recording; arrays (samples, joints) at equal intervals."""
 
-    Attributes:
-        name: of the recording.
-        t: time [s], shape (samples,).
-        rate: [Hz].
-        q: positions [rad or m].
-        dq: speeds [rad/s or m/s].
-        error: τ - Φθ [N m or N].
-        load: |Φθ| [N m or N].
-        votes: rows that count.
-        f50: half-power frequency of the position smoother [Hz], shape (joints,); NaN: unknown.
-    """
-
-    name: str
-    t: np.ndarray
-    rate: float
-    q: np.ndarray
-    dq: np.ndarray
-    error: np.ndarray
-    load: np.ndarray
-    votes: np.ndarray
+    name: str  # of the recording
+    t: np.ndarray  # time [s], shape (samples,)
+    rate: float  # [Hz]
+    q: np.ndarray  # positions [rad or m]
+    dq: np.ndarray  # speeds [rad/s or m/s]
+    error: np.ndarray  # τ - Φθ [N m or N]
+    load: np.ndarray  # |Φθ| [N m or N]
+    votes: np.ndarray  # rows that count
+    # half-power frequency of the position smoother [Hz], shape (joints,); NaN: unknown
     f50: np.ndarray
 
 
 def residual_series(
     identification: Identification, recordings: Sequence[Recording] | None
 ) -> tuple[ResidualSeries, ...]:
-    """Residuals of the rows that were fitted, or of recordings at their full rate.
-
-    Args:
-        identification: the estimate.
-        recordings: runs to be predicted; None: the fitted rows.
-
-    Raises:
-        ExperimentError: a recording has other joints than the robot.
-        IdentificationError: there is no recording, or sampling rates differ.
-    """
+    """Residuals of the rows that were fitted, or of recordings at their full rate."""
     if recordings is None:
         series = tuple(
             ResidualSeries(
@@ -128,17 +108,11 @@ def delayed(series: ResidualSeries, lag: float) -> ResidualSeries:
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """A wave a cos(nφ) + b sin(nφ) of an angle, or of the time of one recording.
+    """A wave a cos(nφ) + b sin(nφ) of an angle, or of the time of one recording."""
 
-    Attributes:
-        coefficients: c of φ = c·q; None: φ is the time in ``record``.
-        order: n [per angle, or rad/s].
-        record: the recording; -1: all of them.
-    """
-
-    coefficients: np.ndarray | None
-    order: float
-    record: int = -1
+    coefficients: np.ndarray | None  # c of φ = c·q; None: φ is the time in ``record``
+    order: float  # n [per angle, or rad/s]
+    record: int = -1  # the recording; -1: all of them
 
     def angle(self, s: ResidualSeries) -> np.ndarray:
         """φ of a recording, shape (samples,)."""
@@ -147,26 +121,17 @@ class Wave:
 
 @dataclass(frozen=True, eq=False)
 class WaveFit:
-    """Waves fitted together by generalised least squares.
+    """Waves fitted together by generalised least squares."""
 
-    Attributes:
-        waves: with their orders refined.
-        coefficients: a, b of each wave, shape (waves, 2) [N m or N].
-        covariance: of a, b with the orders known, shape (waves, 2, 2), for white noise of the
-            model's size; the local floor is not in it.
-        order_std: standard deviation of the orders, likewise, shape (waves,).
-        left: residual without the waves, one array per recording.
-        noise: model of what is left.
-        scale: standard deviation of its innovations.
-    """
-
-    waves: tuple[Wave, ...]
-    coefficients: np.ndarray
+    waves: tuple[Wave, ...]  # with their orders refined
+    coefficients: np.ndarray  # a, b of each wave, shape (waves, 2) [N m or N]
+    # of a, b with the orders known, shape (waves, 2, 2), for white noise of the model's size; the
+    # local floor is not in it
     covariance: np.ndarray
-    order_std: np.ndarray
-    left: tuple[np.ndarray, ...]
-    noise: ArModel
-    scale: float
+    order_std: np.ndarray  # standard deviation of the orders, likewise, shape (waves,)
+    left: tuple[np.ndarray, ...]  # residual without the waves, one array per recording
+    noise: ArModel  # model of what is left
+    scale: float  # standard deviation of its innovations
 
     @property
     def filter(self) -> np.ndarray:
@@ -175,12 +140,7 @@ class WaveFit:
 
 
 def whitened(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """A x along axis 0, from rest.
-
-    Args:
-        coefficients: A, shape (order + 1,).
-        x: shape (samples,) or (samples, columns).
-    """
+    """A x along axis 0, from rest."""
     from scipy.signal import lfilter
 
     return lfilter(coefficients, [1.0], x, axis=0)
@@ -235,13 +195,9 @@ def fit_waves(
     waves: Sequence[Wave],
     noise: tuple[ArModel, float] | None = None,
 ) -> WaveFit:
-    """Amplitudes of all waves, their orders refined by Gauss and Newton.
+    """Amplitudes of all waves, their orders refined by Gauss–Newton steps.
 
-    Args:
-        series: residuals.
-        joint: whose residual.
-        waves: with orders near the truth.
-        noise: model to start from; None: that of the residual as it is.
+    ``noise``: model to start from; None: that of the residual itself.
     """
     errors = [s.error[:, joint] for s in series]
     votes = [s.votes[:, joint] for s in series]
@@ -335,14 +291,7 @@ def _white_columns(
 def white_rows(
     series: Sequence[ResidualSeries], joint: int, coefficients: np.ndarray, fit: WaveFit
 ) -> WhiteRows:
-    """What is left of a joint's residual, whitened, over an angle.
-
-    Args:
-        series: residuals.
-        joint: whose residual.
-        coefficients: c of φ = c·q.
-        fit: waves that were taken out, and the noise model.
-    """
+    """Residual of a joint after the waves of ``fit``, whitened, over the angle φ = c·q."""
     votes = [settled_votes(s.votes[:, joint], fit.noise.order) for s in series]
     return WhiteRows(
         _white_rows(fit.noise, fit.scale, fit.left, [s.votes[:, joint] for s in series]),

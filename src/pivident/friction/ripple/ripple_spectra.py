@@ -40,15 +40,7 @@ NEAR = 0.03
 def highest_order(
     robot: Robot, series: Sequence[ResidualSeries], joint: int, angle: Angle, highest: float | None
 ) -> float:
-    """Largest order to be tried: asked for, or of the gear, and within what the sampling shows.
-
-    Args:
-        robot: gives the gears.
-        series: residuals.
-        joint: whose.
-        angle: what is searched over.
-        highest: what was asked for, or None.
-    """
+    """Largest order to try: requested or the gear's, and at most what the sampling resolves."""
     steps = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.votes[:, joint]] for s in series])
     if not steps.size or not np.any(steps > 0):
         return 0.0
@@ -64,14 +56,7 @@ def highest_order(
 def visited_grid(
     series: Sequence[ResidualSeries], joint: int, angle: Angle, highest: float
 ) -> np.ndarray:
-    """Orders of an angle, from one cycle over the visited positions on.
-
-    Args:
-        series: residuals.
-        joint: whose.
-        angle: what is searched over.
-        highest: largest order.
-    """
+    """Orders of an angle, from one cycle over the visited positions on."""
     visited = np.concatenate([(s.q @ angle.coefficients)[s.votes[:, joint]] for s in series])
     return order_grid(visited, highest) if visited.size else np.empty(0)
 
@@ -123,17 +108,7 @@ def joint_spectra(
     cycles: float,
     lags: int,
 ) -> tuple[OrderSpectrum, ...]:
-    """Spectrum over each angle; the trials of all angles and lags count in each.
-
-    Args:
-        series: residuals.
-        joint: whose.
-        angles: what is searched over.
-        grids: orders of each.
-        fit: waves that are out already.
-        cycles: fewest cycles of an order.
-        lags: number of lags tried.
-    """
+    """Spectrum over each angle; the trials of all angles and lags count in each."""
     found = [
         order_spectrum(white_rows(series, joint, angle.coefficients, fit), grid, cycles)
         for angle, grid in zip(angles, grids, strict=True)
@@ -143,11 +118,7 @@ def joint_spectra(
 
 
 def most_surprising(spectra: Sequence[OrderSpectrum]) -> tuple[int, int, float] | None:
-    """Angle, index and chance of a false alarm of the most surprising order; None without any.
-
-    Args:
-        spectra: of all angles.
-    """
+    """Angle, index and chance of a false alarm of the most surprising order; None without any."""
     candidates = [
         (s.surprise(k), a, k) for a, s in enumerate(spectra) if (k := s.best()) is not None
     ]

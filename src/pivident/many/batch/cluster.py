@@ -53,11 +53,10 @@ class DaskCluster:
         self._last_seen = 0.0
 
     def check(self) -> None:
-        """Notice that all workers are gone: Dask does not start one again that died at its start.
+        """Notice that all workers are gone, since Dask does not restart one that died at its start.
 
-        Raises:
-            BrokenProcessPool: the cluster of this machine has had none for `FIRST_WORKER` seconds.
-            BatchError: nor has the one behind the scheduler.
+        A cluster of this machine is made again (BrokenProcessPool), one behind a scheduler is not
+        (BatchError).
         """
         if self._connection is None or self._connection.scheduler_info().get("workers"):
             self._last_seen = time.monotonic()
@@ -111,11 +110,7 @@ class DaskCluster:
 
 
 def _cluster_of_this_machine(cluster: type[LocalCluster], workers: int) -> LocalCluster:
-    """Worker processes and their scheduler.
-
-    Raises:
-        BrokenProcessPool: a worker died while it started, which Dask does not get over.
-    """
+    """Worker processes and their scheduler."""
     try:
         return cluster(
             n_workers=workers,

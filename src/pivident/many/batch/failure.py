@@ -9,12 +9,7 @@ MAX_MESSAGE = 500
 
 
 def failure(error: BaseException, seconds: float) -> Row:
-    """Error class and message in place of estimates.
-
-    Args:
-        error: what went wrong, with its notes.
-        seconds: time that the task took [s].
-    """
+    """Error class and message in place of estimates."""
     notes = "".join(f" ({n})" for n in getattr(error, "__notes__", ()))
     message = (" ".join(str(error).split()) + notes)[:MAX_MESSAGE]
     return {"error": type(error).__name__, "message": message, "seconds": seconds}

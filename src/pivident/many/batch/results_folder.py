@@ -73,14 +73,7 @@ class ResultsFolder:
     def taken(self, wanted: Mapping[str, Any]) -> Iterator[None]:
         """Take the folder for a while: make it, or check that it belongs to this owner.
 
-        Args:
-            wanted: the manifest: ``hash``, the owner's tables, and what else is to be known.
-
-        Raises:
-            OtherContents: it holds results of something else; nothing is changed.
-            ResultsFolderError: it cannot be written to, another process is writing to it, or it
-                is not a folder of results.
-            MissingExtra: polars is not installed.
+        ``wanted`` is the manifest: ``hash``, the owner's tables, and notes.
         """
         require("polars", extra="tables", purpose="a folder of many results")
         with self._errors():
@@ -108,11 +101,7 @@ class ResultsFolder:
                 yield
 
     def manifest(self) -> dict[str, Any] | None:
-        """The manifest, None where there is none.
-
-        Raises:
-            ResultsFolderError: it cannot be read.
-        """
+        """The manifest, None where there is none."""
         path = self.folder / MANIFEST
         try:
             if regular_file(path).stat().st_size > MAX_MANIFEST:
@@ -132,15 +121,7 @@ class ResultsFolder:
         return tuple((self.manifest() or {}).get("programs", ()))
 
     def append(self, rows: Sequence[Row]) -> None:
-        """Write rows as one more shard.
-
-        Args:
-            rows: all rows of some tasks.
-
-        Raises:
-            ResultsFolderError: the disk is full, or the folder cannot be written to. What was
-                there before is as it was.
-        """
+        """Write rows as one more shard; after an error the folder is as it was."""
         pl = require("polars", extra="tables", purpose="a folder of many results")
         if not rows:
             return
@@ -154,15 +135,7 @@ class ResultsFolder:
         return f"{len(rows):06d}"
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write a file of the folder: as a whole, or not at all.
-
-        Args:
-            name: path inside the folder.
-            content: bytes or text.
-
-        Raises:
-            ResultsFolderError: it cannot be written.
-        """
+        """Write a file of the folder: as a whole, or not at all."""
         path = self.folder / name
         unfinished = path.parent / f"{UNFINISHED}{secrets.token_hex(4)}"
         data = content.encode() if isinstance(content, str) else content
@@ -179,14 +152,7 @@ class ResultsFolder:
                 raise
 
     def read(self, columns: Sequence[str] | None = None) -> pl.DataFrame:
-        """All rows of all shards, in the order of their names.
-
-        Args:
-            columns: those wanted; None: all.
-
-        Raises:
-            ResultsFolderError: a shard cannot be read.
-        """
+        """All rows of all shards, in the order of their names."""
         pl = require("polars", extra="tables", purpose="a folder of many results")
         frames = []
         for shard in self._shard_files():
@@ -246,11 +212,7 @@ class ResultsFolder:
             self.write(MANIFEST, json.dumps(complete, indent=1, default=str))
 
     def _check_kinds(self, content: Any) -> None:
-        """Refuse what was not written here, whether or not its layout is known.
-
-        Raises:
-            ValueError: it is no table, or a key holds a value of another kind.
-        """
+        """Refuse what was not written here, whether or not its layout is known."""
         if not isinstance(content, dict):
             raise ValueError("it is not a table")
         kinds = {self.owner: dict, "hash": str, "version": str, "programs": list}
@@ -301,13 +263,7 @@ class ResultsFolder:
 
 
 def differences(here: Any, there: Any, key: str = "") -> list[str]:
-    """What differs between two sets of tables, as ``table.key: here / there``.
-
-    Args:
-        here: plain values.
-        there: likewise.
-        key: what they are called.
-    """
+    """What differs between two sets of tables, as ``table.key: here / there``."""
     if isinstance(here, Mapping) and isinstance(there, Mapping):
         found = []
         for name in dict.fromkeys([*here, *there]):

@@ -68,12 +68,7 @@ class Watched(Protocol):
     """A pool that can lose all of its workers without its tasks ending with an error."""
 
     def check(self) -> None:
-        """Say whether it still has workers.
-
-        Raises:
-            BrokenProcessPool: it has none, and a new one has to be made.
-            BatchError: it has none, and nothing can be done about it here.
-        """
+        """Raise BrokenProcessPool where workers can be made anew, BatchError where not."""
         ...
 
 
@@ -159,14 +154,7 @@ class Runner(Generic[Key]):
         self.broken = 0
 
     def compute(self, missing: Sequence[Key]) -> None:
-        """Compute and write tasks; whatever happens, those that have finished are written.
-
-        Args:
-            missing: their keys.
-
-        Raises:
-            BatchError: workers die one after the other before they have computed anything.
-        """
+        """Compute and write tasks; whatever happens, those that have finished are written."""
         begin, at_hand = time.monotonic(), self.total - len(missing)
         waiting = list(missing)[::-1]
         self.say(f"{self.title}: starting {self.pool.workers} worker(s)")

@@ -52,66 +52,41 @@ TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class Temperature:
-    """Change of a parameter with temperature, the same for all robots.
+    """Change of a parameter with temperature, the same for all robots."""
 
-    Attributes:
-        slope: b [unit of the scaled parameter per unit of the temperature].
-        std: its standard deviation.
-        reference: T₀.
-    """
-
-    slope: float
-    std: float
-    reference: float
+    slope: float  # b [unit of the scaled parameter per unit of the temperature]
+    std: float  # its standard deviation
+    reference: float  # T₀
 
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What the baseline expects of the later records of one robot.
+    """What the baseline expects of the later records of one robot."""
 
-    Attributes:
-        first: index of the first record that is judged.
-        baseline_values: records before it at T₀, shape (first,).
-        level: level of the robot at T₀.
-        level_std: its standard deviation.
-        difference: d, records less expectation, shape (judged,).
-        covariance: C, shape (judged, judged).
-    """
-
-    first: int
-    baseline_values: np.ndarray
-    level: float
-    level_std: float
-    difference: np.ndarray
-    covariance: np.ndarray
+    first: int  # index of the first record that is judged
+    baseline_values: np.ndarray  # records before it at T₀, shape (first,)
+    level: float  # level of the robot at T₀
+    level_std: float  # its standard deviation
+    difference: np.ndarray  # d, records less expectation, shape (judged,)
+    covariance: np.ndarray  # C, shape (judged, judged)
 
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """The baseline of one parameter over all robots.
+    """The baseline of one parameter over all robots."""
 
-    Attributes:
-        series: of each robot.
-        scales: what values and deviations of each robot were divided by, shape (robots,); scatter,
-            slope, levels and weights are those of the scaled values.
-        kind: ``robot`` or ``fleet``.
-        scatter: τ, deviation between records of one robot.
-        degrees: ν of that scatter.
-        temperature: change with temperature; None where it is not known or did not change.
-        levels: μ̂ at T₀ of each robot, NaN without a baseline, shape (robots,).
-        weights: W_r, likewise.
-        centres: T̄_r, likewise.
-    """
-
-    series: tuple[Series, ...]
+    series: tuple[Series, ...]  # of each robot
+    # what values and deviations of each robot were divided by, shape (robots,); scatter, slope,
+    # levels and weights are those of the scaled values
     scales: np.ndarray
-    kind: str
-    scatter: float
-    degrees: int
+    kind: str  # ``robot`` or ``fleet``
+    scatter: float  # τ, deviation between records of one robot
+    degrees: int  # ν of that scatter
+    # change with temperature; None where it is not known or did not change
     temperature: Temperature | None
-    levels: np.ndarray
-    weights: np.ndarray
-    centres: np.ndarray
+    levels: np.ndarray  # μ̂ at T₀ of each robot, NaN without a baseline, shape (robots,)
+    weights: np.ndarray  # W_r, likewise
+    centres: np.ndarray  # T̄_r, likewise
 
     @cached_property
     def scaled(self) -> tuple[Series, ...]:
@@ -124,11 +99,7 @@ class Baseline:
         return float(np.mean(self.scales))
 
     def expectation(self, number: int) -> Expectation | None:
-        """Errors of a robot's later records in the unit of the parameter, None without any.
-
-        Args:
-            number: which robot.
-        """
+        """Errors of a robot's later records in the unit of the parameter, None without any."""
         found = self._among_others(number) if self.kind == "fleet" else self._by_itself(number)
         if found is None:
             return None
@@ -208,11 +179,9 @@ def fit_baseline(
 ) -> Baseline:
     """The baseline of one parameter.
 
-    Args:
-        series: the parameter of each robot.
-        kind: ``robot``: each has its own level; ``fleet``: it is compared with the others.
-        relative: whether values are divided by the robot's level; None: where each robot has its
-            own and all are clear of zero.
+    ``kind``: ``robot`` gives each its own level, ``fleet`` compares it with the others.
+    ``relative``: values are divided by the robot's level; None: where each robot has its own and
+    all are clear of zero.
     """
     scales = np.ones(len(series))
     found = _fitted(series, scales, kind)
@@ -261,12 +230,7 @@ def _fitted(original: Sequence[Series], scales: np.ndarray, kind: str) -> Baseli
 
 
 def paule_mandel(excess: Callable[[float], float], scale: float) -> float:
-    """The variance τ² at which Q(τ²) - ν is zero; zero where it is negative already there.
-
-    Args:
-        excess: Q - ν, falling with τ².
-        scale: a variance of that size, where the search begins.
-    """
+    """The variance τ² ≥ 0 at which Q(τ²) - ν, falling with τ², is zero or starts negative."""
     from scipy.optimize import brentq
 
     if excess(0.0) <= 0.0:

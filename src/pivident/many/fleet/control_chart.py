@@ -36,37 +36,21 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """The chart of one parameter of one robot; arrays over the judged records.
+    """The chart of one parameter of one robot; arrays over the judged records."""
 
-    Attributes:
-        series: the estimates.
-        first: index of the first record that is judged.
-        baseline_values: records before it, at the reference temperature, shape (first,).
-        level: level of the baseline [unit of the parameter], at the reference temperature.
-        level_std: its standard deviation.
-        degrees: degrees of freedom.
-        difference: d, record less expectation.
-        std: √C_ii.
-        mean: exponentially weighted mean of d.
-        mean_std: its standard deviation.
-        covariance: C.
-        limit: |z| that gives an alarm.
-        tests: m, number of tests in the family.
-    """
-
-    series: Series
-    first: int
-    baseline_values: np.ndarray
-    level: float
-    level_std: float
-    degrees: int
-    difference: np.ndarray
-    std: np.ndarray
-    mean: np.ndarray
-    mean_std: np.ndarray
-    covariance: np.ndarray
-    limit: float
-    tests: int
+    series: Series  # the estimates
+    first: int  # index of the first record that is judged
+    baseline_values: np.ndarray  # records before it, at the reference temperature, shape (first,)
+    level: float  # level of the baseline [unit of the parameter], at the reference temperature
+    level_std: float  # its standard deviation
+    degrees: int  # degrees of freedom
+    difference: np.ndarray  # d, record less expectation
+    std: np.ndarray  # √C_ii
+    mean: np.ndarray  # exponentially weighted mean of d
+    mean_std: np.ndarray  # its standard deviation
+    covariance: np.ndarray  # C
+    limit: float  # |z| that gives an alarm
+    tests: int  # m, number of tests in the family
 
     @property
     def sudden(self) -> np.ndarray:
@@ -86,37 +70,21 @@ class Chart:
 
 @dataclass(frozen=True)
 class Alarm:
-    """A parameter that has left what its baseline allows.
+    """A parameter that has left what its baseline allows."""
 
-    Attributes:
-        robot: whose.
-        joint: joint that the parameter belongs to.
-        parameter: its name.
-        unit: of change and level.
-        log: the first record outside.
-        time: when that was taken.
-        charts: ``shewhart``, ``ewma`` or both, at that record.
-        change: mean change from that record on.
-        low: lower end of its interval of 95 %.
-        high: upper end.
-        level: of the baseline.
-        records: number of records behind the change.
-        p_value: probability of so large a z somewhere in the fleet without any change, at most.
-    """
-
-    robot: str
-    joint: str
-    parameter: str
-    unit: str
-    log: str
-    time: str
-    charts: tuple[str, ...]
-    change: float
-    low: float
-    high: float
-    level: float
-    records: int
-    p_value: float
+    robot: str  # whose
+    joint: str  # joint that the parameter belongs to
+    parameter: str  # its name
+    unit: str  # of change and level
+    log: str  # the first record outside
+    time: str  # when that was taken
+    charts: tuple[str, ...]  # ``shewhart``, ``ewma`` or both, at that record
+    change: float  # mean change from that record on
+    low: float  # lower end of its interval of 95 %
+    high: float  # upper end
+    level: float  # of the baseline
+    records: int  # number of records behind the change
+    p_value: float  # probability of so large a z somewhere in the fleet without any change, at most
 
     @property
     def relative(self) -> tuple[float, float, float]:
@@ -130,10 +98,8 @@ def draw_charts(
 ) -> list[Chart]:
     """Charts of all parameters and robots that have records to be judged.
 
-    Args:
-        baselines: of each parameter.
-        level: probability of one false alarm or more in the whole fleet and period, at most.
-        planned: judged records of each robot in the whole period; None: those that are there.
+    ``level``: probability of one false alarm or more in the whole fleet and period, at most.
+    ``planned``: judged records of each robot in the whole period; None: those that are there.
     """
     from scipy.stats import t
 
@@ -154,24 +120,14 @@ def draw_charts(
 def number_of_tests(
     baselines: Sequence[Baseline], judged: Sequence[int], planned: int | None
 ) -> int:
-    """m: two tests for each judged record of each parameter and robot.
-
-    Args:
-        baselines: of each parameter.
-        judged: records judged in each chart.
-        planned: records of each robot in the period; None: those that are there.
-    """
+    """m: two tests for each judged record of each parameter and robot."""
     if planned is None:
         return TESTS * max(1, sum(judged))
     return TESTS * sum(len(b.series) for b in baselines) * max([planned, *judged])
 
 
 def find_alarms(charts: Sequence[Chart]) -> list[Alarm]:
-    """One alarm for each chart with records outside, the clearest first.
-
-    Args:
-        charts: of the fleet.
-    """
+    """One alarm for each chart with records outside, the clearest first."""
     found = [_alarm(chart) for chart in charts if chart.outside.any()]
     return sorted(found, key=lambda a: (a.p_value, a.robot, a.parameter))
 

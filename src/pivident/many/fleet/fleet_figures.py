@@ -68,12 +68,7 @@ def overview_figure(judgement: Judgement) -> Figure | None:
 
 
 def chart_figure(chart: Chart, number: int = 0) -> Figure:
-    """Estimates at the reference temperature, limits of a single record, and the running mean.
-
-    Args:
-        chart: of one parameter of one robot.
-        number: for its colour.
-    """
+    """Estimates at the reference temperature, limits of a single record, and the running mean."""
     series, first = chart.series, chart.first
     x: Sequence[str | float] = series.times
     judged = chart.level + chart.difference

@@ -41,11 +41,7 @@ HEADINGS = {
 
 
 def render_page(judgement: Judgement) -> str:
-    """The page as text.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """The page as text."""
     fleet = judgement.fleet
     environment = page_environment()
     environment.loader = ChoiceLoader(

@@ -70,11 +70,7 @@ class FleetFile(ExperimentFile):
 
 
 def as_template(content: dict[str, Any]) -> dict[str, Any]:
-    """Tables of a file with a pattern of files, where ``[recording]`` names none.
-
-    Args:
-        content: the tables, short forms written out.
-    """
+    """Tables of a file with a pattern of files, where ``[recording]`` names none."""
     recording, fleet = content.get("recording"), content.get("fleet")
     pattern = fleet.get("pattern") if isinstance(fleet, dict) else None
     if not isinstance(recording, list) or not recording or not isinstance(recording[0], dict):

@@ -57,16 +57,7 @@ class FleetStore(ResultsFolder):
 
     @contextmanager
     def opened(self, template: Template) -> Iterator[FleetStore]:
-        """Take the folder for a fleet: make it, or check that it belongs to the template.
-
-        Args:
-            template: the fleet's experiment file.
-
-        Raises:
-            OtherFleet: it holds results of another one; nothing is changed.
-            FleetFolderError: it cannot be written to, another process is writing to it, or it is
-                not a folder of results.
-        """
+        """Take the folder for a fleet: make it, or check that it belongs to the template."""
         wanted = {
             "name": template.experiment.title,
             "hash": template.hash,
@@ -85,11 +76,7 @@ class FleetStore(ResultsFolder):
         return found
 
     def rows(self, digests: Mapping[str, str | None]) -> pl.DataFrame:
-        """The rows of logs, the latest ones of each.
-
-        Args:
-            digests: hash of the content that is meant of each log, None for the latest one.
-        """
+        """The rows of logs with the content named by ``digests``; None: the latest of a log."""
         pl = require("polars", extra="tables", purpose="the study of a fleet")
         meant = pl.DataFrame(
             {"task": list(digests), "meant": list(digests.values())},

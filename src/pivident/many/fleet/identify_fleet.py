@@ -24,21 +24,14 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """The estimates of a fleet.
+    """The estimates of a fleet."""
 
-    Attributes:
-        template: its experiment file.
-        logs: its logs, in the order of robots and time.
-        axis: what their positions in time mean.
-        rows: one row for each log and parameter, or with an error; as they are in the store.
-        store: the results folder.
-    """
-
-    template: Template
-    logs: tuple[Log, ...]
-    axis: TimeAxis
+    template: Template  # its experiment file
+    logs: tuple[Log, ...]  # its logs, in the order of robots and time
+    axis: TimeAxis  # what their positions in time mean
+    # one row for each log and parameter, or with an error; as they are in the store
     rows: pl.DataFrame
-    store: FleetStore
+    store: FleetStore  # the results folder
 
     @property
     def failures(self) -> pl.DataFrame:
@@ -119,15 +112,7 @@ def default_out(folder: Path) -> Path:
 
 
 def template_of(folder: Path, path: str | Path | None = None) -> Template:
-    """The experiment file that is named, or the one in the folder.
-
-    Args:
-        folder: where the logs lie.
-        path: the file, or None.
-
-    Raises:
-        ExperimentError: there is none, or it cannot be used.
-    """
+    """The experiment file that is named, or the one in the folder."""
     if path is None and not (folder / FILE).is_file():
         if not folder.is_dir():
             raise ExperimentError(f"{folder} is no folder; name the folder that holds the logs")

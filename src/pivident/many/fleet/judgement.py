@@ -24,23 +24,14 @@ PARAMETERS, ALARMS, PAGE = "parameters.parquet", "alarms.json", "fleet.html"
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """A fleet with everything that was found out about it.
+    """A fleet with everything that was found out about it."""
 
-    Attributes:
-        fleet: the estimates.
-        baselines: of each watched parameter.
-        charts: of each parameter and robot with records after the baseline.
-        alarms: one for each chart that was left, the clearest first.
-        wear: of each watched parameter.
-        notes: what must be known to read the rest, whole sentences.
-    """
-
-    fleet: Fleet
-    baselines: tuple[Baseline, ...]
-    charts: tuple[Chart, ...]
-    alarms: tuple[Alarm, ...]
-    wear: tuple[Wear, ...]
-    notes: tuple[str, ...]
+    fleet: Fleet  # the estimates
+    baselines: tuple[Baseline, ...]  # of each watched parameter
+    charts: tuple[Chart, ...]  # of each parameter and robot with records after the baseline
+    alarms: tuple[Alarm, ...]  # one for each chart that was left, the clearest first
+    wear: tuple[Wear, ...]  # of each watched parameter
+    notes: tuple[str, ...]  # what must be known to read the rest, whole sentences
 
     @property
     def level(self) -> float:
@@ -54,14 +45,7 @@ class Judgement:
 
 
 def judge(fleet: Fleet) -> Judgement:
-    """Charts, alarms and wear of all watched parameters.
-
-    Args:
-        fleet: the estimates.
-
-    Raises:
-        FleetError: a watched parameter was not estimated.
-    """
+    """Charts, alarms and wear of all watched parameters."""
     entry = fleet.template.fleet
     series = watched_series(fleet.rows, fleet.logs, entry.watch, entry.baseline_records)
     groups: dict[str, list[Series]] = {}
@@ -80,16 +64,7 @@ def judge(fleet: Fleet) -> Judgement:
 
 
 def conclude(fleet: Fleet, say: Callable[[str], None] | None = None) -> Judgement:
-    """Judge a fleet and write its table, its alarms and its page into the results folder.
-
-    Args:
-        fleet: the estimates.
-        say: progress.
-
-    Raises:
-        FleetError: a watched parameter was not estimated.
-        FleetFolderError: the folder cannot be written to.
-    """
+    """Judge a fleet and write its table, its alarms and its page into the results folder."""
     from pivident.many.fleet.fleet_page import render_page
 
     say = say or (lambda line: None)
@@ -108,9 +83,6 @@ def parameter_table(fleet: Fleet) -> pl.DataFrame:
 
     Columns are the parts of the pattern (``robot``, ``day`` …), ``time``, ``log`` and the results;
     ``std`` is that of the method, ``relative_error`` that of the whole fit.
-
-    Args:
-        fleet: the estimates.
     """
     pl = require("polars", extra="tables", purpose="the study of a fleet")
     names = [name for name, _ in fleet.logs[0].captures]
@@ -130,11 +102,7 @@ def parameter_table(fleet: Fleet) -> pl.DataFrame:
 
 
 def alarms_json(judgement: Judgement) -> str:
-    """Alarms with what they promise, as strict JSON: numbers that are not finite are null.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """Alarms with what they promise, as strict JSON: numbers that are not finite are null."""
     fleet, entry = judgement.fleet, judgement.fleet.template.fleet
     content: dict[str, Any] = {
         "schema": 1,
@@ -173,11 +141,7 @@ def alarms_json(judgement: Judgement) -> str:
 
 
 def promise(judgement: Judgement) -> str:
-    """What the level means, in one sentence.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """What the level means, in one sentence."""
     entry = judgement.fleet.template.fleet
     period = (
         "in this report (a report on more records has tests of its own)"

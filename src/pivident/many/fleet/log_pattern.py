@@ -79,15 +79,7 @@ class Pattern:
         self.expression = re.compile(expression + re.escape(rest), re.DOTALL)
 
     def matches(self, files: Sequence[str], robot: str) -> dict[Captures, str]:
-        """Files by what they capture.
-
-        Args:
-            files: paths below the folder.
-            robot: whose they are, where the pattern does not say.
-
-        Raises:
-            ExperimentError: two files capture the same.
-        """
+        """Files by what they capture."""
         found: dict[Captures, str] = {}
         for file in files:
             match = self.expression.fullmatch(file)

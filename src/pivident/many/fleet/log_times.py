@@ -13,14 +13,10 @@ Moment = Callable[[str], tuple[float, str] | None]
 
 
 def kind_of_times(texts: Sequence[str], required: bool) -> tuple[str, Moment | None]:
-    """Dates or numbers, as most of them are; neither where that would be a guess.
+    """``date``, ``number`` or ``order``, and what reads such a text.
 
-    Args:
-        texts: one of each log.
-        required: whether they were named as times, so that a minority may be faulty.
-
-    Returns:
-        ``date``, ``number`` or ``order``, and what reads such a text.
+    As most texts are; ``order`` where that is unclear. A minority of texts named as times
+    (``required``) may be faulty.
     """
     for kind, read in (("date", as_date), ("number", as_number)):
         wrong = sum(read(text) is None for text in texts)

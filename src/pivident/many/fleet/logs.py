@@ -24,23 +24,16 @@ TIMES = ("time", "day", "date")
 
 @dataclass(frozen=True)
 class Log:
-    """Files that make one problem.
+    """Files that make one problem."""
 
-    Attributes:
-        name: what its captures say, ``arm_03/2026-03-01``; unique.
-        captures: name and value of each.
-        records: files of each of its records, by the key of ``files``.
-        time: when it was taken: an ISO date or a number; empty where only an order is known.
-        position: where it is on the time axis: days since 1970, or that number, or its rank.
-        fault: why it cannot be read; empty where it may be.
-    """
-
-    name: str
-    captures: Captures
+    name: str  # what its captures say, ``arm_03/2026-03-01``; unique
+    captures: Captures  # name and value of each
+    # files of each of its records, by the key of ``files``
     records: tuple[tuple[tuple[str, str], ...], ...]
-    time: str = ""
+    time: str = ""  # when it was taken: an ISO date or a number; empty where only an order is known
+    # where it is on the time axis: days since 1970, or that number, or its rank
     position: float = 0.0
-    fault: str = ""
+    fault: str = ""  # why it cannot be read; empty where it may be
 
     @property
     def robot(self) -> str:
@@ -53,11 +46,7 @@ class Log:
         return tuple(dict.fromkeys(path for record in self.records for _, path in record))
 
     def digest(self) -> str:
-        """SHA-256 of the file; of several, that of the list of keys and hashes.
-
-        Raises:
-            FileFormatError: a file is missing or cannot be read.
-        """
+        """SHA-256 of the file; of several, that of the list of keys and hashes."""
         hashes = [
             (key, sha256(existing_file(path))) for record in self.records for key, path in record
         ]
@@ -70,15 +59,10 @@ class Log:
 
 @dataclass(frozen=True)
 class TimeAxis:
-    """What positions in time mean.
+    """What positions in time mean."""
 
-    Attributes:
-        kind: ``date``, ``number`` or ``order``.
-        unit: of a rate: ``day``, the capture's name, or ``record``.
-    """
-
-    kind: str
-    unit: str
+    kind: str  # ``date``, ``number`` or ``order``
+    unit: str  # of a rate: ``day``, the capture's name, or ``record``
 
 
 def find_logs(
@@ -88,20 +72,10 @@ def find_logs(
     time: str | None = None,
     without: Path | None = None,
 ) -> tuple[list[Log], TimeAxis]:
-    """The logs of a folder in the order of robots and time.
+    """The logs of a folder in the order of robots and time, and what their positions mean.
 
-    Args:
-        folder: where they lie.
-        pattern: of the files, or one for each key.
-        together: captures whose logs are one problem; None: all captures.
-        time: the capture that says when; None: the first of ``TIMES``.
-        without: folder whose files are none of them.
-
-    Returns:
-        The logs, and what their positions mean.
-
-    Raises:
-        ExperimentError: the folder or the pattern cannot be used, or nothing matches.
+    ``together``: captures whose logs are one problem; None: all. ``time``: the capture with the
+    time; None: the first of ``TIMES``. ``without``: folder that is left out.
     """
     if not folder.is_dir():
         problem = "is a file" if folder.exists() else "does not exist"

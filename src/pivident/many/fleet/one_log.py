@@ -34,23 +34,14 @@ _last_template: dict[str, Template] = {}
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know of a fleet; small, and the same for all logs.
+    """What a worker needs to know of a fleet; small, and the same for all logs."""
 
-    Attributes:
-        key: tells fleets apart.
-        payload: file, tables and robot, pickled.
-    """
-
-    key: str
-    payload: bytes
+    key: str  # tells fleets apart
+    payload: bytes  # file, tables and robot, pickled
 
     @classmethod
     def of(cls, template: Template) -> Task:
-        """The task of a template.
-
-        Args:
-            template: the checked experiment file.
-        """
+        """The task of a template."""
         parts = (str(template.path), template.content, template.experiment.robot)
         return cls(template.hash, pickle.dumps(parts))
 
@@ -67,12 +58,7 @@ class Task:
 
 
 def identify_log(task: Task, log: Log) -> list[Row]:
-    """All rows of a log, one for each parameter.
-
-    Args:
-        task: the fleet.
-        log: the log.
-    """
+    """All rows of a log, one for each parameter."""
     begin = time.perf_counter()
     common: Row = {"task": log.name, "sha256": None}
     try:
@@ -105,13 +91,7 @@ def identify_log_alone(task: Task, log: Log) -> list[Row]:
 
 
 def lost_log(task: Task, log: Log, times: int) -> list[Row]:
-    """The row of a log whose worker died each time it was tried; it is tried again next time.
-
-    Args:
-        task: the fleet.
-        log: the log.
-        times: how often.
-    """
+    """The row of a log whose worker died each time it was tried; it is tried again next time."""
     message = f"the worker died {times} times while it read this log; is there enough memory?"
     common: Row = {"task": log.name, "sha256": None, "method": task.template.method_name}
     return [common | {"computed": time.time(), "error": "WorkerLost", "message": message}]

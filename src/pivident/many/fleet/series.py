@@ -22,33 +22,19 @@ FRICTION = "friction"
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Estimates of one parameter of one robot, in the order of time.
+    """Estimates of one parameter of one robot, in the order of time."""
 
-    Attributes:
-        robot: whose.
-        parameter: name of the parameter.
-        joint: joint that it belongs to.
-        unit: unit of the values.
-        logs: the records, shape (records,).
-        times: when they were taken, as text, likewise.
-        position: place on the time axis, likewise.
-        value: estimates, likewise.
-        std: their standard deviations, likewise.
-        temperature: mean temperature of the joint, NaN where it is not known, likewise.
-        baseline: how many records of the robot come first and set the level.
-    """
-
-    robot: str
-    parameter: str
-    joint: str
-    unit: str
-    logs: tuple[str, ...]
-    times: tuple[str, ...]
-    position: np.ndarray
-    value: np.ndarray
-    std: np.ndarray
-    temperature: np.ndarray
-    baseline: int
+    robot: str  # whose
+    parameter: str  # name of the parameter
+    joint: str  # joint that it belongs to
+    unit: str  # unit of the values
+    logs: tuple[str, ...]  # the records, shape (records,)
+    times: tuple[str, ...]  # when they were taken, as text, likewise
+    position: np.ndarray  # place on the time axis, likewise
+    value: np.ndarray  # estimates, likewise
+    std: np.ndarray  # their standard deviations, likewise
+    temperature: np.ndarray  # mean temperature of the joint, NaN where it is not known, likewise
+    baseline: int  # how many records of the robot come first and set the level
 
     @property
     def records(self) -> int:
@@ -59,18 +45,10 @@ class Series:
 def watched_series(
     rows: pl.DataFrame, logs: Sequence[Log], watch: Sequence[str], baseline: int
 ) -> list[Series]:
-    """The series that are watched; estimates that did not converge are not in them.
+    """The watched series, without estimates that did not converge.
 
-    The baseline are the first records of each robot that gave an estimate.
-
-    Args:
-        rows: as the store has them.
-        logs: all logs, in the order of robots and time.
-        watch: names of parameters, or ``friction`` for every friction level and slope.
-        baseline: records of each robot that set its level.
-
-    Raises:
-        FleetError: a name is none of the parameters, or there is no friction.
+    ``watch``: names of parameters, or ``friction`` for every friction level and slope. The first
+    ``baseline`` records of each robot that gave an estimate set its level.
     """
     pl = require("polars", extra="tables", purpose="the study of a fleet")
     good = rows.filter(pl.col("error").is_null() & pl.col("converged"))

@@ -25,17 +25,11 @@ SEPARATE = 1e-9
 
 @dataclass(frozen=True)
 class Rate:
-    """A slope with its interval of 95 %.
+    """A slope with its interval of 95 %."""
 
-    Attributes:
-        value: the slope.
-        low: lower end.
-        high: upper end.
-    """
-
-    value: float
-    low: float
-    high: float
+    value: float  # the slope
+    low: float  # lower end
+    high: float  # upper end
 
     def times(self, scale: float) -> Rate:
         """The same in another unit; ``scale`` is positive."""
@@ -49,31 +43,20 @@ class Rate:
 
 @dataclass(frozen=True)
 class Wear:
-    """Slopes of one parameter.
+    """Slopes of one parameter."""
 
-    Attributes:
-        parameter: its name.
-        unit: its unit.
-        temperature: b over the fleet [unit per unit of temperature]; None where it is not known.
-        robots: w of each robot [unit per unit of time]; None where its times do not differ.
-        level: mean level of the robots.
-        degrees: ν of the intervals.
-    """
-
-    parameter: str
-    unit: str
+    parameter: str  # its name
+    unit: str  # its unit
+    # b over the fleet [unit per unit of temperature]; None where it is not known
     temperature: Rate | None
+    # w of each robot [unit per unit of time]; None where its times do not differ
     robots: dict[str, Rate | None]
-    level: float
-    degrees: int
+    level: float  # mean level of the robots
+    degrees: int  # ν of the intervals
 
 
 def separate_wear(baseline: Baseline) -> Wear:
-    """Rates of wear and the slope of temperature of one parameter.
-
-    Args:
-        baseline: gives series, scatter and degrees of freedom.
-    """
+    """Rates of wear and the slope of temperature of one parameter."""
     from scipy.stats import t
 
     degrees = max(baseline.degrees, 1)
@@ -104,25 +87,15 @@ def separate_wear(baseline: Baseline) -> Wear:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One robot after level and time are taken off temperature and values.
+    """One robot after level and time are taken off temperature and values."""
 
-    Attributes:
-        weight: w, shape (records,).
-        warmth: temperature without what level and time explain.
-        value: values likewise.
-        total: weighted spread of the temperature.
-        rate: slope of the values over time alone; None where times do not differ.
-        variance: of that slope.
-        coupling: slope of temperature over time.
-    """
-
-    weight: np.ndarray
-    warmth: np.ndarray
-    value: np.ndarray
-    total: float
-    rate: float | None
-    variance: float
-    coupling: float
+    weight: np.ndarray  # w, shape (records,)
+    warmth: np.ndarray  # temperature without what level and time explain
+    value: np.ndarray  # values likewise
+    total: float  # weighted spread of the temperature
+    rate: float | None  # slope of the values over time alone; None where times do not differ
+    variance: float  # of that slope
+    coupling: float  # slope of temperature over time
 
     @classmethod
     def of(cls, series: Series, scatter: float, warm: bool) -> _Part:

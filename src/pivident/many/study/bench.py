@@ -37,14 +37,10 @@ STARTS = 3
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Everything of a scenario that its runs share.
+    """Everything of a scenario that its runs share."""
 
-    Attributes:
-        scenario: the scenario, or one condition of it.
-        series: optimised Fourier motion of the scenario, where it asks for one.
-    """
-
-    scenario: Scenario
+    scenario: Scenario  # the scenario, or one condition of it
+    # optimised Fourier motion of the scenario, where it asks for one
     series: FourierSeries | None = None
 
     @cached_property
@@ -169,14 +165,7 @@ class Bench:
         return (run + run // math.lcm(count, self._records)) % count
 
     def problem(self, run: int) -> Problem:
-        """What the estimators of a run are given.
-
-        Args:
-            run: number of the run.
-
-        Raises:
-            SimulationDiverged: the true robot does not follow its reference.
-        """
+        """What the estimators of a run are given."""
         content = self.scenario.content
         parameters = content.identify.parameters or [p.name for p in self.heads]
         return Problem(
@@ -189,11 +178,7 @@ class Bench:
         )
 
     def recording(self, record: int) -> Recording:
-        """A simulated record.
-
-        Args:
-            record: its number, from which its noise comes.
-        """
+        """A simulated record."""
         entry, noise = self.scenario.content.record, self.noise
         seed = (record, self.scenario.content.seed)
         q_ref, dq_ref, ddq_ref = self.reference
@@ -230,18 +215,10 @@ class Bench:
         clip: bool = False,
         rounded: bool = False,
     ) -> Trajectory:
-        """The closed loop with given parameters along a reference, at the control rate.
+        """The closed loop along a reference q, dq, ddq, at the control rate.
 
-        Args:
-            parameters: heads of base groups; the others are zero.
-            theta: their values.
-            reference: q, dq, ddq.
-            noise: position noise that the control law reads.
-            clip: whether negative friction levels count as zero.
-            rounded: whether the control law reads rounded positions.
-
-        Raises:
-            SimulationDiverged: names the joint and the time.
+        ``parameters`` are heads of base groups; the others are zero. ``noise`` is added to the
+        positions that the control law reads. ``clip``: negative friction levels count as zero.
         """
         scenario, loop, rate = self.scenario, self.loop, self.scenario.content.record.law_rate
         controller = with_measured_gravity(
@@ -265,10 +242,7 @@ class Bench:
         """Initial values of the iteration by parameter name.
 
         True values times ``start.inertia`` or ``start.friction``; with a spread, those of a robot
-        whose standard parameters deviate by so much, normally distributed, and are physical.
-
-        Args:
-            number: of the start.
+        with randomly perturbed standard parameters that are physical.
         """
         entry = self.scenario.content.start
         values = self.true_values

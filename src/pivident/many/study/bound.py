@@ -35,23 +35,16 @@ ENDS = 2
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Smallest standard deviations of the estimated parameters, shape (parameters,).
+    """Smallest standard deviations of the estimated parameters, shape (parameters,)."""
 
-    Attributes:
-        equation: by (P-23), from torque sensor and encoder noise; None where there is neither.
-        torque_sensor: from the noise of the torque sensor alone; None where there is none.
-    """
-
+    # by (P-23), from torque sensor and encoder noise; None where there is neither
     equation: np.ndarray | None
+    # from the noise of the torque sensor alone; None where there is none
     torque_sensor: np.ndarray | None
 
 
 def efficiency_bounds(bench: Bench) -> Bounds:
-    """Bounds of a scenario's estimates.
-
-    Args:
-        bench: knows motion, law and noise.
-    """
+    """Bounds of a scenario's estimates."""
     noise, entry, n = bench.noise, bench.scenario.content.record, bench.scenario.robot.size
     q = bench.noise_free.q[:: entry.step]
     dq, ddq = central_differences(q, entry.rate)
@@ -72,9 +65,6 @@ def loop_noise(bench: Bench) -> np.ndarray:
     """Autocovariance of the encoder noise in the recorded torque, shape (joints, ORDER + 1).
 
     It is found at the control rate, where the law runs, and taken at the samples of the record.
-
-    Args:
-        bench: knows law and noise.
     """
     noise, entry, n = bench.noise, bench.scenario.content.record, bench.scenario.robot.size
     if noise.where == "record":
@@ -96,10 +86,6 @@ def whitened(columns: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
     The first samples pass the inverse of a Cholesky factor, which is exact, the others an
     autoregression.
-
-    Args:
-        columns: shape (columns, samples).
-        covariance: at lags 0, 1, …; a single number stands for white noise.
     """
     from scipy.linalg import cholesky, solve_toeplitz, solve_triangular, toeplitz
     from scipy.signal import oaconvolve
@@ -117,12 +103,9 @@ def whitened(columns: np.ndarray, covariance: np.ndarray) -> np.ndarray:
 
 
 def _deviations(bench: Bench, packed: np.ndarray, covariance: np.ndarray) -> np.ndarray | None:
-    """Standard deviations from Σ (Lφ)ᵀ(Lφ); None where the motion does not tell all parameters.
+    """Standard errors from Σ (Lφ)ᵀ(Lφ); None where the motion does not excite all parameters.
 
-    Args:
-        bench: gives the regressor.
-        packed: its non-zero entries, shape (entries, samples).
-        covariance: of the noise of each joint, shape (joints, lags).
+    ``packed`` are the non-zero entries of the regressor, (entries, samples).
     """
     regressor = bench.regressor
     information = np.zeros((len(regressor.parameters),) * 2)

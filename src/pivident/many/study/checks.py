@@ -17,14 +17,7 @@ MAX_RECORD = 1_000_000_000
 
 
 def check_scenario(scenario: Scenario) -> None:
-    """Refuse a scenario whose tables do not fit its robot.
-
-    Args:
-        scenario: the scenario, or one condition of it.
-
-    Raises:
-        ExperimentError: names table, key, value and what was expected.
-    """
+    """Refuse a scenario whose tables do not fit its robot."""
     bench = Bench(scenario)
     scenario.methods, bench.estimated, bench.noise, bench.loop  # noqa: B018 - making them checks
     bench.controller.check(scenario.robot.size)

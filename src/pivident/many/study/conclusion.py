@@ -19,16 +19,7 @@ SUMMARY, PAGE = "summary.json", "report.html"
 def conclude(
     scenario: Scenario, folder: str | Path, say: Callable[[str], None] | None = None
 ) -> Summary:
-    """Judge the runs of a folder and write ``summary.json`` and ``report.html`` beside them.
-
-    Args:
-        scenario: the scenario that the folder belongs to.
-        folder: results folder.
-        say: progress.
-
-    Raises:
-        StudyFolderError: there are no runs, or the folder cannot be written to.
-    """
+    """Judge the runs of a folder and write ``summary.json`` and ``report.html`` beside them."""
     from pivident.many.study.study_page import render_page
 
     say = say or (lambda line: None)
@@ -45,12 +36,7 @@ def conclude(
 
 
 def write_index(summaries: dict[str, Summary], folder: str | Path) -> None:
-    """``summary.json`` of a scenario with conditions: the summary of each one.
-
-    Args:
-        summaries: by the name of the condition.
-        folder: the folder that holds one folder for each.
-    """
+    """``summary.json`` of a scenario with conditions: the summary of each one."""
     content = {
         "conditions": {name: json.loads(summary.to_json()) for name, summary in summaries.items()}
     }

@@ -19,26 +19,15 @@ from pivident.many.study.bench import Bench
 
 @dataclass(frozen=True)
 class Merit:
-    """How good a set of parameters is [%].
+    """How good a set of parameters is [%]."""
 
-    Attributes:
-        d_tau: error of the torque.
-        d_q: error of the simulated positions, NaN where they diverge.
-        d_beta: distance of the parameters.
-    """
-
-    d_tau: float
-    d_q: float
-    d_beta: float
+    d_tau: float  # error of the torque
+    d_q: float  # error of the simulated positions, NaN where they diverge
+    d_beta: float  # distance of the parameters
 
 
 def figures_of_merit(bench: Bench, theta: np.ndarray) -> Merit:
-    """Judge parameters on the bench's second motion.
-
-    Args:
-        bench: knows the truth.
-        theta: estimates, shape (parameters,).
-    """
+    """Judge parameters on the bench's second motion."""
     true, regressor = bench.second_motion, bench.regressor
     torque = regressor.torque(true.q, true.dq, true.ddq, theta)
     try:

@@ -43,10 +43,7 @@ def reference_of(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Reference q, dq, ddq at the control rate, each (samples, joints).
 
-    Args:
-        scenario: gives robot and rate.
-        entry: the motion.
-        series: a Fourier motion that was found for it; None: a random one.
+    ``series``: an optimised Fourier motion; None: a random one.
     """
     rate, robot = scenario.content.record.law_rate, scenario.robot
     samples = round(entry.duration * rate)
@@ -69,11 +66,7 @@ def reach_of(entry: TrajectoryEntry, joints: int) -> np.ndarray:
 
 
 def per_joint(key: str, value: Any, joints: int) -> np.ndarray:
-    """One number for each joint.
-
-    Raises:
-        ExperimentError: there are more or fewer.
-    """
+    """One number for each joint."""
     values = np.asarray(value, dtype=float)
     if values.ndim and values.shape != (joints,):
         raise ExperimentError(
@@ -88,11 +81,7 @@ def optimised_series(
 ) -> FourierSeries | None:
     """The scenario's optimised motion, or None where it has none.
 
-    Args:
-        scenario: the scenario, or one condition of it.
-        folder: results folder; a motion that is there and belongs to the same robot, limits and
-            seed is taken from it.
-        progress: told about the search.
+    One that is in the folder for the same robot, limits and seed is taken from it.
     """
     entry = scenario.content.trajectory
     if entry.type != "fourier" or not entry.optimise:
@@ -118,11 +107,7 @@ def optimised_series(
 
 
 def _kept_series(file: Path, key: str) -> FourierSeries | None:
-    """The motion of a file, None where it belongs to another robot, limits or seed.
-
-    Raises:
-        StudyFolderError: the file cannot be read.
-    """
+    """The motion of a file, None where it belongs to another robot, limits or seed."""
     try:
         kept = json.loads(regular_file(file).read_text("utf-8"))
         return FourierSeries.of(kept) if kept["belongs_to"] == key else None

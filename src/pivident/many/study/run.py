@@ -27,24 +27,14 @@ _last_bench: dict[str, Bench] = {}
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know of a scenario; small, and the same for all runs.
+    """What a worker needs to know of a scenario; small, and the same for all runs."""
 
-    Attributes:
-        key: tells scenarios apart.
-        payload: scenario, robot and motion, pickled.
-    """
-
-    key: str
-    payload: bytes
+    key: str  # tells scenarios apart
+    payload: bytes  # scenario, robot and motion, pickled
 
     @classmethod
     def of(cls, scenario: Scenario, series: FourierSeries | None) -> Task:
-        """The task of a scenario.
-
-        Args:
-            scenario: the scenario, or one condition of it.
-            series: its optimised motion, if it has one.
-        """
+        """The task of a scenario."""
         parts = (scenario.name, scenario.plain, scenario.source, scenario.condition)
         return cls(scenario.hash, pickle.dumps((parts, scenario.robot, series)))
 
@@ -61,12 +51,7 @@ class Task:
 
 
 def execute(task: Task, run: int) -> list[Row]:
-    """All rows of a run, one per method.
-
-    Args:
-        task: the scenario.
-        run: number of the run.
-    """
+    """All rows of a run, one per method."""
     bench = task.bench
     common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
     begin = time.perf_counter()
@@ -113,13 +98,7 @@ def _values(bench: Bench, found: Identification, begin: float) -> Row:
 
 
 def lost_rows(task: Task, run: int, times: int) -> list[Row]:
-    """Rows of a run whose worker died each time it was tried.
-
-    Args:
-        task: the scenario.
-        run: number of the run.
-        times: how often.
-    """
+    """Rows of a run whose worker died each time it was tried."""
     bench = task.bench
     common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
     message = f"the worker died {times} times while it computed this run; is there enough memory?"

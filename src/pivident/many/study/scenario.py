@@ -59,21 +59,14 @@ AMOUNTS = ("runs", "description")
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A checked scenario, or one condition of it.
+    """A checked scenario, or one condition of it."""
 
-    Attributes:
-        name: name of the scenario.
-        plain: its tables as plain values, short forms written out, without ``vary``.
-        source: file it was read from; paths in it are relative to its folder.
-        alternatives: what ``vary`` holds: tables by group and alternative.
-        condition: name of the condition, empty where nothing is varied.
-    """
-
-    name: str
-    plain: dict[str, Any]
-    source: str
+    name: str  # name of the scenario
+    plain: dict[str, Any]  # its tables as plain values, short forms written out, without ``vary``
+    source: str  # file it was read from; paths in it are relative to its folder
+    # what ``vary`` holds: tables by group and alternative
     alternatives: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    condition: str = ""
+    condition: str = ""  # name of the condition, empty where nothing is varied
 
     @property
     def title(self) -> str:
@@ -91,11 +84,7 @@ class Scenario:
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot.
-
-        Raises:
-            RobotDescriptionError: its description cannot be used.
-        """
+        """The robot."""
         from pivident.experiment.experiment import errors_name
         from pivident.experiment.robot_table import robot_of
 
@@ -104,11 +93,7 @@ class Scenario:
 
     @cached_property
     def methods(self) -> dict[str, Method]:
-        """Methods with the scenario's options, by name.
-
-        Raises:
-            ExperimentError: options that a method does not know or that contradict each other.
-        """
+        """Methods with the scenario's options, by name."""
         from pivident.experiment.method_table import method_of
 
         names = self.content.identify.methods or ["ls", "iv", "iv-full-rate", "piv"]
@@ -130,11 +115,7 @@ class Scenario:
         return tuple(made)
 
     def chosen_conditions(self, patterns: Sequence[str]) -> tuple[Scenario, ...]:
-        """The conditions whose name matches one of the patterns (``tx40-*``); all without any.
-
-        Raises:
-            ExperimentError: a pattern matches nothing.
-        """
+        """The conditions whose name matches one of the patterns (``tx40-*``); all without any."""
         from pivident.robot.naming import nearest
 
         known = [c.condition for c in self.conditions]
@@ -152,28 +133,14 @@ class Scenario:
         )
 
     def changed(self, **tables: Any) -> Scenario:
-        """The same scenario with other keys or tables: ``changed(runs=40, noise={"torque": 0})``.
-
-        Args:
-            tables: tables to merge in.
-
-        Raises:
-            ExperimentError: the result contradicts itself.
-        """
+        """The scenario with other keys or tables: ``changed(runs=40, noise={"torque": 0})``."""
         plain = _short_forms(merged(self.plain, tables))
         made = Scenario(self.name, plain, self.source, self.alternatives, self.condition)
         made.check()
         return made
 
     def with_runs(self, runs: int) -> Scenario:
-        """The same scenario with another number of runs.
-
-        Args:
-            runs: how many there are to be in all.
-
-        Raises:
-            ExperimentError: it cannot have so many different ones.
-        """
+        """The same scenario with another number of runs."""
         plain = self.plain | {"runs": runs}
         made = Scenario(self.name, plain, self.source, self.alternatives, self.condition)
         for condition in made.conditions:
@@ -251,16 +218,7 @@ def shipped_scenarios() -> tuple[str, ...]:
 
 
 def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
-    """A scenario from the text of its file.
-
-    Args:
-        text: TOML.
-        name: name of the scenario.
-        source: what errors call it, and what paths are relative to.
-
-    Raises:
-        ExperimentError: as of ``load_scenario``.
-    """
+    """A scenario from the text of its file."""
     from pivident.experiment.explained import checked
     from pivident.many.study.study_schema import ScenarioFile
 
@@ -301,12 +259,7 @@ def _check_alternatives(vary: Mapping[str, Mapping[str, Any]]) -> None:
 
 
 def merged(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables with changes: keys are replaced, tables merged, and a changed type starts anew.
-
-    Args:
-        tables: what there is.
-        changes: what is different.
-    """
+    """Tables with changes: keys are replaced, tables merged, and a changed type starts anew."""
     out = dict(tables)
     for key, value in changes.items():
         before = out.get(key)

@@ -12,18 +12,10 @@ DRAWS = 1000
 
 
 def deviating_values(base: BaseParameters, spread: float, rng: np.random.Generator) -> np.ndarray:
-    """Base parameters of a robot whose standard parameters deviate from the nominal ones.
+    """Base parameters of a robot with perturbed standard parameters, shape (base,).
 
     Each is multiplied by 1 + spread · N(0, 1). Links that are physical in the description are
     drawn again until they are.
-
-    Args:
-        base: base parameters of the robot.
-        spread: relative standard deviation.
-        rng: random numbers.
-
-    Returns:
-        Values, shape (base,).
     """
     nominal = nominal_values(base.robot, base.standard)
     drawn = nominal.copy()
@@ -42,11 +34,7 @@ def deviating_values(base: BaseParameters, spread: float, rng: np.random.Generat
 
 
 def is_physical(inertia: np.ndarray) -> bool:
-    """Whether ten inertial parameters belong to a body: its pseudo-inertia is positive definite.
-
-    Args:
-        inertia: xx xy xz yy yz zz mx my mz m at the frame's origin, shape (10,).
-    """
+    """Whether ten inertial parameters belong to a body: its pseudo-inertia is positive definite."""
     xx, xy, xz, yy, yz, zz, mx, my, mz, m = map(float, inertia)
     half = 0.5 * (xx + yy + zz)
     pseudo = np.array(

@@ -58,17 +58,7 @@ class Store(ResultsFolder):
 
     @contextmanager
     def opened(self, scenario: Scenario, runs: int) -> Iterator[Store]:
-        """Take the folder for a study: make it, or check that it belongs to the scenario.
-
-        Args:
-            scenario: the scenario.
-            runs: how many runs are wanted.
-
-        Raises:
-            OtherScenario: it holds runs of another scenario; nothing is changed.
-            StudyFolderError: it cannot be written to, another study is writing to it, or it is
-                not a folder of results.
-        """
+        """Take the folder for a study: make it, or check that it belongs to the scenario."""
         present = (self.manifest() or {}).get("runs", 0) if self.folder.is_dir() else 0
         wanted = {
             "name": scenario.title,
@@ -83,11 +73,7 @@ class Store(ResultsFolder):
             yield self
 
     def rows(self) -> pl.DataFrame:
-        """All rows, sorted by run and method; each run once.
-
-        Raises:
-            StudyFolderError: a shard cannot be read.
-        """
+        """All rows, sorted by run and method; each run once."""
         # two studies cannot write at once, so a run is there twice only if a shard was copied
         return self.read().unique(["run", "method"], keep="first").sort("run", "method")
 

@@ -13,11 +13,7 @@ HEADINGS = (
 
 
 def summary_text(summary: Summary) -> str:
-    """A table with one line per method, and what it needs to be read.
-
-    Args:
-        summary: of a study.
-    """
+    """A table with one line per method, and what it needs to be read."""
     rows = [HEADINGS]
     for name, m in summary.methods.items():
         low, high = m.coverage_interval
