@@ -1,4 +1,4 @@
-"""Functions and maps as tables, and everything that was found as files."""
+"""Functions and maps as tables, and the whole study as JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 #: Number of the layout of ``friction.json``.
 SCHEMA = 1
 
-#: What each function is over, and the unit of its state: p position unit, t torque unit.
+#: State of each function and its unit: p position unit, t torque unit.
 STATES = {
     "positive": ("speed", "{p}/s"),
     "negative": ("speed", "{p}/s"),
@@ -42,7 +42,7 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
 
 
 def as_json(study: FrictionStudy) -> dict[str, Any]:
-    """What was found, as plain values; numbers that are not finite become null."""
+    """The study as plain values; numbers that are not finite become null."""
     return {
         "schema": SCHEMA,
         "pivident": __version__,
@@ -56,7 +56,7 @@ def as_json(study: FrictionStudy) -> dict[str, Any]:
 
 
 def _ripple_json(ripple: Ripple) -> list[dict[str, Any]]:
-    """Lines of ripple, joint by joint."""
+    """Ripple lines, joint by joint."""
     return [
         {
             "joint": joint.name,

@@ -1,15 +1,15 @@
 """Binned maps: friction against one state or two, with intervals that count passes.
 
-A joint that creeps through a bin for a second has given thousands of samples and one observation:
-what makes friction differ from one pass to the next (load, grease, position) is the same within a
-pass. So a pass, a run of samples in the bin whose gaps are shorter than the correlation length D,
-counts as one, and a pass shorter than D as a part of one:
+A joint that creeps through a bin for a second gives thousands of samples but one observation:
+the causes of differences between passes (load, grease, position) are constant within a pass. So a
+pass, a run of samples in the bin whose gaps are shorter than the correlation length D, counts as
+one observation, and a pass shorter than D as a fraction of one:
 
     w_p = min(n_p, D)/D,   m = Σ w_p m_p / Σ w_p,   n = (Σ w_p)² / Σ w_p²,
     interval m ± t(n - 1) s/√n,   s² = Σ w_p (m_p - m)² / Σ w_p · n/(n - 1),
 
 or the weighted median with 1.4826 times the median absolute deviation for s and a factor √(π/2).
-t is the quantile of Student's distribution that contains as much as 2σ of a normal one.
+t is the quantile of Student's distribution with the coverage of ±2σ of a normal distribution.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 #: Probability within 2σ of a normal distribution.
 TWO_SIGMA = 0.9545
 
-#: Fewest effective passes for an interval.
+#: Smallest number of effective passes for an interval.
 MIN_PASSES = 2.0
 
 
@@ -49,7 +49,7 @@ class FrictionPlane:
 
     x: np.ndarray  # centres of the bins of the first state
     y: np.ndarray  # centres of the bins of the second one
-    value: np.ndarray  # mean over the passes; NaN where there are fewer than two effective ones
+    value: np.ndarray  # mean over the passes; NaN for fewer than two effective passes
     spread: np.ndarray  # half of the 2σ interval
     effective: np.ndarray  # effective number of independent observations
 
@@ -154,18 +154,18 @@ def _passes(
     total = np.bincount(place, weight, cells)
     with np.errstate(invalid="ignore", divide="ignore"):
         effective = np.nan_to_num(total**2 / np.bincount(place, weight**2, cells))
-        # Many short passes are not worth more than the time they took.
+        # Many short passes carry no more information than their duration.
         effective = np.minimum(effective, np.maximum(total, 1.0))
         if statistic == "mean":
             value = np.bincount(place, weight * mean, cells) / total
             squares = np.bincount(place, weight * (mean - value[place]) ** 2, cells) / total
-            deviation = np.sqrt(squares * effective / (effective - 1.0))
+            std = np.sqrt(squares * effective / (effective - 1.0))
         else:
             value = _weighted_medians(mean, weight, place, cells)
             away = _weighted_medians(np.abs(mean - value[place]), weight, place, cells)
-            deviation = np.sqrt(np.pi / 2.0) * 1.4826 * away
+            std = np.sqrt(np.pi / 2.0) * 1.4826 * away
         factor = student.ppf(0.5 + 0.5 * TWO_SIGMA, np.maximum(effective - 1.0, 1.0))
-        spread = np.where(effective >= MIN_PASSES, factor * deviation / np.sqrt(effective), np.nan)
+        spread = np.where(effective >= MIN_PASSES, factor * std / np.sqrt(effective), np.nan)
     passes = np.bincount(place, minlength=cells)
     return value, spread, passes, effective, samples
 

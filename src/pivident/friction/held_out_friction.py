@@ -1,4 +1,4 @@
-"""Does a state-dependent model describe motion that it has not seen, and what does each term gain?
+"""Errors of a state-dependent model on held-out motion, and the gain of each of its terms.
 
 The record is cut into blocks of time. Each block is predicted from the others, with a correlation
 length left out on both sides, and the errors are compared below the motion's highest frequency:
@@ -24,7 +24,7 @@ BLOCKS = 10
 
 @dataclass(frozen=True, eq=False)
 class HeldOutError:
-    """Errors on motion that was not fitted, block by block."""
+    """Errors on held-out motion, block by block."""
 
     squares: np.ndarray  # mean square of the error in each block [torque_unit²], shape (blocks,)
     samples: np.ndarray  # samples of each block, likewise
@@ -46,6 +46,17 @@ class HeldOutError:
         without = np.array([of(every[every != k]) for k in every])
         spread = np.sqrt((len(every) - 1) * np.mean((without - without.mean()) ** 2))
         return of(every), float(spread)
+
+
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Errors of the models of one joint on held-out motion."""
+
+    band: float  # below which they are compared [Hz]
+    constant: HeldOutError  # viscous, Coulomb friction and offset as constants
+    speed: HeldOutError  # functions of speed alone
+    by_term: dict[str, HeldOutError]  # all functions but one, by the name of the one left out
+    full: HeldOutError  # all functions
 
 
 def held_out_error(

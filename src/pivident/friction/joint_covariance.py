@@ -1,13 +1,13 @@
-"""All functions of a state-dependent model at once: their joint posterior by one linear system.
+"""Joint posterior of all functions of a state-dependent model, by one linear system.
 
-Back-fitting gives the functions, but each one's smoother takes the others for known. Here every
-function is written by its knots, level and slope of an integrated random walk, between which the
-expected course is the cubic that both ends determine; white increments w with Var(w) = NVR r Q(Δ)
-lead from knot to knot:
+Back-fitting gives the functions, but the smoother of each treats the others as known. Here every
+function is described by its knots, level and slope of an integrated random walk; the expected
+course between two knots is the cubic that they determine, and white increments w with
+Var(w) = NVR r Q(Δ) lead from knot to knot:
 
     y = Σ A_i w_i + e,     Cov(w | y) = r (AᵀA + P)⁻¹,     P = 1 for increments, 0 for the start.
 
-A centred function has the mean of its level over its samples held at zero.
+The mean level of a centred function over its samples is held at zero.
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def _walk(f: WalkColumns) -> np.ndarray:
 
 
 def _between(f: WalkColumns) -> csr_array:
-    """What the walk is expected to be at the samples, between two knots: a line, or a cubic."""
+    """Expected value of the walk at the samples, between two knots: a line, or a cubic."""
     from scipy.sparse import csr_array
 
     d = 1.0 / (f.points - 1)

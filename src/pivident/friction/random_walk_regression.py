@@ -7,9 +7,9 @@ On data sorted by a state x, with the coordinate u that runs from 0 to 1 over it
     order 2:  dp = s du, ds = dw                               (integrated random walk)
 
 between *uneven* steps of u, hence (Wahba 1978) the smoothing spline of degree 1 or 3. Young's
-sorted-data walk takes one step per sample whatever the states are; with the rank as coordinate it
-is the same recursion. The start is diffuse up to `START`; backwards runs the recursion of
-de Jong (1989), which inverts no matrix, so ties in the state do no harm. All variances are in
+sorted-data walk takes one step per sample regardless of the states; with the rank as coordinate it
+is the same recursion. The start is diffuse up to `START`. The backward pass is the recursion of
+de Jong (1989), which inverts no matrix, so ties in the state are harmless. All variances are in
 units of r.
 """
 

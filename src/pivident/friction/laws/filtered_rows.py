@@ -1,8 +1,8 @@
-"""Rows of one joint as an estimator saw them, with columns that can be exchanged.
+"""Filtered rows of one joint from the last estimate, with exchangeable columns.
 
-Signals, filter or decimation, and votes are those of the last estimate. Columns that stay are
-filtered once and kept; others, of another friction law or with other constants, are made on demand
-and go the same way.
+Signals, filter or decimation, and valid samples are those of the last estimate. Unchanged columns
+are filtered once and kept; columns of another friction law or with other constants are computed
+on demand and filtered in the same way.
 """
 
 from __future__ import annotations
@@ -24,31 +24,31 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.signals.decimation import parallel_decimation
 
-#: Samples that the columns are made for at a time.
+#: Number of samples for which the columns are computed at a time.
 BLOCK = 16384
 
 
 @dataclass(frozen=True, eq=False)
 class KeptRows:
-    """Columns of one record, filtered, zero where a sample does not vote; time last."""
+    """Filtered columns of one record, zero where a sample is excluded; time is the last axis."""
 
     phi: np.ndarray  # observation matrix, shape (columns, rows)
     z: np.ndarray | None  # instruments, likewise; None: least squares
     tau: np.ndarray  # torque, shape (rows,)
-    votes: np.ndarray  # 1 where a sample counts, 0 elsewhere, likewise
+    valid: np.ndarray  # 1 where a sample is used, 0 elsewhere, likewise
 
 
 @dataclass(frozen=True, eq=False)
 class LastPass:
-    """Equations of an estimate with what is needed to change columns in them."""
+    """Equations of an estimate in which columns can be changed."""
 
-    equations: Equations  # as the estimate left them
-    signals: Bandpass | None  # recipe of a band-pass method; None at full rate
+    equations: Equations  # of the last iteration
+    signals: Bandpass | None  # options of a band-pass method; None at full rate
     motions: tuple[Motion, ...] | None  # simulated motion of each record; None: least squares
 
     @classmethod
     def of(cls, problem: Problem, method: Method, found: Identification) -> LastPass:
-        """Of an estimate; a decimated record has not kept its simulated motion: once more."""
+        """From an estimate; the motion of a decimated record is not kept and simulated again."""
         assert found.equations is not None
         equations, motions = found.equations, None
         signals = method.signals if isinstance(method.signals, Bandpass) else None
@@ -80,11 +80,11 @@ class LastPass:
         made = []
         for number, own in enumerate(rows):
             record = self.equations.records[number]
-            phi = self.passed(_whole(regressor, record.kinematics), number, joint) * own.votes
+            phi = self.passed(_whole(regressor, record.kinematics), number, joint) * own.valid
             z = None
             if self.motions is not None:
                 z = self.passed(_whole(regressor, self.motions[number]), number, joint)
-                z = z * own.votes
+                z = z * own.valid
             made.append((phi, z))
         return made
 
@@ -103,27 +103,27 @@ class LastPass:
     ) -> KeptRows:
         regressor, filters = self.equations.regressor, self.equations.filters
         own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-        votes = record.votes[j].astype(float)
+        valid = record.votes[j].astype(float)
         if isinstance(record, DecimatedRecord):
-            z = None if record.z is None else record.z[own][keep] * votes
-            return KeptRows(record.phi[own][keep] * votes, z, record.tau[j] * votes, votes)
+            z = None if record.z is None else record.z[own][keep] * valid
+            return KeptRows(record.phi[own][keep] * valid, z, record.tau[j] * valid, valid)
         sources: list[Motion] = [record.kinematics]
         if self.motions is not None:
             sources.append(self.motions[number])
         filtered = []
         for source in sources:
             stream = filters[j].stream(keep.size, threads=1)
-            out = np.empty((keep.size, votes.size))
-            for first in range(0, votes.size, BLOCK):
-                span = slice(first, min(first + BLOCK, votes.size))
+            out = np.empty((keep.size, valid.size))
+            for first in range(0, valid.size, BLOCK):
+                span = slice(first, min(first + BLOCK, valid.size))
                 out[:, span] = stream.process(packed_stretch(regressor, source, span)[own][keep])
-            filtered.append(out * votes)
+            filtered.append(out * valid)
         tau = filters[j].stream(1).process(record.kinematics.tau[j : j + 1])[0]
         return KeptRows(
-            filtered[0], filtered[1] if len(filtered) == 2 else None, tau * votes, votes
+            filtered[0], filtered[1] if len(filtered) == 2 else None, tau * valid, valid
         )
 
 
 def _whole(regressor: Regressor, motion: Motion) -> np.ndarray:
-    """Packed columns on a whole record."""
+    """Packed columns of a whole record."""
     return regressor.packed(motion.q, motion.dq, motion.ddq)

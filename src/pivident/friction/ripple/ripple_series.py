@@ -1,4 +1,4 @@
-"""Residuals in time with the motion they belong to, and waves fitted to them behind a whitener."""
+"""Residuals in time with their motion, and waves fitted to them after whitening."""
 
 from __future__ import annotations
 
@@ -16,17 +16,17 @@ from pivident.friction.ripple.order_spectrum import WhiteRows
 from pivident.recording.recording import Recording
 from pivident.signals.noise_models import ArModel, fit_ar, unmasked_stretches
 
-#: Largest order of the noise model: long ones would take the lines themselves for noise.
+#: Largest order of the noise model: a longer one would fit the lines themselves.
 MAX_NOISE_ORDER = 20
 
-#: Peaks of the spectrum above so many running medians over so many bins are cut before the noise
-#: is modelled; noise gets there once in a thousand bins.
+#: Peaks of the spectrum above this many running medians over this many bins are cut before the
+#: noise is modelled; noise exceeds this once in a thousand bins.
 _PEAK, _PEAK_NEIGHBOURS = 10.0, 121
 
-#: Steps in which orders and frequencies are refined.
+#: Maximum number of steps that refine orders and frequencies.
 _REFINEMENTS = 8
 
-#: A step that is smaller, in half resolutions, is the last one: the error falls with its square.
+#: A smaller step, in half resolutions, is the last one: the error falls with its square.
 _SETTLED = 0.01
 
 
@@ -41,7 +41,7 @@ class ResidualSeries:
     dq: np.ndarray  # speeds [rad/s or m/s]
     error: np.ndarray  # τ - Φθ [N m or N]
     load: np.ndarray  # |Φθ| [N m or N]
-    votes: np.ndarray  # rows that count
+    valid: np.ndarray  # rows in use
     # half-power frequency of the position smoother [Hz], shape (joints,); NaN: unknown
     f50: np.ndarray
 
@@ -49,7 +49,7 @@ class ResidualSeries:
 def residual_series(
     identification: Identification, recordings: Sequence[Recording] | None
 ) -> tuple[ResidualSeries, ...]:
-    """Residuals of the rows that were fitted, or of recordings at their full rate."""
+    """Residuals of the fitted rows, or of recordings at their full rate."""
     if recordings is None:
         series = tuple(
             ResidualSeries(
@@ -76,8 +76,8 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
     names = tuple(joint.name for joint in robot.joints)
     if recording.joints != robot.size:
         raise ExperimentError(
-            f"recording {recording.name!r} has {recording.joints} joints, the estimate is of "
-            f"{', '.join(names)}"
+            f"recording {recording.name!r} has {recording.joints} joints, but the estimate has "
+            f"joints {', '.join(names)}"
         )
     k = estimate_kinematics(recording, RandomWalk())
     part = slice(k.start, k.stop)
@@ -85,16 +85,16 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
     model = identification.predict(q, dq, ddq)
     fastest = np.abs(dq).max(axis=0)
     rated = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, fastest)
-    votes = np.abs(dq) >= LOW_SPEED * rated
+    valid = np.abs(dq) >= LOW_SPEED * rated
     t = recording.t[part]
     error = tau - model
     return ResidualSeries(
-        recording.name, t, recording.rate, q, dq, error, np.abs(model), votes, k.f50
+        recording.name, t, recording.rate, q, dq, error, np.abs(model), valid, k.f50
     )
 
 
 def delayed(series: ResidualSeries, lag: float) -> ResidualSeries:
-    """The same residual beside the motion of ``lag`` seconds before, linear between samples."""
+    """The same residual with the motion ``lag`` seconds earlier, linear between samples."""
     if lag == 0.0:
         return series
     samples = np.arange(series.t.size)
@@ -125,12 +125,12 @@ class WaveFit:
 
     waves: tuple[Wave, ...]  # with their orders refined
     coefficients: np.ndarray  # a, b of each wave, shape (waves, 2) [N m or N]
-    # of a, b with the orders known, shape (waves, 2, 2), for white noise of the model's size; the
-    # local floor is not in it
+    # of a, b with known orders, shape (waves, 2, 2), for white noise of the model's variance,
+    # without the local floor
     covariance: np.ndarray
-    order_std: np.ndarray  # standard deviation of the orders, likewise, shape (waves,)
+    order_std: np.ndarray  # standard error of the orders, likewise, shape (waves,)
     left: tuple[np.ndarray, ...]  # residual without the waves, one array per recording
-    noise: ArModel  # model of what is left
+    noise: ArModel  # model of that residual
     scale: float  # standard deviation of its innovations
 
     @property
@@ -146,17 +146,17 @@ def whitened(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
     return lfilter(coefficients, [1.0], x, axis=0)
 
 
-def settled_votes(votes: np.ndarray, order: int) -> np.ndarray:
-    """Votes without the rows on which the filter has not filled."""
-    out = votes.copy()
+def settled_rows(valid: np.ndarray, order: int) -> np.ndarray:
+    """Rows in use without the transient of the filter."""
+    out = valid.copy()
     out[:order] = False
     return out
 
 
-def fit_noise(errors: Sequence[np.ndarray], votes: Sequence[np.ndarray]) -> tuple[ArModel, float]:
-    """Autoregressive model of a residual over the rows that vote, and s of its innovations."""
+def fit_noise(errors: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tuple[ArModel, float]:
+    """Autoregressive model of a residual over the rows in use, and s of its innovations."""
     apart = [np.ones(1, bool)]
-    mask = np.concatenate([part for v in votes for part in (~v, apart[0])])
+    mask = np.concatenate([part for v in valid for part in (~v, apart[0])])
     joined = np.concatenate([part for e in errors for part in (_without_peaks(e), np.zeros(1))])
     stretches = unmasked_stretches(mask)
     lengths = stretches[:, 1] - stretches[:, 0]
@@ -166,18 +166,18 @@ def fit_noise(errors: Sequence[np.ndarray], votes: Sequence[np.ndarray]) -> tupl
     model = fit_ar(joined, p_max, "bic", segments=stretches, shortest=2 * p_max + 2)
     white = np.concatenate(
         [
-            whitened(model.coefficients, e - model.mean)[settled_votes(v, model.order)]
-            for e, v in zip(errors, votes, strict=True)
+            whitened(model.coefficients, e - model.mean)[settled_rows(v, model.order)]
+            for e, v in zip(errors, valid, strict=True)
         ]
     )
     return model, float(white.std())
 
 
 def _without_peaks(error: np.ndarray) -> np.ndarray:
-    """The residual with the narrow peaks of its spectrum cut down.
+    """The residual with the narrow peaks of its spectrum clipped.
 
-    A noise model takes a line of constant frequency for noise and hides it; so it is fitted to what
-    has none. Ripple at constant speed is such a line too.
+    A noise model would fit a line of constant frequency and hide it, so it is fitted to a residual
+    without lines. Ripple at constant speed is such a line too.
     """
     from scipy.fft import irfft, rfft
     from scipy.ndimage import median_filter
@@ -200,8 +200,8 @@ def fit_waves(
     ``noise``: model to start from; None: that of the residual itself.
     """
     errors = [s.error[:, joint] for s in series]
-    votes = [s.votes[:, joint] for s in series]
-    model, scale = noise or fit_noise(errors, votes)
+    valid = [s.valid[:, joint] for s in series]
+    model, scale = noise or fit_noise(errors, valid)
     if not waves:
         empty = np.zeros((0, 2))
         return WaveFit((), empty, np.zeros((0, 2, 2)), np.zeros(0), tuple(errors), model, scale)
@@ -210,15 +210,15 @@ def fit_waves(
     reach = np.array(
         [np.pi / max(max(np.ptp(a[k]) for a in angles), 1e-12) for k in range(len(waves))]
     )
-    right = _white_rows(model, scale, errors, votes)
+    right = _white_rows(model, scale, errors, valid)
     beta = np.zeros(2 * len(waves))
     for step in range(_REFINEMENTS):
         columns, slopes = _columns(waves, orders, angles, beta)
-        left = _white_columns(model, scale, columns, votes)
+        left = _white_columns(model, scale, columns, valid)
         if step == 0:
             beta = _solved(left, right)
             continue
-        turned = _white_columns(model, scale, slopes, votes)
+        turned = _white_columns(model, scale, slopes, valid)
         both = np.hstack([left, turned])
         solution = _solved(both, right)
         beta = solution[: beta.size]
@@ -227,8 +227,8 @@ def fit_waves(
         if np.all(np.abs(change) < _SETTLED * reach):
             break
     columns, slopes = _columns(waves, orders, angles, beta)
-    left = _white_columns(model, scale, columns, votes)
-    both = np.hstack([left, _white_columns(model, scale, slopes, votes)])
+    left = _white_columns(model, scale, columns, valid)
+    both = np.hstack([left, _white_columns(model, scale, slopes, valid)])
     spread = np.linalg.pinv(both.T @ both)
     fixed = np.linalg.pinv(left.T @ left)
     beta = _solved(left, right)
@@ -240,19 +240,19 @@ def fit_waves(
         for wave, order in zip(waves, orders, strict=True)
     )
     std = np.sqrt(np.maximum(np.diag(spread)[2 * count :], 0.0))
-    model, scale = fit_noise(remaining, votes)
+    model, scale = fit_noise(remaining, valid)
     return WaveFit(found, beta.reshape(count, 2), blocks, std, remaining, model, scale)
 
 
 def _solved(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Least squares by the normal equations; whitened waves are far from dependent."""
+    """Least squares by the normal equations; whitened waves are well conditioned."""
     return np.linalg.pinv(columns.T @ columns, hermitian=True) @ (columns.T @ right)
 
 
 def _columns(
     waves: Sequence[Wave], orders: np.ndarray, angles: list[list[np.ndarray]], beta: np.ndarray
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Cosines and sines of all waves, and what they change by when an order does."""
+    """Cosines and sines of all waves, and their derivatives with respect to the orders."""
     columns, slopes = [], []
     for r, own in enumerate(angles):
         parts, turned = [], []
@@ -267,23 +267,23 @@ def _columns(
 
 
 def _white_rows(
-    model: ArModel, scale: float, errors: Sequence[np.ndarray], votes: Sequence[np.ndarray]
+    model: ArModel, scale: float, errors: Sequence[np.ndarray], valid: Sequence[np.ndarray]
 ) -> np.ndarray:
     return np.concatenate(
         [
-            whitened(model.coefficients / scale, e - model.mean)[settled_votes(v, model.order)]
-            for e, v in zip(errors, votes, strict=True)
+            whitened(model.coefficients / scale, e - model.mean)[settled_rows(v, model.order)]
+            for e, v in zip(errors, valid, strict=True)
         ]
     )
 
 
 def _white_columns(
-    model: ArModel, scale: float, columns: Sequence[np.ndarray], votes: Sequence[np.ndarray]
+    model: ArModel, scale: float, columns: Sequence[np.ndarray], valid: Sequence[np.ndarray]
 ) -> np.ndarray:
     return np.vstack(
         [
-            whitened(model.coefficients / scale, c)[settled_votes(v, model.order)]
-            for c, v in zip(columns, votes, strict=True)
+            whitened(model.coefficients / scale, c)[settled_rows(v, model.order)]
+            for c, v in zip(columns, valid, strict=True)
         ]
     )
 
@@ -292,12 +292,12 @@ def white_rows(
     series: Sequence[ResidualSeries], joint: int, coefficients: np.ndarray, fit: WaveFit
 ) -> WhiteRows:
     """Residual of a joint after the waves of ``fit``, whitened, over the angle φ = c·q."""
-    votes = [settled_votes(s.votes[:, joint], fit.noise.order) for s in series]
+    valid = [settled_rows(s.valid[:, joint], fit.noise.order) for s in series]
     return WhiteRows(
-        _white_rows(fit.noise, fit.scale, fit.left, [s.votes[:, joint] for s in series]),
-        np.concatenate([(s.q @ coefficients)[v] for s, v in zip(series, votes, strict=True)]),
+        _white_rows(fit.noise, fit.scale, fit.left, [s.valid[:, joint] for s in series]),
+        np.concatenate([(s.q @ coefficients)[v] for s, v in zip(series, valid, strict=True)]),
         np.concatenate(
-            [(s.dq @ coefficients)[v] / s.rate for s, v in zip(series, votes, strict=True)]
+            [(s.dq @ coefficients)[v] / s.rate for s, v in zip(series, valid, strict=True)]
         ),
         fit.filter,
     )
