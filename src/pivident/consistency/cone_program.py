@@ -17,10 +17,10 @@ import numpy as np
 Cone = Literal["zero", "nonnegative", "second_order", "semidefinite", "exponential"]
 
 #: Largest step of the solver as a share of the way to the boundary of the cones. The second one is
-#: taken where the first gets stuck beside the boundary, as on a KR300 record.
+#: used if the first stalls near the boundary, as on a KR300 record.
 STEPS = (0.99, 0.9)
 
-#: Outcomes that another step length may mend, and iterations after which it is stuck; usual are 25.
+#: Outcomes that another step length may fix, and the maximum number of iterations; 25 are usual.
 STUCK, MAX_ITERATIONS = ("MaxIterations", "InsufficientProgress", "NumericalError"), 80
 
 #: Outcomes of the solver that count as solved; ``AlmostSolved`` has reduced accuracy.

@@ -1,9 +1,9 @@
 """Consistent parameters as files: ``consistent.json`` and ``consistent_parameters.csv``.
 
-The JSON stands by itself: it holds the robot and all standard parameters, so that a model can be
-made from it without the identification. Ends of intervals that nothing bounds are null in the JSON
-and empty in the table. So are ends that the solver has not found; ``not_found`` in the JSON names
-their quantities.
+The JSON is self-contained: it holds the robot and all standard parameters, so a model can be built
+from it without the identification. Unbounded ends of intervals are null in the JSON and empty in
+the table. So are ends that the solver did not find; ``not_found`` in the JSON lists their
+quantities.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def write_consistent(estimate: ConsistentEstimate, folder: Path, identification:
 
 
 def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
-    """Strict JSON of everything that the stage found."""
+    """Strict JSON of the complete result."""
     model = estimate.model
     content = {"schema": SCHEMA} | model.to_values()
     for entries, intervals in (

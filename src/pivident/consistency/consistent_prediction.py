@@ -1,7 +1,7 @@
-"""What physical consistency costs on motion that was not fitted.
+"""Cost of physical consistency on held-out motion.
 
-Each held-out block has a fit that does not know it. That fit is made consistent by itself, and both
-predict the block: the free estimate and the consistent one.
+Each held-out block has a fit to the other blocks. That fit is made consistent by itself, and both
+estimates, free and consistent, predict the block.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 class ConsistentPrediction:
     """Torque errors of free and consistent estimates on the same held-out stretches."""
 
-    free: PredictionError  # of the estimates as they are
+    free: PredictionError  # of the free estimates
     consistent: PredictionError  # of the same estimates made consistent
-    stretches: int  # how many of them
+    stretches: int  # number of stretches
     # stretches whose estimate could not be made consistent, with the reason
     failures: tuple[str, ...] = ()
 
@@ -53,9 +53,9 @@ def consistent_prediction(
     recordings: Sequence[Recording],
     make_consistent: Callable[[Identification], ConsistentModel],
 ) -> ConsistentPrediction | None:
-    """Judge free and consistent estimates on the stretches of a cross-validation.
+    """Errors of free and consistent estimates on the stretches of a cross-validation.
 
-    Its fits are used again. None where nothing was held out, or no fit could be made consistent.
+    Its fits are reused. None if nothing was held out, or no fit could be made consistent.
     """
     if validation.training_only:
         return None
@@ -88,7 +88,7 @@ def consistent_prediction(
 def _made(
     found: Identification, make_consistent: Callable[[Identification], ConsistentModel]
 ) -> ConsistentModel | str:
-    """The consistent model, or why there is none."""
+    """The consistent model, or the reason why there is none."""
     try:
         return make_consistent(found)
     except IdentificationError as error:

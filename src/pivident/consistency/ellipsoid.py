@@ -1,7 +1,7 @@
-"""The homogeneous ellipsoid that has a body's mass, centre and moments: where its mass must be.
+"""The homogeneous ellipsoid with a body's mass, centre and moments.
 
 With principal moments A, B, C of a body of mass m, the half axes are √(5 (A + B + C - 2 X)/2m),
-X = A, B, C. Where one of the moments exceeds the sum of the others there is none.
+X = A, B, C. If one of the moments exceeds the sum of the others there is none.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""Intervals of what an engineer knows of a link: mass, centre of mass, principal moments.
+"""Intervals of a link's mass, centre of mass and principal moments.
 
 Over the consistent sets that the record allows (see `profile_intervals`),
 
-* the mass is linear in the parameters, as are the moments of inertia about the principal axes of
-  the consistent body, *held fixed*: three axes through its centre of mass. There the value is the
-  principal moment, and the interval tells how well the inertia about this axis is known;
+* the mass is linear in the parameters, as are the moments of inertia about the *fixed* principal
+  axes of the consistent body, three axes through its centre of mass. The value is the principal
+  moment, and the interval is that of the inertia about this axis;
 * a coordinate of the centre of mass is the ratio h/m. With s = m*/m, m* the mass of the consistent
-  body, and y = s φ the largest ratio is a cone program again (Charnes, Cooper 1962), since all
-  conditions scale: h(y)/m* where m(y) = m*. Where the mass may be next to nothing its centre may be
+  body, and y = s φ, the largest ratio is a cone program again (Charnes, Cooper 1962), since all
+  conditions scale: h(y)/m* where m(y) = m*. If the mass may be close to zero, its centre may be
   anywhere; ends beyond the reach of the arm count as open.
 """
 
@@ -28,7 +28,7 @@ from pivident.consistency.profile_intervals import allowed, lowest, profile_inte
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
 
-#: Places farther from the arm than it can reach by this much are not looked at [m].
+#: Distance beyond the reach of the arm up to which centres of mass are searched [m].
 REACH = 1.0
 
 
@@ -37,7 +37,7 @@ class Quantity:
     """A value and its interval."""
 
     value: float  # at the consistent point
-    low: float  # lower end; -∞ where nothing bounds it, NaN where the solver found none
+    low: float  # lower end; -∞ if unbounded, NaN if the solver found none
     high: float  # upper end
 
 
@@ -51,7 +51,7 @@ class LinkRow:
     # principal moments about the centre of mass, ascending [kg m²], with the intervals of the
     # moments about these axes
     moments: tuple[Quantity, Quantity, Quantity]
-    # principal axes that the moments are about, as columns in the link's frame, shape (3, 3)
+    # principal axes of the moments, as columns in the link's frame, shape (3, 3)
     axes: np.ndarray
     inertia: np.ndarray  # ten inertial parameters in the link's frame, shape (10,)
 

@@ -1,4 +1,4 @@
-"""Names of estimates that are made physically consistent: ``pc-piv`` is ``piv`` and the stage."""
+"""Names of physically consistent estimates: ``pc-piv`` is ``piv`` made consistent."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterable
 
 from pivident.estimation.methods import METHODS
 
-#: What stands before the name of the method whose estimate is made consistent.
+#: Prefix of the method whose estimate is made consistent.
 PREFIX = "pc-"
 
-#: Name of a consistent estimate, and the method of the free one that it is made from.
+#: Name of each consistent estimate, and the method of the free one.
 CONSISTENT_METHODS = {f"{PREFIX}{free}": free for free in METHODS}
 
 
@@ -19,7 +19,7 @@ def free_methods(names: Iterable[str]) -> list[str]:
 
 
 def made_consistent(names: Iterable[str]) -> tuple[str, ...]:
-    """Methods whose estimate is asked for in its consistent form, without the prefix."""
+    """Methods whose consistent estimate is requested, without the prefix."""
     return tuple(CONSISTENT_METHODS[name] for name in names if name in CONSISTENT_METHODS)
 
 

@@ -4,10 +4,10 @@ The interval of a parameter a runs from the smallest to the largest aᵀφ over
 
     {φ consistent,  d²(φ) ≤ d*² + χ²₁(confidence)} :
 
-a profile likelihood, two semidefinite programs with one second-order cone each. A base parameter
-gets the interval that the estimate gives it, cut where no real machine is. A standard parameter
-that no torque tells from others gets the range in which the torques and consistency leave
-it; where nothing bounds it, that is said.
+a profile likelihood, two semidefinite programs with one second-order cone each. The interval of a
+base parameter is that of the estimate, restricted to physically possible values. That of a standard
+parameter which the torques do not identify by itself is the range allowed by torques and
+consistency, or unbounded.
 """
 
 from __future__ import annotations
@@ -22,13 +22,11 @@ from pivident.consistency.constraints import Constraint
 from pivident.consistency.nearest_consistent import StandardSpace, imposed, within_distance
 from pivident.errors import IdentificationError
 
-#: Undetermined parameters are searched for up to so many times the size of the reference. Where
-#: an end grows with that limit (with the limit itself or its root, 1 or ½ of the end), nothing else
-#: bounds it.
+#: Undetermined parameters are searched up to this many times the size of the reference. An end that
+#: grows with that limit (with the limit itself or its root, 1 or ½ of the end) is unbounded.
 SEARCHED, GROWS = 1e3, 0.1
 
-#: Accuracy of the ends of the intervals, relative to their scale, and a poorer one that is taken
-#: where the solver does not get so far.
+#: Accuracy of the ends of the intervals, relative to their scale, and a fallback.
 GAP, POOR_GAP = 1e-6, 1e-3
 
 
@@ -39,8 +37,7 @@ class ProfileIntervals:
     names: tuple[str, ...]  # of the quantities
     units: tuple[str, ...]  # their units
     values: np.ndarray  # at the consistent point, shape (quantities,)
-    # lower ends, shape (quantities,); -∞ where nothing bounds them, NaN where the solver found no
-    # end
+    # lower ends, shape (quantities,); -∞ if unbounded, NaN if the solver found no end
     low: np.ndarray
     high: np.ndarray  # upper ends, likewise
     confidence: float  # of the intervals, 0 to 1
@@ -60,7 +57,7 @@ class ProfileIntervals:
 
     @property
     def not_found(self) -> tuple[str, ...]:
-        """Quantities of which the solver has not found both ends."""
+        """Quantities with an end that the solver did not find."""
         missing = np.isnan(self.low) | np.isnan(self.high)
         return tuple(n for n, o in zip(self.names, missing, strict=True) if o)
 
@@ -84,10 +81,10 @@ class ProfileIntervals:
 
 
 def not_found_sentence(names: Sequence[str]) -> str:
-    """A warning of ends that the solver has not found."""
+    """A warning about ends that the solver did not find."""
     return (
-        f"The solver found no end of the interval of {', '.join(names)}, which says nothing of how "
-        "well these are known; bounds on masses or fewer parameters make the search easier."
+        f"The solver found no end of the interval of {', '.join(names)}, so their uncertainty is "
+        "unknown; bounds on masses or fewer parameters make the search easier."
     )
 
 

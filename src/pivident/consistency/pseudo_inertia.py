@@ -1,12 +1,12 @@
-"""Pseudo-inertia of a body: the 4 × 4 matrix that is positive definite where a body can exist.
+"""Pseudo-inertia: the 4 × 4 matrix that is positive definite for every possible body.
 
 With Σ = ∫ r rᵀ dm, h = ∫ r dm and m the second moments, first moments and mass of a body,
 
     P = [[Σ, h], [hᵀ, m]] = ∫ (r, 1)(r, 1)ᵀ dm,      Σ = tr(J)/2 · 1 - J
 
 (Wensing, Kim, Slotine 2018). P is linear in the ten inertial parameters. It is positive definite
-exactly where mass is positive, the principal moments of inertia about the centre of mass are, and
-none of them exceeds the sum of the two others: where a density that is not flat makes them.
+if and only if the mass and the principal moments of inertia about the centre of mass are positive
+and no principal moment exceeds the sum of the two others, as for any density that is not flat.
 """
 
 from __future__ import annotations
@@ -49,7 +49,7 @@ def least_body(diameter: float, density: float = STEEL) -> tuple[np.ndarray, flo
 
     With m_b the mass of the ball and e = m_b d²/20 its second moment, E = diag(e, e, e, 0). By the
     Schur complement of m in P - E, P ≥ E where Σ - h hᵀ/m ≥ e 1: the second moments about the
-    body's own centre of mass, in whichever frame, are not below those of the ball.
+    body's own centre of mass, in any frame, are not below those of the ball.
     """
     matrix = ball(diameter, density)
     mass = float(matrix[3, 3])
@@ -87,7 +87,7 @@ BASIS = np.array([pseudo_inertia(unit) for unit in np.eye(10)])
 
 @dataclass(frozen=True, eq=False)
 class LinkBody:
-    """A link's inertial parameters as CAD shows them."""
+    """A link's inertial parameters as in CAD programs."""
 
     name: str  # name of the link
     mass: float  # mass [kg]

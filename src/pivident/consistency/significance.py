@@ -1,18 +1,17 @@
-"""Whether the step from an estimate to a consistent model is too long, or costs too much."""
+"""Whether the step from an estimate to a consistent model is too long or costs too much torque."""
 
 from __future__ import annotations
 
 import numpy as np
 
 #: An estimate is too poor if the distance is this improbable, the torque error grows by this share,
-#: and the torque that is missed in addition is this share of all torque.
+#: and the additional torque error is this share of all torque.
 FAR_PROBABILITY, FAR_GROWTH, FAR_TORQUE = 1e-3, 0.10, 0.01
 
-#: Torque error from which on an improbable estimate is too poor whatever the step costs: it is no
-#: good to be better than nonsense.
+#: Torque error above which an improbable estimate is too poor regardless of the cost of the step.
 POOR_ESTIMATE = 0.5
 
-#: A growth of the torque error that is worth a sentence.
+#: Growth of the torque error above which a note is given.
 NOTABLE_COST = 0.01
 
 #: Half of the 95 % interval of a normal estimate [σ].
@@ -49,5 +48,5 @@ def cost_notes(errors: tuple[float, float], p_value: float) -> tuple[str, ...]:
     return (
         f"Consistency raises the torque error of the fitted record from {100 * free:.3g} to "
         f"{100 * consistent:.3g} % (p = {p_value:.2g} for the step): geometry, friction law or "
-        "parameters that were left out are not those of the machine, or a bound is wrong",
+        "the choice of parameters does not match the machine, or a bound is wrong",
     )

@@ -1,4 +1,4 @@
-"""What does not belong together: arms, mountings, links and recordings."""
+"""Checks that arms, mountings, links and recordings match."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def link_index(robot: Robot, name: str | None) -> int:
 
 
 def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> None:
-    """Refuse a record that is given for both states, and none."""
+    """Refuse a recording that is given for both states, and an empty list."""
     runs = loaded.recordings if isinstance(loaded, Problem) else tuple(loaded)
     if not runs:
         raise ExperimentError("no recording with the load is given; at least one is needed")
@@ -55,8 +55,8 @@ def check_same_arm(arm: Identification, loaded: Problem) -> None:
         raise ExperimentError(
             f"the empty arm was identified with gravity {_vector(arm.robot.gravity)} m/s² in its "
             f"base frame, the loaded one has {_vector(loaded.robot.gravity)} m/s²: another "
-            "mounting shows other parameters. Take the record without load in the mounting of "
-            "the loaded one, or correct gravity under [robot]"
+            "mounting has other identifiable parameters. Use a record without load in the mounting "
+            "of the loaded one, or correct gravity under [robot]"
         )
     for parameter, expression in zip(arm.parameters, arm.expressions, strict=True):
         if groups.get(parameter.name) != expression:

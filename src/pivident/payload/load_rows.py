@@ -1,4 +1,4 @@
-"""A load as rows for tables and files: name, value, deviation, interval, unit."""
+"""A load as rows for tables and files: name, value, standard error, interval, unit."""
 
 from __future__ import annotations
 
@@ -12,24 +12,23 @@ from pivident.robot.description import INERTIAL
 
 Kind = Literal["mass", "center_of_mass", "inertia", "parameter"]
 
-#: Share of its half width by which an interval may differ from value ± 1.96 σ without mention.
-LOPSIDED = 0.05
+#: Difference between an interval and value ± 1.96 σ that is shown, as a share of the half width.
+ASYMMETRIC = 0.05
 
 
 @dataclass(frozen=True)
 class LoadRow:
     """One quantity of a load."""
 
-    # short name: ``mass``, ``cx``, ``jxx`` (about the centre of mass), ``xx`` (at the frame's
-    # origin)
+    # ``mass``, ``cx``, ``jxx`` (about the centre of mass), ``xx`` (at the frame's origin)
     name: str
     label: str  # name in words
-    kind: Kind  # ``mass``, ``center_of_mass``, ``inertia`` or ``parameter``
-    value: float  # estimate, NaN where it is not determined
-    std: float  # standard deviation, infinite where it is not determined
+    kind: Kind
+    value: float  # estimate, NaN if undetermined
+    std: float  # standard error, infinite if undetermined
     interval: tuple[float, float]  # 95 % interval; Fieller's for the centre of mass
-    unit: str  # unit
-    lopsided: bool = False  # whether the interval is another one than value ± 1.96 σ
+    unit: str
+    asymmetric: bool = False  # whether the interval differs from value ± 1.96 σ
 
 
 def load_rows(load: LoadEstimate) -> list[LoadRow]:
@@ -68,4 +67,4 @@ def _row(name: str, label: str, kind: Kind, value: float, std: float, unit: str)
 def _with_interval(row: LoadRow, interval: tuple[float, float]) -> LoadRow:
     half = TWO_SIDED_95 * row.std
     away = np.abs(np.subtract(interval, row.interval)) if np.isfinite(half) else np.zeros(2)
-    return replace(row, interval=interval, lopsided=bool((~(away <= LOPSIDED * half)).any()))
+    return replace(row, interval=interval, asymmetric=bool((~(away <= ASYMMETRIC * half)).any()))

@@ -1,7 +1,7 @@
-"""Equations of the records taken with the load, made anew for each estimate.
+"""Equations of the loaded records, recomputed for each estimate.
 
 The same three estimators as without load, at the full sampling rate: least squares; instruments
-from the loop simulated with the loaded arm; the same behind prefilters from the identified noise.
+from the loop simulated with the loaded arm; the same after prefilters from the identified noise.
 """
 
 from __future__ import annotations
@@ -36,12 +36,7 @@ from pivident.signals.prefilter import Prefilter
 
 
 class LoadedRecords:
-    """The loaded recordings of a problem with their instruments and prefilters.
-
-    Args:
-        problem: robot, loaded recordings, loop, parameters.
-        method: how to estimate; its signals are a random walk smoother.
-    """
+    """The loaded recordings of a problem with their instruments and prefilters."""
 
     def __init__(
         self, problem: Problem, method: LeastSquares | InstrumentalVariables | PrefilteredIV
@@ -92,13 +87,13 @@ class LoadedRecords:
         if self.whitening is not None:
             self.whitening.take_votes(self.records)
         else:
-            self._take_standstill(number, theta, before)
+            self._exclude_noisy_standstill(number, theta, before)
         return accumulate(regressor, self.records, self.filters), theta
 
-    def _take_standstill(
+    def _exclude_noisy_standstill(
         self, number: int, theta: np.ndarray, before: Sequence[FullRateRecord]
     ) -> None:
-        """Without a noise model standstill loses its votes where it is much noisier than motion."""
+        """Without a noise model, exclude standstill if it is much noisier than motion."""
         if number == 2 and decided_by_residual(self.problem):
             self.without_standstill = noisy_standstill(
                 self.problem, self.filters, before, self.residuals(theta)

@@ -1,4 +1,4 @@
-"""A load as files: ``payload.json`` for programs, ``payload.csv`` for sheets, ``payload.txt``."""
+"""A load as files: ``payload.json``, ``payload.csv`` and ``payload.txt``."""
 
 from __future__ import annotations
 
@@ -9,17 +9,16 @@ from os import PathLike
 from typing import Any
 
 from pivident.files import atomic_folder
-from pivident.payload.identify_payload import PayloadIdentification
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
-from pivident.payload.payload_text import payload_text
+from pivident.payload.payload_identification import PayloadIdentification
 from pivident.robot.description import INERTIAL
 from pivident.text.plain_values import plain
 
 #: Version of the layout of ``payload.json``.
 SCHEMA = 1
 
-#: Columns of ``payload.csv``; deviations and intervals in the unit of their row.
+#: Columns of ``payload.csv``; standard errors and intervals in the unit of their row.
 CSV_COLUMNS = ("name", "value", "std", "lower", "upper", "unit")
 
 
@@ -30,9 +29,9 @@ def save_payload(found: PayloadIdentification, folder: str | PathLike[str]) -> N
         for name, text in (
             ("payload.json", content + "\n"),
             ("payload.csv", payload_csv(found.load)),
-            ("payload.txt", payload_text(found) + "\n"),
+            ("payload.txt", str(found) + "\n"),
         ):
-            # File names may hold bytes that are no text; they become escapes.
+            # File names may contain bytes that are not text; they become escapes.
             (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 

@@ -1,10 +1,10 @@
-"""The unknowns of a loaded record, from its normal equations and from what is known before.
+"""The unknowns of a loaded record, from its normal equations and prior information.
 
     J x = Σ_j M₂ᵀ Zᵀτ/λ_j + Λ x₀,      J = Σ_j M₂ᵀ ZᵀΦ M₂/λ_j + Λ
 
-Λ is the information of what is known. The covariance has a part of the loaded record's noise and a
-part of the known arm, whose reported covariance P₁ need not be the inverse of the weight Λ₁ that
-its normal equations give it:
+Λ is the prior information. The covariance consists of the loaded record's noise and of the known
+arm, whose reported covariance P₁ need not be the inverse of the weight Λ₁ from its normal
+equations:
 
     P = C_noise + R Λ₁ P₁ Λ₁ Rᵀ + (known parts),      R = J⁻¹ restricted to the arm.
 """
