@@ -49,7 +49,7 @@ def rigid_inertia(recording):
 
 @pytest.mark.parametrize(
     ("antiresonance", "top", "severity"),
-    [(4, 1, "look"), (4, 3, "wrong"), (8, 3, "look"), (12, 1, "fine"), (40, 3, "fine")],
+    [(4, 1, "warning"), (4, 3, "wrong"), (8, 3, "warning"), (12, 1, "fine"), (40, 3, "fine")],
 )
 def test_predicted_error_is_that_of_a_rigid_identification(antiresonance, top, severity):
     joint, recording = flexible_record(antiresonance, top)
@@ -71,7 +71,7 @@ def test_the_link_encoder_errs_the_other_way():
 def test_a_fast_loop_gets_a_warning_of_its_own():
     joint, recording = flexible_record(12, 1)
     warned = judged(joint, recording, bandwidth=8.0)
-    assert warned.severity == "look"
+    assert warned.severity == "warning"
     assert any("bandwidth of 8 Hz" in sentence for sentence in warned.sentences)
     assert judged(joint, recording, bandwidth=2.0).severity == "fine"
 

@@ -18,7 +18,7 @@ from pivident.flexibility.deflection_motion import TRANSITION, DeflectionMotion
 from pivident.flexibility.jackknife import (
     BLOCKS,
     STUDENT,
-    jackknife_deviation,
+    jackknife_standard_error,
     solve_with_jackknife,
 )
 from pivident.flexibility.measured import Measured
@@ -34,11 +34,11 @@ class DeflectionFit:
     theta: np.ndarray  # coefficients, shape (terms,)
     replicates: np.ndarray  # coefficients without each block, shape (blocks, terms)
     line_count: int  # number of columns of the transmission error
-    by_lag: np.ndarray  # what the known lag's deviation moves in each coefficient, shape (terms,)
+    by_lag: np.ndarray  # change of each coefficient by one standard error of the known lag
 
     @property
-    def tells_stiffness(self) -> bool:
-        """Whether the compliance is clearly positive."""
+    def has_stiffness(self) -> bool:
+        """Whether the compliance is significantly positive."""
         return self.value("torque") - STUDENT * self.std("torque") > 0
 
     def value(self, name: str) -> float:
@@ -48,7 +48,7 @@ class DeflectionFit:
     def std(self, name: str) -> float:
         """Its standard error, including that of the known lag."""
         i = self.names.index(name)
-        return math.hypot(jackknife_deviation(self.replicates[:, i]), self.by_lag[i])
+        return math.hypot(jackknife_standard_error(self.replicates[:, i]), self.by_lag[i])
 
     def ratio(self, name: str) -> float:
         """Coefficient over standard error."""
@@ -76,17 +76,17 @@ class DeflectionFit:
             pair = slice(first + 2 * i, first + 2 * i + 2)
             amplitude = float(np.hypot(*self.theta[pair]))
             along = self.replicates[:, pair] @ self.theta[pair] / max(amplitude, 1e-300)
-            std = jackknife_deviation(along)
+            std = jackknife_standard_error(along)
             found.append(TransmissionLine(order, Measured.around(amplitude, std, "rad", STUDENT)))
         return tuple(sorted(found, key=lambda line: -line.amplitude.value))
 
     def over_compliance(self, name: str, unit: str) -> Measured:
         """-coefficient/compliance, with its own jackknife."""
         i, j = self.names.index(name), self.names.index("torque")
-        if not self.tells_stiffness:
-            return Measured.untold(unit)
+        if not self.has_stiffness:
+            return Measured.unknown(unit)
         value = -self.theta[i] / self.theta[j]
-        std = jackknife_deviation(-self.replicates[:, i] / self.replicates[:, j])
+        std = jackknife_standard_error(-self.replicates[:, i] / self.replicates[:, j])
         return Measured.around(value, std, unit, STUDENT)
 
 
@@ -133,17 +133,17 @@ def _with_known_lag(
     motion: DeflectionMotion,
     line_count: int,
 ) -> DeflectionFit:
-    """The fit with the lag held at its value; its deviation is handed on to the others."""
+    """The fit with a fixed lag; its standard error is propagated to the other terms."""
     assert motion.known_lag is not None
-    lag, deviation = motion.known_lag
+    lag, lag_std = motion.known_lag
     at = names.index("speed")
     others = [i for i in range(len(names)) if i != at]
     theta, by_lag = np.zeros(len(names)), np.zeros(len(names))
     replicates = np.full((BLOCKS, len(names)), lag)
     y = motion.deflection - lag * motion.speed
     theta[others], replicates[:, others] = solve_with_jackknife(phi[:, others], z[:, others], y)
-    moved, _ = solve_with_jackknife(phi[:, others], z[:, others], y - deviation * motion.speed)
-    theta[at], by_lag[at] = lag, deviation
+    moved, _ = solve_with_jackknife(phi[:, others], z[:, others], y - lag_std * motion.speed)
+    theta[at], by_lag[at] = lag, lag_std
     by_lag[others] = moved - theta[others]
     return DeflectionFit(names, phi, theta, replicates, line_count, by_lag)
 
@@ -151,9 +151,9 @@ def _with_known_lag(
 def torque_through_spring(
     motion: DeflectionMotion, fit: DeflectionFit, torque: np.ndarray | None = None
 ) -> np.ndarray:
-    """Torque behind the friction before the spring, as far as that is known [N m]."""
+    """Torque after the friction before the spring, if the stiffness is known [N m]."""
     torque = motion.torque if torque is None else torque
     compliance = fit.value("torque")
-    if not fit.tells_stiffness:
+    if not fit.has_stiffness:
         return torque
     return torque + fit.value("sign") / compliance * motion.sign

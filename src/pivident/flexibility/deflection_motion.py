@@ -1,9 +1,9 @@
-"""What the fit of a deflection needs of a record: the signals of one joint while it moves.
+"""Signals of one joint in motion for the fit of its deflection.
 
-Torque and acceleration are low-passed without phase; the torque of the motor's inertia is taken
-off. The link encoder is moved back by an estimate of how much later it is read. Where the
-reference was recorded, functions of it serve as instruments, since they are free of the log's
-noise, and tell the direction in which the torque moves.
+Torque and acceleration are low-passed with zero phase; the torque of the motor's inertia is
+subtracted. The link encoder is shifted by an estimate of its delay. If the reference was recorded,
+functions of it serve as instruments, since they are free of measurement noise, and give the
+direction of change of the torque.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pivident.flexibility.jackknife import BLOCKS
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import butterworth, central_difference
 
-#: Fewest samples in motion, so that each block of the jackknife has some.
+#: Smallest number of samples in motion, so that each block of the jackknife has some.
 MIN_SAMPLES = 20 * BLOCKS
 
 #: Joints below this share of their highest speed stand still: the sign of friction is not known.
@@ -44,8 +44,7 @@ class DeflectionMotion:
     direction: np.ndarray  # in which the torque moves, -1 to 1
     # functions of the reference, shape (samples, functions), or None
     instruments: np.ndarray | None
-    # how much later the retimed link encoder is read, and the deviation of that [s], or None where
-    # it is to be estimated
+    # remaining delay of the shifted link encoder and its standard error [s]; None: to be estimated
     known_lag: tuple[float, float] | None
     retimed: float  # by how much the link encoder was moved back [s]
     recorded: tuple[float, float]  # lowest and highest recorded difference of the encoders [rad]
@@ -129,7 +128,7 @@ def _earlier(x: np.ndarray, rate: float, lag: float) -> np.ndarray:
 
 
 def _reference_functions(recording: Recording) -> np.ndarray | None:
-    """What the torque of a moving arm follows from, of the reference: free of the log's noise."""
+    """Functions of the reference that determine the torque of a moving arm, free of noise."""
     if recording.q_ref is None:
         return None
     q = recording.q_ref

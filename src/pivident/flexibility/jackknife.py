@@ -1,8 +1,8 @@
-"""Linear equations solved with instruments, and deviations from leaving out blocks in turn.
+"""Linear equations solved with instruments, and jackknife standard errors over blocks.
 
 The estimate of y = Φθ + e with instruments Z is θ = (ZᵀΦ)⁻¹Zᵀy; without block b of n consecutive
-ones it is θ_b. The deviation √((n-1)/n Σ (θ_b - mean θ_b)²) holds what the model does not explain,
-too, and asks for no model of e.
+ones it is θ_b. The standard error √((n-1)/n Σ (θ_b - mean θ_b)²) includes model error and needs no
+model of e.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def solve_with_jackknife(
     return theta, np.array(without)
 
 
-def jackknife_deviation(replicates: np.ndarray) -> float:
+def jackknife_standard_error(replicates: np.ndarray) -> float:
     """Standard error from the estimates without each block."""
     n = len(replicates)
     return float(np.sqrt((n - 1) / n * np.sum((replicates - replicates.mean()) ** 2)))

@@ -36,9 +36,9 @@ def flexible_parts(
 
 
 def load_speed(motor_speed: np.ndarray, rate: float, theta: np.ndarray) -> np.ndarray:
-    """The load's speed as it follows from the motor's, shape (samples,) [rad/s]."""
+    """The load's speed from the motor's, shape (samples,) [rad/s]."""
     n = len(motor_speed)
-    # Padded with as much rest, so that the end does not wrap around to the start.
+    # Padded with zeros of the same length, so that the end does not wrap around to the start.
     spectrum = np.fft.rfft(motor_speed, 2 * n)
     return np.fft.irfft(_passed(np.fft.rfftfreq(2 * n, 1 / rate), theta) * spectrum, 2 * n)[:n]
 

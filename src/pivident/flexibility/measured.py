@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-#: Decimals that are shown at most.
+#: Maximum number of decimals.
 MAX_DECIMALS = 9
 
 
@@ -15,7 +15,7 @@ class Measured:
 
     value: float  # the estimate, in SI
     low: float  # lower end of its 95 % interval
-    high: float  # upper end; infinite where the record sets none
+    high: float  # upper end; infinite if unbounded
     unit: str  # its unit
 
     @classmethod
@@ -32,12 +32,12 @@ class Measured:
         return cls(best, least, 1.0 / low if low > 0 else math.inf, unit)
 
     @classmethod
-    def untold(cls, unit: str) -> Measured:
-        """What a record says nothing about: no value, no ends."""
+    def unknown(cls, unit: str) -> Measured:
+        """A quantity that the record does not determine: no value, no ends."""
         return cls(math.nan, -math.inf, math.inf, unit)
 
     @property
-    def told(self) -> bool:
+    def is_known(self) -> bool:
         """Whether there is a value or at least a lower end."""
         return math.isfinite(self.value) or math.isfinite(self.low)
 
@@ -51,19 +51,19 @@ class Measured:
         return Measured(self.value * factor, self.low * factor, self.high * factor, unit)
 
     def covers(self, value: float) -> bool:
-        """Whether the interval holds a value."""
+        """Whether the interval contains a value."""
         return self.low <= value <= self.high
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         if not math.isfinite(self.value):
-            return f"above {self.low:.3g}{unit}" if math.isfinite(self.low) else "not told"
+            return f"above {self.low:.3g}{unit}" if math.isfinite(self.low) else "not determined"
         value, low, high = _alike(self.value, self.low, self.high)
         return f"{value}{unit} (95 %: {low} to {high})"
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, ...]:
-    """Value and ends, all to the second digit of the interval's half, and three of the value."""
+    """Value and ends, to the second digit of half the interval and three digits of the value."""
     finite = [x for x in (value, low, high) if math.isfinite(x)]
     largest = max(map(abs, finite))
     width = max(finite) - min(finite)

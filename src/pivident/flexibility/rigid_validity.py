@@ -1,13 +1,13 @@
-"""When a rigid model of a flexible joint is no longer right, and by how much its inertia is wrong.
+"""Validity of a rigid model of a flexible joint, and the error of its inertia.
 
-A motor that shakes a load through a spring feels the inertia
+A motor that moves a load through a spring has the apparent inertia
 
     J(ω) = Jm + Jl Re T(ω),   T = (k + jωd) / (k + jωd - Jl ω²) ≈ 1 / (1 - (ω/ω_a)²)
 
-so that a rigid model finds too much, by about Jl (ω/ω_a)². With the link's encoder it finds too
-little, J - Jm (ω/ω_a)². The figure here is not that law at one frequency: the torque that the
-rigid model lacks, Jl (T - 1) ddq, is formed from the recorded motion and projected on its columns
-ddq, dq, sign(dq) and 1, within the band in which the model would be fitted.
+so a rigid model overestimates it by about Jl (ω/ω_a)². With the link's encoder it underestimates
+it, J - Jm (ω/ω_a)². The number here is not that law at one frequency: the torque missing in the
+rigid model, Jl (T - 1) ddq, is computed from the recorded motion and projected on its columns ddq,
+dq, sign(dq) and 1, within the band in which the model would be fitted.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.recording.recording import Recording
 
-#: Error of the inertia from which it should be looked at, and from which it is wrong [%].
-LOOK, WRONG = 2.0, 10.0
+#: Error of the inertia above which there is a warning, and above which the model is wrong [%].
+WARNING, WRONG = 2.0, 10.0
 
-#: Share of the antiresonance that a loop or a filter may reach without remark.
+#: Share of the antiresonance up to which a loop or a filter is acceptable.
 REACH = 1.0 / 3.0
 
 #: Share of the acceleration's power that makes up the motion.
@@ -35,7 +35,7 @@ CUTOFF = 50.0
 
 @dataclass(frozen=True)
 class RigidValidity:
-    """How far a rigid model of one joint can be trusted."""
+    """Validity of a rigid model of one joint."""
 
     recording: str  # name of the run
     joint: str  # name of the joint
@@ -47,9 +47,9 @@ class RigidValidity:
     at_band_edge: float
     viscous_error: float  # of the viscous friction [N m s/rad]
     coulomb_error: float  # of the Coulomb friction [N m]
-    missing_torque: float  # rms of the torque that the rigid model lacks after the fit [N m]
-    severity: Literal["fine", "look", "wrong"]  # ``fine``, ``look`` or ``wrong``
-    sentences: tuple[str, ...]  # in plain words
+    missing_torque: float  # rms of the torque missing in the rigid model after the fit [N m]
+    severity: Literal["fine", "warning", "wrong"]
+    sentences: tuple[str, ...]
 
 
 def rigid_validity(
@@ -65,7 +65,7 @@ def rigid_validity(
     bandwidth: float | None = None,
     gamma: float = 150.0,
 ) -> RigidValidity:
-    """What compliance does to a rigid model that is fitted to this record.
+    """Effect of compliance on a rigid model fitted to this record.
 
     Args:
         recording: the record.
@@ -74,13 +74,13 @@ def rigid_validity(
         motor_inertia: Jm on the joint side [kg m²].
         load_inertia: Jl [kg m²].
         damping: d [N m s/rad]; 0 stands for 1 % of the critical one.
-        encoder: where the positions of the rigid fit come from.
+        encoder: encoder of the positions in the rigid fit.
         cutoff: of the signals in the rigid fit [Hz]; None: 50 Hz, or 40 % of the rate.
-        bandwidth: of the control loop [Hz], where it is known.
+        bandwidth: of the control loop [Hz], if known.
         gamma: slope of the smoothed sign of friction [s/rad].
 
     Returns:
-        How far a rigid model is valid: its bias and the band in which it holds.
+        Bias of the rigid model, and the band in which it is valid.
 
     Raises:
         IdentificationError: a stiffness or inertia is not positive, or there is no such encoder.
@@ -91,7 +91,7 @@ def rigid_validity(
     for label, value in (("stiffness", stiffness), ("load inertia", load_inertia)):
         if not (np.isfinite(value) and value > 0):
             raise IdentificationError(
-                f"{label} of joint {name!r} is {value!r}; it has to be positive"
+                f"{label} of joint {name!r} is {value!r}; it must be positive"
             )
     positions = recording.q if encoder == "motor" else recording.q_link
     if positions is None:
@@ -149,7 +149,7 @@ def _missing_torque(
     encoder: str,
     highest: float,
 ) -> np.ndarray:
-    """Torque of the flexible joint less that of a rigid one with the same motion [N m]."""
+    """Torque of the flexible joint minus that of a rigid one with the same motion [N m]."""
     n = len(ddq)
     # The motion mirrored at its ends is periodic without steps.
     spectrum = np.fft.rfft(np.concatenate([ddq, ddq[::-1]]))
@@ -179,34 +179,34 @@ def _judged(
     bandwidth: float | None,
     error: float,
     at_edge: float,
-) -> tuple[Literal["fine", "look", "wrong"], tuple[str, ...]]:
+) -> tuple[Literal["fine", "warning", "wrong"], tuple[str, ...]]:
     """Severity and sentences."""
-    severity: Literal["fine", "look", "wrong"] = "fine"
-    if abs(error) >= LOOK or band > REACH * antiresonance:
-        severity = "look"
+    severity: Literal["fine", "warning", "wrong"] = "fine"
+    if abs(error) >= WARNING or band > REACH * antiresonance:
+        severity = "warning"
     if abs(error) >= WRONG or band >= antiresonance:
         severity = "wrong"
-    size = "beyond all bounds" if not np.isfinite(at_edge) else f"by {at_edge:+.2g} %"
+    size = "without bound" if not np.isfinite(at_edge) else f"by {at_edge:+.2g} %"
     sentences = [
         f"the rigid model's inertia of {joint} is wrong by about {error:+.2g} % on this motion",
         f"95 % of the acceleration's power lies below {band:.3g} Hz, {band / antiresonance:.2g} of "
-        f"the locked-rotor frequency {antiresonance:.3g} Hz; the inertia seen at that edge "
-        f"alone is wrong {size}",
+        f"the locked-rotor frequency {antiresonance:.3g} Hz; the apparent inertia at that edge is "
+        f"wrong {size}",
     ]
     if error * at_edge < 0 and abs(error) > 0.1:
         sentences.append(
-            "its sign says that the error comes from beyond the antiresonance, where the load does "
-            "not follow: ripple of gear or torque, or noise of the encoder"
+            "by its sign the error comes from above the antiresonance, where the load does not "
+            "follow: ripple of gear or torque, or noise of the encoder"
         )
     if bandwidth is not None and bandwidth > REACH * antiresonance:
         sentences.append(
             f"the loop's bandwidth of {bandwidth:.3g} Hz is {bandwidth / antiresonance:.2g} of it: "
-            "a rigid simulation of the loop is not the loop; lower the bandwidth of the virtual law"
+            "a rigid simulation does not represent the loop; lower the bandwidth of the virtual law"
         )
-        severity = "look" if severity == "fine" else severity
+        severity = "warning" if severity == "fine" else severity
     if cutoff > REACH * antiresonance and severity != "fine":
         sentences.append(
             f"signals up to {cutoff:.3g} Hz enter the fit; a cut-off below "
-            f"{REACH * antiresonance:.2g} Hz would keep the resonance out"
+            f"{REACH * antiresonance:.2g} Hz would exclude the resonance"
         )
     return severity, tuple(sentences)

@@ -5,8 +5,7 @@
     T = k (q_m - q_l) + d (dq_m - dq_l),            s(dq) = (2/π) atan(γ dq)
 
 Everything is on the joint side: q_m is the motor's angle over the reduction, tau the motor's torque
-times the reduction. The spring is joined by backlash and by the gear's transmission error where
-they are asked for.
+times the reduction. Backlash and transmission error of the gear are optional.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ class TwoMassJoint:
 
     @property
     def antiresonance(self) -> float:
-        """√(k/Jl)/2π [Hz]: the load swings against a motor that is held fast."""
+        """√(k/Jl)/2π [Hz]: the load swings against a locked motor."""
         return math.sqrt(self.stiffness / self.load_inertia) / (2 * math.pi)
 
     @property
@@ -78,7 +77,7 @@ class TwoMassJoint:
 
 @dataclass(frozen=True)
 class GearFaults:
-    """What a gear does besides being a spring."""
+    """Backlash and transmission error of a gear."""
 
     backlash: float = 0.0  # width of the gap without torque [rad]
     # transmission error ε sin(order N q_m) that the gear adds to q_m [rad]
@@ -104,14 +103,14 @@ class MotorLoop:
 
 @dataclass(frozen=True)
 class Sensors:
-    """What encoders and torque sensor add, standard deviations and steps."""
+    """Noise (standard deviations) and steps of encoders and torque sensor."""
 
     motor_step: float = 0.0  # step of the motor encoder, on the joint side [rad]; 0: none
     link_step: float = 0.0  # step of the link encoder [rad]; 0: none
     motor_noise: float = 0.0  # white noise of the motor encoder [rad]
     link_noise: float = 0.0  # white noise of the link encoder [rad]
     torque_noise: float = 0.0  # white noise of the logged torque [N m]
-    link_lag: int = 0  # how much later the link encoder is read, in whole samples
+    link_lag: int = 0  # delay of the link encoder in whole samples
 
 
 def simulate_joint(
@@ -224,13 +223,13 @@ def loop_motion(
 
 
 def _rest_deflection(joint: TwoMassJoint, q: float) -> float:
-    """Deflection that carries the load's weight at standstill [rad]."""
+    """Deflection under the load's weight at standstill [rad]."""
     weight = joint.gravity_sin * math.sin(q) + joint.gravity_cos * math.cos(q) + joint.load_offset
     return weight / joint.stiffness
 
 
 def _delayed(x: np.ndarray, samples: int) -> np.ndarray:
-    """A signal later by whole samples, its first value repeated."""
+    """A signal delayed by whole samples, its first value repeated."""
     return np.concatenate([np.full(samples, x[0]), x[: len(x) - samples]])
 
 

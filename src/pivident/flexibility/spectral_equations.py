@@ -60,7 +60,7 @@ def residual_spectrum(e: np.ndarray) -> np.ndarray:
 
 def solve(spectra: Spectra, z: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """θ and its covariance from instruments Z and weights S⁻¹ (bins, equations, equations)."""
-    # The mean has one degree of freedom where a complex number has two.
+    # The mean has one degree of freedom, a complex number two.
     weights = weights * np.where(spectra.frequency == 0.0, 0.5, 1.0)[:, None, None]
     weighted = np.einsum("fep,feg->fgp", z.conj(), weights)
     a = np.einsum("fgp,fgq->pq", weighted, spectra.phi).real
@@ -70,6 +70,6 @@ def solve(spectra: Spectra, z: np.ndarray, weights: np.ndarray) -> tuple[np.ndar
     inverse = np.linalg.inv(a * np.outer(scale, scale))
     theta = scale * (inverse @ (scale * b))
     covariance = 0.5 * inverse @ (meat * np.outer(scale, scale)) @ inverse.T
-    # Tapering makes neighbours depend on each other: fewer bins count.
+    # Tapering correlates neighbouring bins, so the effective number of bins is smaller.
     fewer = np.mean(taper(4096) ** 4)
     return theta, fewer * covariance * np.outer(scale, scale)

@@ -1,8 +1,8 @@
 """Transmission error of a gear: lines in the deflection that repeat with the motor's angle.
 
 A gear with ratio N turns the link by q_m + Σ a_i cos(o_i N q_m) + b_i sin(o_i N q_m), with o_i the
-order, cycles per revolution of the motor. Orders need not be whole: a cycloidal gear's own teeth
-repeat with parts of a revolution.
+order, cycles per revolution of the motor. Orders need not be integers: the teeth of a cycloidal
+gear repeat with fractions of a revolution.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.flexibility.measured import Measured
 
-#: Fewest periods of a line over the travel; slower ones cannot be told from the load's.
+#: Smallest number of periods of a line over the travel; fewer are indistinguishable from the load.
 MIN_PERIODS = 8
 
 #: Power of a line over the median of its neighbours. A χ² of two degrees of freedom exceeds this
@@ -25,11 +25,11 @@ LEAST_POWER = 16.0
 #: Half width of the neighbourhood, in orders of one period over the travel.
 NEIGHBOURS = 25
 
-#: Least distance of two lines, in periods over the travel: a line whose amplitude changes with the
-#: load has side lines, which are not lines of their own.
+#: Smallest distance of two lines, in periods over the travel: a line whose amplitude changes with
+#: the load has sidebands, which are not separate lines.
 SEPARATION = 6
 
-#: Most lines that are looked for.
+#: Maximum number of lines.
 MAX_LINES = 6
 
 
@@ -56,8 +56,8 @@ def largest_order(angle: np.ndarray, rate: float) -> float:
 def find_orders(residual: np.ndarray, angle: np.ndarray, highest: float) -> list[float]:
     """Orders of the lines in a residual, strongest first.
 
-    One line at a time is found in the spectrum over the motor's angle and taken off with all those
-    before it.
+    One line at a time is found in the spectrum over the motor's angle and subtracted together with
+    all earlier ones.
     """
     period = 2 * math.pi / max(float(np.ptp(angle)), 1e-12)
     lowest, step = MIN_PERIODS * period, 0.5 * period

@@ -24,7 +24,7 @@ def study_parameters(summary: Summary) -> Table:
             rows.append({"method": method} | own | {"coverage_low": low, "coverage_high": high})
     meanings = {
         "spread": "empirical standard deviation of the estimates",
-        "predicted": "mean of the reported deviations",
+        "predicted": "mean of the reported standard errors",
         "coverage": "share of runs whose truth lies within 2σ, with its 95 % interval",
     }
     return Table.of_rows("parameters", rows, meanings)
@@ -54,7 +54,7 @@ def fleet_parameters(fleet: Fleet) -> Table:
 
 
 def judgement_parameters(judgement: Judgement) -> Table:
-    """The estimates that a judgement is about."""
+    """The estimates behind a judgement."""
     return fleet_parameters(judgement.fleet)
 
 

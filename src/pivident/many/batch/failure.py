@@ -1,10 +1,10 @@
-"""What is kept of a task that failed: whatever went wrong is a row too."""
+"""The row of a failed task: error class and message."""
 
 from __future__ import annotations
 
 from pivident.many.batch.results_folder import Row
 
-#: Longest error message that is kept.
+#: Largest length of an error message.
 MAX_MESSAGE = 500
 
 

@@ -57,7 +57,7 @@ class FleetStore(ResultsFolder):
 
     @contextmanager
     def opened(self, template: Template) -> Iterator[FleetStore]:
-        """Take the folder for a fleet: make it, or check that it belongs to the template."""
+        """Lock the folder for a fleet, after creating it or checking that it belongs to it."""
         wanted = {
             "name": template.experiment.title,
             "hash": template.hash,
@@ -67,7 +67,7 @@ class FleetStore(ResultsFolder):
             yield self
 
     def known(self) -> dict[str, set[str]]:
-        """Hashes of the content that each log had when it was identified."""
+        """Hashes of the content of each log at identification."""
         table = self.read(["task", "sha256"]).unique()
         found: dict[str, set[str]] = {}
         for task, digest in table.iter_rows():
@@ -90,5 +90,5 @@ class FleetStore(ResultsFolder):
         return table.unique(["task", "parameter"], keep="first", maintain_order=True).drop("meant")
 
     def shard_name(self, rows: Sequence[Row]) -> str:
-        """When it was written."""
+        """Time of writing."""
         return f"{time.time_ns():020d}"

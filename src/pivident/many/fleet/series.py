@@ -1,4 +1,4 @@
-"""One parameter of one robot over time: what a control chart is drawn of."""
+"""One parameter of one robot over time, the data of a control chart."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ FRICTION = "friction"
 class Series:
     """Estimates of one parameter of one robot, in the order of time."""
 
-    robot: str  # whose
+    robot: str  # name of the robot
     parameter: str  # name of the parameter
-    joint: str  # joint that it belongs to
+    joint: str  # its joint
     unit: str  # unit of the values
     logs: tuple[str, ...]  # the records, shape (records,)
-    times: tuple[str, ...]  # when they were taken, as text, likewise
+    times: tuple[str, ...]  # their times as text, likewise
     position: np.ndarray  # place on the time axis, likewise
     value: np.ndarray  # estimates, likewise
-    std: np.ndarray  # their standard deviations, likewise
-    temperature: np.ndarray  # mean temperature of the joint, NaN where it is not known, likewise
-    baseline: int  # how many records of the robot come first and set the level
+    std: np.ndarray  # their standard errors, likewise
+    temperature: np.ndarray  # mean temperature of the joint, NaN if unknown, likewise
+    baseline: int  # number of first records of the robot that set the level
 
     @property
     def records(self) -> int:
@@ -54,14 +54,14 @@ def watched_series(
     good = rows.filter(pl.col("error").is_null() & pl.col("converged"))
     if good.is_empty():
         return []
-    deviation = "std" if good["method"][0] in OWN_INTERVALS else "robust_std"
+    error_column = "std" if good["method"][0] in OWN_INTERVALS else "robust_std"
     chosen = _chosen(good, watch)
     place = {log.name: k for k, log in enumerate(logs)}
     table: Mapping[str, list[Any]] = (
         good.filter(
             pl.col("parameter").is_in(chosen)
-            & (pl.col(deviation) > 0)
-            & pl.col(deviation).is_finite()
+            & (pl.col(error_column) > 0)
+            & pl.col(error_column).is_finite()
         )
         .with_columns(pl.col("task").replace_strict(place, return_dtype=pl.Int64).alias("place"))
         .sort("place")
@@ -88,7 +88,7 @@ def watched_series(
                 tuple(log.time or f"{log.position:g}" for log in theirs),
                 np.array([log.position for log in theirs]),
                 column("value", own),
-                column(deviation, own),
+                column(error_column, own),
                 column("temperature", own),
                 baseline,
             )
@@ -97,7 +97,7 @@ def watched_series(
     return sorted(made, key=lambda s: (order[s.parameter], s.robot))
 
 
-#: Methods whose own intervals are true on simulated records; the others take the robust ones.
+#: Methods whose own intervals are valid on simulated records; the others use the robust ones.
 OWN_INTERVALS = ("piv", "didim")
 
 

@@ -17,7 +17,7 @@ from pivident.experiment.temperature import with_temperature
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
 from pivident.many.fleet.logs import Log
 
-#: The template in the folder of logs, where no other is named.
+#: Default name of the template in the folder of logs.
 FILE = "fleet.toml"
 
 #: Tables and keys that no estimate depends on: they may change from one call to the next.
@@ -31,7 +31,7 @@ OF_THE_JUDGEMENT = {
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """What all logs of a fleet have in common."""
+    """The experiment file that all logs of a fleet share."""
 
     path: Path  # the file
     content: FleetFile  # its tables

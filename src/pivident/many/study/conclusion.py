@@ -1,4 +1,4 @@
-"""From runs on disk to summary and page."""
+"""Summary and page of the runs on disk."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pivident.many.study.bench import Bench
 from pivident.many.study.motion import optimised_series
 from pivident.many.study.scenario import Scenario
 from pivident.many.study.study_errors import StudyFolderError
+from pivident.many.study.study_page import render_page
 from pivident.many.study.study_store import Store
 from pivident.many.study.summary import Summary, summarise
 
@@ -19,14 +20,12 @@ SUMMARY, PAGE = "summary.json", "report.html"
 def conclude(
     scenario: Scenario, folder: str | Path, say: Callable[[str], None] | None = None
 ) -> Summary:
-    """Judge the runs of a folder and write ``summary.json`` and ``report.html`` beside them."""
-    from pivident.many.study.study_page import render_page
-
+    """Summarise the runs of a folder in ``summary.json`` and ``report.html``."""
     say = say or (lambda line: None)
     store = Store(Path(folder))
     rows = store.rows()
     if rows.is_empty():
-        raise StudyFolderError(folder, "there are no runs in it", "let the study finish some first")
+        raise StudyFolderError(folder, "it contains no runs", "let the study finish some first")
     say(f"{scenario.title}: summary of {rows['run'].n_unique()} runs")
     bench = Bench(scenario, optimised_series(scenario, store.folder, say))
     summary = summarise(bench, rows)

@@ -22,24 +22,24 @@ from pivident.simulation.excitation import FourierSeries, motion_limits, random_
 from pivident.simulation.reference import point_to_point
 
 if TYPE_CHECKING:
-    from pivident.many.study.scenario import Scenario
+    from pivident.many.study.scenario_tables import ScenarioTables
     from pivident.many.study.study_schema import TrajectoryEntry
 
 #: File of the motion in a results folder.
 FILE = "trajectory.json"
 
-#: How far postures lie from zero at most, where the scenario does not say [rad or m].
+#: Default for the largest distance of postures from zero [rad or m].
 DEFAULT_REACH = 1.0
 
-#: Postures of a point-to-point motion: so many, and one for each of these seconds.
+#: Number of postures of a point-to-point motion: a constant, and one per this time [s].
 POSTURES, MIN_MOVE = 12, 0.6
 
-#: Motions that this process has found: conditions of one scenario often share theirs.
+#: Motions optimised by this process: conditions of one scenario often share theirs.
 _found: dict[str, FourierSeries] = {}
 
 
 def reference_of(
-    scenario: Scenario, entry: TrajectoryEntry, series: FourierSeries | None = None
+    scenario: ScenarioTables, entry: TrajectoryEntry, series: FourierSeries | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Reference q, dq, ddq at the control rate, each (samples, joints).
 
@@ -61,7 +61,7 @@ def reference_of(
 
 
 def reach_of(entry: TrajectoryEntry, joints: int) -> np.ndarray:
-    """How far postures lie from zero at most [rad or m], shape (joints,)."""
+    """Largest distance of postures from zero [rad or m], shape (joints,)."""
     return per_joint("trajectory.reach", entry.reach or DEFAULT_REACH, joints)
 
 
@@ -77,7 +77,7 @@ def per_joint(key: str, value: Any, joints: int) -> np.ndarray:
 
 
 def optimised_series(
-    scenario: Scenario, folder: Path | None, progress: Callable[[str], None] | None = None
+    scenario: ScenarioTables, folder: Path | None, progress: Callable[[str], None] | None = None
 ) -> FourierSeries | None:
     """The scenario's optimised motion, or None where it has none.
 
@@ -113,16 +113,16 @@ def _kept_series(file: Path, key: str) -> FourierSeries | None:
         return FourierSeries.of(kept) if kept["belongs_to"] == key else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise StudyFolderError(
-            file, f"it cannot be read ({type(error).__name__})", "delete it: it is made again"
+            file, f"it cannot be read ({type(error).__name__})", "delete it to recompute it"
         ) from error
 
 
-def as_json(scenario: Scenario, series: FourierSeries) -> str:
+def as_json(scenario: ScenarioTables, series: FourierSeries) -> str:
     """The motion as the text of its file."""
     return json.dumps({"belongs_to": _key(scenario)} | series.plain(), indent=1)
 
 
-def _key(scenario: Scenario) -> str:
-    """What the motion depends on: the robot and the table ``[trajectory]``."""
+def _key(scenario: ScenarioTables) -> str:
+    """Hash of robot and table ``[trajectory]``, on which the motion depends."""
     tables = {k: scenario.identity.get(k) for k in ("robot", "robot_sha256", "trajectory")}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()
