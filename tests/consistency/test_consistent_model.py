@@ -269,7 +269,7 @@ def test_a_formula_covariance_that_tells_nothing_is_named(case):
         expected = {names[1], names[4]}
     with pytest.raises(IdentificationError, match="identify without") as caught:
         make_consistent(replace(free, formula_covariance=formula))
-    assert any(f"weakest is {name};" in str(caught.value) for name in expected)
+    assert any(f"weakest parameter is {name};" in str(caught.value) for name in expected)
 
 
 def test_a_singular_covariance_of_the_method_takes_the_correlations_of_the_formula():

@@ -59,7 +59,7 @@ def test_stiffness_friction_and_lag_are_separated(seed):
     assert found.damping.covers(3000.0)
     assert found.stiffness.high < 1.05 * found.stiffness.low
     assert found.instrumented and found.unexplained < 0.02
-    assert "encoders' different instants" in found.notes[0]
+    assert "delay between the encoders" in found.notes[0]
 
 
 def test_noise_of_the_torque_does_not_stiffen_the_spring_with_a_reference():

@@ -317,4 +317,4 @@ def test_short_motion_says_that_it_shows_nothing():
         }
     )
     joint = found_in(short, lag=0.0).joints[0]
-    assert not joint.lines and "move it further" in joint.notes[0]
+    assert not joint.lines and "move the joint further" in joint.notes[0]

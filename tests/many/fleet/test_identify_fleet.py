@@ -259,7 +259,7 @@ def test_robots_can_be_compared_with_each_other(folder):
         ),
         ('method = "ls"', "levl = 0.1", r"fleet\.toml: \[fleet\] unknown key 'levl'.*'level'"),
         ('method = "ls"', "level = 2", r"fleet\.toml: \[fleet\] key 'level' = 2"),
-        ('method = "ls"', "baseline_records = 1", r"baseline_records = 1 does not show"),
+        ('method = "ls"', "baseline_records = 1", r"baseline_records = 1 does not give"),
         ("[recording]", '[recording]\ndataset = "emps"', "dataset"),
         ("{robot}/{day}.npz", "{robot}_{day}.npz", r"fleet\.toml: .*arm_1/2026-03-01\.npz"),
         ('"celsius"', '["a", "b"]\ntogether = ["day"]', "different robots"),

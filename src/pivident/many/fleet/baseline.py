@@ -76,11 +76,11 @@ class Baseline:
     """The baseline of one parameter over all robots."""
 
     series: tuple[Series, ...]  # of each robot
-    # what values and deviations of each robot were divided by, shape (robots,); scatter, slope,
+    # divisors of values and standard errors of each robot, shape (robots,); scatter, slope,
     # levels and weights are those of the scaled values
     scales: np.ndarray
     kind: str  # ``robot`` or ``fleet``
-    scatter: float  # τ, deviation between records of one robot
+    scatter: float  # τ, standard deviation between records of one robot
     degrees: int  # ν of that scatter
     # change with temperature; None where it is not known or did not change
     temperature: Temperature | None

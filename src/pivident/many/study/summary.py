@@ -50,7 +50,7 @@ class ParameterSummary:
     predicted: float  # mean of the reported standard errors
     predicted_over_empirical: float  # predicted over spread
     robust_over_empirical: float  # mean of the robust standard errors over spread
-    coverage: float  # share of runs whose truth lies within two reported standard errors
+    coverage: float  # share of runs whose truth lies within ±2 reported std
     coverage_interval: Interval  # its Wilson interval
     median_relative_error: float  # median of |θ̂ - θ|/|θ|; NaN if the truth is zero
     bound: float  # smallest standard error by (P-23), NaN without one
@@ -68,9 +68,7 @@ class ParameterSummary:
 class MethodSummary:
     """One method over all parameters; means over parameters are geometric."""
 
-    coverage: (
-        float  # share of runs and parameters whose truth lies within two reported standard errors
-    )
+    coverage: float  # share of runs and parameters whose truth lies within ±2 reported std
     coverage_interval: Interval  # its interval, clustered by record
     robust_coverage: float  # the same with the robust standard errors
     median_relative_error: float  # over all runs and parameters
