@@ -220,7 +220,8 @@ class JointJudge:
         return float(total - right @ least_norm_solution(gram, right, _RCOND))
 
     def _fit(self, sums: SegmentSums, which, lam: float) -> np.ndarray:
-        return least_norm_solution(*self._system(sums, which, lam, "zf"), rcond=_RCOND)
+        gram, right = self._system(sums, which, lam, "zf")
+        return least_norm_solution(gram, right, _RCOND)
 
     def _variance(self, sums: SegmentSums) -> float:
         """λ of the joint with this law."""
