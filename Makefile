@@ -11,12 +11,16 @@ PYTHON ?= python3
 BIN := .venv/bin
 
 .DEFAULT_GOAL := demo
-.PHONY: demo test bench truth docs lint clean
+.PHONY: demo test tests bench truth docs lint clean
 
 demo: .venv/.pivident-report
 	$(BIN)/pivident demo --out pivident-demo
 
-test: lint
+# Types take a minute of one processor; the tests run beside them.
+test: .venv/.pivident-test
+	@$(MAKE) --no-print-directory --jobs=2 lint tests
+
+tests: .venv/.pivident-test
 	$(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile
 
 lint: .venv/.pivident-test

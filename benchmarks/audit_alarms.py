@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from tests.audit.logs import clean_log, delayed, serious, with_channels
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 
 #: Robot, length [s] and number of records.
 RECORDS = (("planar_2r", 5.0, 60), ("staubli_tx40", 4.0, 40), ("staubli_tx40", 2.0, 40))

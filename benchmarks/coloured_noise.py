@@ -2,7 +2,7 @@
 
     python benchmarks/coloured_noise.py [--runs 20] [--frequencies 100 200 600] [--radius 0.998]
 
-Records are the scenario *coloured* of ``simulation.scenarios`` (AR(2) noise of 3e-6 rad in the
+Records are the scenario *coloured* of ``experiment.simulated_tx40`` (AR(2) noise of 3e-6 rad in the
 loop beside the white one, applied torque logged), its peak moved to each of the frequencies [Hz].
 For each method and smoother: how often the truth lies within two reported deviations (95.4 % is
 right), the median relative error, reported and Monte Carlo deviation (geometric means over the
@@ -22,7 +22,7 @@ import numpy as np
 
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
-from pivident.simulation import scenarios
+from pivident.experiment import simulated_tx40 as scenarios
 
 NAMES = ("iv-full-rate", "piv")
 SMOOTHERS = ("white", "auto")

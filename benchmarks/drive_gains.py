@@ -2,7 +2,7 @@
 
     python benchmarks/drive_gains.py [--runs 52] [--noise white coloured] [--first 300]
 
-The scenario is that of `pivident.simulation.payload_scenario`: 7 s at 2 kHz without and 7 s with
+The scenario is that of `tests.payload_scenario`: 7 s at 2 kHz without and 7 s with
 2 kg on the flange, all 61 base parameters unknown, encoder noise in the loop, 10 mA of noise on the
 currents. ``coloured`` noise has the same deviation and an AR(1) pole at 0.95 (16 Hz). For each
 estimator: bias, empirical and predicted standard deviation of each gain relative to the truth [%],
@@ -15,10 +15,10 @@ import argparse
 from dataclasses import replace
 
 import numpy as np
+from tests.payload_scenario import AmpereRecords, tx40_in_amperes
 
 from pivident.drives.drive_gains import identify_drive_gains
 from pivident.drives.known_payload import Payload
-from pivident.simulation.payload_scenario import AmpereRecords, tx40_in_amperes
 
 NOISE = {"white": {}, "coloured": {"correlation": 0.95}}
 

@@ -14,11 +14,12 @@ import time
 from dataclasses import replace
 
 from pivident.estimation.methods import METHODS, Bandpass, InstrumentalVariables, LeastSquares
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
 from pivident.recording.public_records import load_staubli_tx40
-from pivident.robot import load_robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_fine
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 

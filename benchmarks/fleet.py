@@ -269,8 +269,8 @@ def report(place: Path, logs: Path, options: argparse.Namespace) -> None:
     import polars as pl
 
     from pivident.many.batch.runner import Processes
+    from pivident.many.fleet.conclusion import conclude_fleet
     from pivident.many.fleet.identify_fleet import identify_fleet
-    from pivident.many.fleet.judgement import conclude
 
     begin = time.perf_counter()
     worn = write_logs(logs, options)
@@ -282,7 +282,7 @@ def report(place: Path, logs: Path, options: argparse.Namespace) -> None:
     fleet = identify_fleet(logs, out=place / "out", pool=Processes(WORKERS), say=watch)
     judged = time.perf_counter()
     watch.end()
-    judgement = conclude(fleet)
+    judgement = conclude_fleet(fleet)
     end = time.perf_counter()
     after, cpu_after = ideal(logs, options.ideal)
     best = 0.5 * (before + after)

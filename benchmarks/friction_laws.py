@@ -28,8 +28,8 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
-from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.repetition import repeated_motion
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.friction.laws.shapes import identify_shapes
 from pivident.recording.public_records import (
     load_emps,
@@ -38,7 +38,8 @@ from pivident.recording.public_records import (
     load_staubli_tx40,
 )
 from pivident.recording.recording import Recording
-from pivident.robot import Robot, load_robot
+from pivident.recording.repeated_motion import repeated_motion
+from pivident.robot.description import Robot
 from pivident.robot.friction import (
     FrictionLaw,
     FrictionTerm,
@@ -57,8 +58,9 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.held_out.prediction import Judge, pooled

@@ -23,10 +23,11 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identify import identify
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD, PID, Cascade, Controller
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
 from pivident.simulation.reference import point_to_point

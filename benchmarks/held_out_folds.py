@@ -19,13 +19,14 @@ from pivident.estimation.methods import (
     LeastSquares,
     Method,
     PrefilteredIV,
+    Repetition,
 )
-from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.repetition import Repetition
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation.held_out.out_of_sample import OutOfSample, compare_out_of_sample
 from pivident.validation.residuals.model_error import model_error

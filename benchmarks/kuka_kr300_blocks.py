@@ -28,11 +28,13 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWalk
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
-from pivident.robot import Robot, load_robot
+from pivident.robot.description import Robot
+from pivident.robot.gallery import load_robot
 from pivident.signals.bandpass import butterworth
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.virtual_pd import virtual_pd
 

@@ -123,7 +123,7 @@ class _SmoothFriction:
     """The model's dry friction in the place of MuJoCo's, joint by joint and shaft by shaft."""
 
     def __init__(self, model: RunnableModel, loaded: Any) -> None:
-        side = joint_side(model, mjcf.WORDS)
+        side = joint_side(model, mjcf.SUPPORTED)
         self._loaded = loaded
         self._at = np.array([int(loaded.joint(n).dofadr[0]) for n in model.robot.joint_names])
         self._damping = loaded.dof_damping.copy()

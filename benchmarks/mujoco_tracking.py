@@ -26,12 +26,12 @@ from pivident.consistency.consistent_model import make_consistent
 from pivident.dynamics.forward import make_model
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
+from pivident.experiment import simulated_tx40 as scenarios
+from pivident.experiment.experiment import load_experiment
 from pivident.export.load_back import verify_with_mujoco
 from pivident.export.mjcf import to_mjcf
 from pivident.models.runnable_model import RunnableModel, runnable_model
-from pivident.robot import load_robot
-from pivident.simulation import scenarios
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import Controller
 

@@ -2,7 +2,7 @@
 
     python benchmarks/payload.py [--runs 50] [--first 0] [--methods ls piv differences]
 
-The scenario is that of `pivident.simulation.load_scenario`: 7 s at 2 kHz without and 7 s with the
+The scenario is that of `tests.load_scenario`: 7 s at 2 kHz without and 7 s with the
 load, all 61 base parameters unknown, encoder noise in the loop, 0.05 N m of noise on the torque.
 Friction may change with the load. For the ten parameters of the load, its centre of mass and its
 inertia about it: bias, empirical and predicted standard deviation, and how often the interval of
@@ -24,13 +24,14 @@ import argparse
 from dataclasses import dataclass, replace
 
 import numpy as np
+from tests.load_scenario import LOAD, LoadedArm, tx40_with_load
 
 from pivident.estimation.identify import identify
-from pivident.payload import KnownParts, identify_payload
 from pivident.payload.arm_and_load import load_columns
+from pivident.payload.identify_payload import identify_payload
+from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.robot.description import INERTIAL
-from pivident.simulation.load_scenario import LOAD, LoadedArm, tx40_with_load
 
 UNITS = ["kg m²"] * 6 + ["kg m"] * 3 + ["kg"]
 

@@ -25,7 +25,7 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV, RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.signals.lagged_sums import lagged_sums
 from pivident.signals.noise_models import fit_ar, whiten
 from pivident.simulation.closed_loop import LoopSignals, simulate

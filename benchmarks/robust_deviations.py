@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.estimation.identify import identify
-from pivident.simulation.scenarios import tx40_scenario
+from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.validation.robust_covariance import (
     Scores,
     long_run_sum,

@@ -30,8 +30,8 @@ from speed.timing import load
 from speed.workloads import simulated_record, whole_job
 
 import pivident as pv
+from pivident.experiment import simulated_tx40 as scenarios
 from pivident.robot.friction import FrictionLaw, coulomb, offset, stribeck, viscous
-from pivident.simulation import scenarios
 from pivident.simulation.noise import Noise
 
 #: Fewest rounds whose memory makes a slope.

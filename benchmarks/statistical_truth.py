@@ -23,7 +23,7 @@ import numpy as np
 
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, Bandpass, InstrumentalVariables, LeastSquares
-from pivident.simulation import scenarios
+from pivident.experiment import simulated_tx40 as scenarios
 
 ENDS_KEPT = Bandpass(decimation=(10, 10), convention="scipy", edge=0)
 

@@ -31,7 +31,9 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.forward import mass_matrix as numeric_mass_matrix
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import Robot, gallery_names, load_robot, parse_modified_dh
+from pivident.robot.description import Robot
+from pivident.robot.gallery import gallery_names, load_robot
+from pivident.robot.modified_dh import parse_modified_dh
 from pivident.symbolic.newton_euler import inverse_model
 from pivident.symbolic.print_c import c_source
 from pivident.symbolic.program import Program

@@ -18,9 +18,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident import load_experiment
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
-from pivident.init import Draft, draft_experiment
+from pivident.init.draft import Draft, draft_experiment
 from pivident.logs.tables.read_csv import read_csv
 from pivident.recording.datasets import ENVIRONMENT
 from pivident.validation.held_out.prediction import Judge, PredictionError

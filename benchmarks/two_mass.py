@@ -26,7 +26,7 @@ from pivident.flexibility.rigid_validity import rigid_validity
 from pivident.flexibility.simulated_joint import MotorLoop, Sensors, TwoMassJoint, simulate_joint
 from pivident.flexibility.two_mass import identify_two_mass
 from pivident.recording.public_records import load_kuka_kr300
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 
 EXAMPLE = Path(__file__).resolve().parents[1] / "examples" / "kuka_kr300"
 RATE, DURATION = 1000.0, 10.0

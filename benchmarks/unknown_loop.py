@@ -17,7 +17,7 @@ import numpy as np
 
 from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.estimation.identify import identify
-from pivident.simulation import scenarios
+from pivident.experiment import simulated_tx40 as scenarios
 
 
 def variants(problem):

@@ -6,6 +6,11 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+# Before NumPy is imported: its threads wait in a loop for work that is too small to be shared,
+# on the processors that the other tests need.
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
+
 # A busy machine, or the first call of a library, is no fault of what is tested.
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
@@ -38,7 +43,9 @@ def reference_dir() -> Path:
     return shared_folder("reference")
 
 
-@pytest.fixture
-def public_data(data_dir, monkeypatch):
+@pytest.fixture(scope="module")
+def public_data(data_dir):
     """The public records, found by the program itself."""
-    monkeypatch.setenv("PIVIDENT_DATA", str(data_dir))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("PIVIDENT_DATA", str(data_dir))
+        yield data_dir

@@ -6,9 +6,10 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from tests.planar_log import RATE, planar_log
 

@@ -13,14 +13,14 @@ from pivident.control_law.unknown_loop import Feedback
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.identification import (
-    FittedRecording,
     Identification,
     Iteration,
     JointFit,
 )
-from pivident.estimation.problem import Loop
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.linear_law import LinearLaw
 
 
@@ -121,7 +121,7 @@ def synthetic_recording(robot, base, theta, samples, rate, rng):
         q_measured=q + 3e-6 * white,
         tau=tau_model + noise,
         tau_model=tau_model,
-        mask=mask,
+        used=~mask,
         whitened=white,
         whitened_rate=rate,
         q_ref=q + 1e-4 * dq,

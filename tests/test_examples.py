@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.experiment import load_experiment
-from pivident.robot import load_robot
+from pivident.experiment.experiment import load_experiment
+from pivident.robot.gallery import load_robot
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 

@@ -16,7 +16,7 @@ from pivident.logs.bags.decompression import unpacked
 from pivident.logs.tables.read_csv import read_csv_forgiving
 from pivident.logs.tables.tables import read_table
 from pivident.many.batch.results_folder import ResultsFolder
-from pivident.tables import Table
+from pivident.tables.columns import Table
 from tests.planar_log import write_experiment
 
 PROJECT = Path(__file__).parents[1] / "pyproject.toml"
@@ -81,7 +81,7 @@ def test_the_core_identifies_without_any_and_says_what_the_report_needs(tmp_path
 
 
 def sympy_door(folder):
-    from pivident.dynamics.grouping.expressions import symbol
+    from pivident.dynamics.grouping.expression_graph import symbol
 
     symbol("x").to_sympy()
 

@@ -1,9 +1,19 @@
 """``import pivident`` is light, and its front door leads everywhere it says."""
 
+import importlib
 import subprocess
 import sys
+from pathlib import Path
+from types import ModuleType
+
+import pytest
 
 import pivident
+
+#: Packages with a front: names that are listed in a stub and imported at first use.
+FRONTS = sorted(
+    f"pivident.{stub.parent.name}" for stub in Path(pivident.__file__).parent.glob("*/__init__.pyi")
+)
 
 HEAVY = ("numpy", "scipy", "numba", "pydantic", "polars", "h5py", "plotly", "cyclopts", "rich")
 
@@ -30,8 +40,26 @@ def test_command_line_help_loads_no_numerics():
 def test_every_name_of_the_front_door_exists():
     for name in pivident.__all__:
         assert getattr(pivident, name) is not None, name
-    assert set(pivident.__all__) - {"__version__"} == set(pivident._HOME)
     assert set(pivident.__all__) <= set(dir(pivident))
+
+
+def test_the_front_door_is_small():
+    assert len(pivident.__all__) <= 28
+
+
+@pytest.mark.parametrize("name", FRONTS)
+def test_every_name_of_a_front_is_what_it_says(name):
+    front = importlib.import_module(name)
+    for attribute in front.__all__:
+        assert not isinstance(getattr(front, attribute), ModuleType), attribute
+
+
+def test_a_name_has_one_home():
+    homes: dict[str, list[str]] = {}
+    for name in ("pivident", *FRONTS):
+        for attribute in importlib.import_module(name).__all__:
+            homes.setdefault(attribute, []).append(name)
+    assert {key: value for key, value in homes.items() if len(value) > 1} == {}
 
 
 def test_unknown_name_is_an_attribute_error():

@@ -14,7 +14,7 @@ SOURCE = REPOSITORY / "src"
 
 #: From the lowest to the highest; CONTRIBUTING.md shows the same list.
 ORDER = (
-    "version", "text", "errors", "extras", "files", "scratch", "threads",
+    "version", "text", "errors", "extras", "files", "scratch", "threads", "compiled",
     "robot", "dynamics", "signals", "logs", "recording", "simulation",
     "estimation", "control_law", "drives", "validation", "consistency", "friction", "models",
     "diagnostics", "experiment", "audit", "check", "init",

@@ -7,8 +7,8 @@ import pytest
 
 from pivident.errors import PividentError
 from pivident.estimation.identify import identify
+from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.scratch import working_array
-from pivident.simulation.scenarios import tx40_fine
 
 
 def test_small_arrays_are_plain_memory():

@@ -40,8 +40,8 @@ def result_seeds() -> tuple[bytes, bytes]:
     from pivident.estimation.problem import Problem
     from pivident.models import model_json
     from pivident.models.runnable_model import runnable_model
-    from pivident.recording import Recording
-    from pivident.robot import load_robot
+    from pivident.recording.recording import Recording
+    from pivident.robot.gallery import load_robot
 
     robot, t = load_robot("planar_2r"), np.arange(3000)[:, None] / 500.0
     phase = t * [3.0, 5.0]

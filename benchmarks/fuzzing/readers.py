@@ -79,20 +79,20 @@ def _text(chunks: tuple[str, ...]) -> Rewrite:
 
 
 def _urdf(path: Path) -> object:
-    from pivident.robot import read_urdf
+    from pivident.robot.urdf import read_urdf
 
     return read_urdf(path)
 
 
 def _robot(path: Path) -> object:
-    from pivident.robot import read_modified_dh
+    from pivident.robot.modified_dh import read_modified_dh
 
     return read_modified_dh(path)
 
 
 def _experiment(path: Path) -> object:
     """The file, its robot and its recordings, of which public ones are left out."""
-    from pivident.experiment import load_experiment
+    from pivident import load_experiment
 
     log = path.parent / "log.csv"
     if not log.exists():
@@ -119,7 +119,7 @@ def _table(path: Path) -> object:
 
 def _audited(path: Path) -> object:
     """Reading as the audit does it, which forgives more."""
-    from pivident.audit.reading import bare_log
+    from pivident.logs.bare_log import bare_log
 
     return bare_log(path)
 
@@ -157,7 +157,7 @@ def _model(path: Path) -> object:
 
 def _bounds(path: Path) -> object:
     from pivident.experiment.consistency_table import read_consistency
-    from pivident.robot import load_robot
+    from pivident.robot.gallery import load_robot
 
     return read_consistency(path, load_robot("planar_2r"))
 

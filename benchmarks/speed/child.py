@@ -22,7 +22,7 @@ def main() -> None:
 
     from pivident.estimation.identify import identify
     from pivident.estimation.methods import PrefilteredIV
-    from pivident.simulation import scenarios
+    from pivident.experiment import simulated_tx40 as scenarios
 
     from .workloads import simulated_record
 

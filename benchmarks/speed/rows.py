@@ -14,9 +14,9 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
-from pivident.robot import load_robot
+from pivident.experiment import simulated_tx40 as scenarios
+from pivident.robot.gallery import load_robot
 from pivident.signals.random_walk import smooth
-from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import simulate
 from pivident.threads import thread_count
 

@@ -12,12 +12,13 @@ from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import PividentError
-from pivident.estimation.problem import Loop, Problem
-from pivident.robot import load_robot
+from pivident.estimation.problem import Problem
+from pivident.experiment import simulated_tx40 as scenarios
 from pivident.robot.description import Joint, Link, Robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
-from pivident.simulation import scenarios
 from pivident.simulation.closed_loop import LoopSignals
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
 from pivident.simulation.virtual_pd import virtual_pd

@@ -18,10 +18,10 @@ import numpy as np
 
 from pivident import Bandpass, LeastSquares, Problem, identify, load_experiment
 from pivident.errors import IdentificationError
-from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.recording.public_records import load_emps_pulses
-from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.validation.held_out.replay import as_logged
+from pivident.estimation import AuxiliaryModel
+from pivident.recording import load_emps_pulses
+from pivident.robot import FrictionLaw, coulomb, offset, viscous
+from pivident.validation import as_logged
 
 HERE = Path(__file__).parent
 

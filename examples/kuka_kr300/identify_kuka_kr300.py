@@ -15,15 +15,19 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident import Identification, Problem, identify, load_experiment
-from pivident.control_law.identified_law import ControllerIdentification
-from pivident.control_law.unknown_loop import feedback_from_noise
-from pivident.diagnostics.verdict import verdict
+from pivident import (
+    Identification,
+    Problem,
+    RandomWalk,
+    Recording,
+    identify,
+    load_experiment,
+    verdict,
+)
+from pivident.control_law import ControllerIdentification, feedback_from_noise
 from pivident.errors import IdentificationError
-from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import RandomWalk
-from pivident.recording.recording import Recording
-from pivident.signals.bandpass import butterworth
+from pivident.estimation import estimate_kinematics
+from pivident.signals import butterworth
 
 HERE = Path(__file__).parent
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident import Identification, identify, load_experiment, write_report
-from pivident.simulation.scenarios import tx40_fine
+from pivident.experiment.simulated_tx40 import tx40_fine
 
 HERE = Path(__file__).parent
 

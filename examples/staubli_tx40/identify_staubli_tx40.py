@@ -15,13 +15,20 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident import Bandpass, Identification, LeastSquares, Problem, identify, load_experiment
+from pivident import (
+    Bandpass,
+    Identification,
+    LeastSquares,
+    Problem,
+    Recording,
+    Robot,
+    identify,
+    load_experiment,
+)
 from pivident.errors import IdentificationError
-from pivident.recording.public_records import load_staubli_tx40
-from pivident.recording.recording import Recording
-from pivident.robot import Robot
-from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.signals.bandpass import bandpass, butterworth
+from pivident.recording import load_staubli_tx40
+from pivident.robot import FrictionLaw, coulomb, offset, viscous
+from pivident.signals import bandpass, butterworth
 
 HERE = Path(__file__).parent
 

@@ -6,11 +6,11 @@ from functools import cache
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pivident.audit.log import Log
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.robot import load_robot
+from pivident.logs.log import Log
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
@@ -99,4 +99,4 @@ def only_rows(log: Log, rows: np.ndarray, rate: float | None = None) -> Log:
 
 def serious(audit) -> set[tuple[str, str, str]]:
     """Everything that is not fine: severity, kind and place."""
-    return {(f.severity, f.kind, f.where) for f in audit.findings if f.severity != "fine"}
+    return {(f.severity, f.kind, f.subject) for f in audit.findings if f.severity != "ok"}

@@ -3,9 +3,9 @@
 import re
 from pathlib import Path
 
-from pivident.audit.finding import SEVERITIES
 from pivident.report.audit.audit_page import CHECKS
 from pivident.report.drawing_library import DrawingLibrary
+from pivident.text.finding import SEVERITIES
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "audit.md").read_text("utf-8")
 
@@ -16,7 +16,7 @@ def test_example_runs(tmp_path, monkeypatch, capsys):
     (code,) = re.findall(r"```python\n(.*?)```", TEXT, re.DOTALL)
     exec(compile(code, "docs/audit.md", "exec"), {})
     assert (tmp_path / "log-audit" / "audit.html").is_file()
-    assert "fine speed dq of joint_1 is 1 times" in capsys.readouterr().out
+    assert "ok speed dq of joint_1 is 1 times" in capsys.readouterr().out
 
 
 def test_tables_name_everything():

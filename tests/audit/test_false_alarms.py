@@ -2,7 +2,7 @@
 
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from tests.audit.logs import planar, serious, tx40
 
 

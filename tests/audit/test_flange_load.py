@@ -5,13 +5,13 @@ import pytest
 
 from pivident.audit.flange_load import flange_load
 from pivident.audit.inverse_model import build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.scale import check_scale
 from pivident.audit.timing import check_timing
 from pivident.check.remark import of_finding
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.init.torque_scale_guess import compare, torque_unit
+from pivident.init.torque_unit import compare, torque_unit
+from pivident.logs.log import Log
 from pivident.robot.urdf import read_urdf
 
 RATE = 250.0
@@ -96,23 +96,23 @@ def test_newton_metres_with_a_tool_stay_newton_metres(robot):
 
 def test_the_audit_names_the_load_in_place_of_gains(robot):
     log = log_of(robot, *signals(robot, 2.5, 1.0))
-    findings = [f for f in check_scale(log, model_of(log)).findings if f.severity != "fine"]
-    assert [(f.kind, f.severity, f.where) for f in findings] == [("load", "look", "j5")]
-    assert findings[0].value == pytest.approx(2.5, abs=0.2)
+    findings = [f for f in check_scale(log, model_of(log)).findings if f.severity != "ok"]
+    assert [(f.kind, f.severity, f.subject) for f in findings] == [("load", "warning", "j5")]
+    assert findings[0].quantity.value == pytest.approx(2.5, abs=0.2)
 
 
 def test_a_wrong_gain_is_still_named_beside_a_load(robot):
     log = log_of(robot, *signals(robot, 1.5, np.array([1.0, 1.0, 4.0, 1.0, 1.0])))
-    findings = [f for f in check_scale(log, model_of(log)).findings if f.severity != "fine"]
-    assert "j3" in [f.where for f in findings if f.kind == "gain"]
+    findings = [f for f in check_scale(log, model_of(log)).findings if f.severity != "ok"]
+    assert "j3" in [f.subject for f in findings if f.kind == "gain"]
 
 
 def test_the_load_is_mended_in_the_robots_file_and_its_condition_is_told(robot):
     log = log_of(robot, *signals(robot, 2.5, 1.0))
     finding = next(f for f in check_scale(log, model_of(log)).findings if f.kind == "load")
     assert of_finding(finding, ("recording", 0)).place == ("robot", "model")
-    assert "if the masses of the description are exact" in finding.sentence
-    assert "centre of mass and inertia to the link of j5" in finding.step
+    assert "if the masses of the description are exact" in finding.message
+    assert "centre of mass and inertia to the link of j5" in finding.next_step
 
 
 def test_a_rotor_that_is_not_described_is_no_gain(robot):
@@ -120,4 +120,4 @@ def test_a_rotor_that_is_not_described_is_no_gain(robot):
     scale = check_scale(log, model_of(log))
     # the rotor of j5 makes 7 times the torque of its link
     np.testing.assert_allclose(scale.factors, 1.0, atol=0.05)
-    assert all(f.severity == "fine" for f in scale.findings)
+    assert all(f.severity == "ok" for f in scale.findings)

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from tests.audit.logs import (
     delayed,
     only_rows,
@@ -19,7 +19,7 @@ from tests.audit.logs import (
 
 
 def found(log, check):
-    return [f for f in audit_log(log).of(check) if f.severity != "fine"]
+    return [f for f in audit_log(log).of(check) if f.severity != "ok"]
 
 
 @pytest.mark.parametrize("late", (10e-3, 3e-3, -10e-3))
@@ -29,15 +29,15 @@ def test_delay_of_all_torques(make, late):
     rate = 1.0 / np.median(np.diff(log.clock))
     tau = np.column_stack([delayed(x, late * rate) for x in log.channels["tau"].T])
     audit = audit_log(with_channels(log, tau=tau))
-    (finding,) = [f for f in audit.of("delay") if f.severity != "fine"]
-    assert finding.kind == ("late" if late > 0 else "early") and finding.where == ""
+    (finding,) = [f for f in audit.of("delay") if f.severity != "ok"]
+    assert finding.kind == ("late" if late > 0 else "early") and finding.subject == ""
     assert audit.delay.common[0] == pytest.approx(late, abs=4 * audit.delay.common[1] + 1e-5)
     assert audit.delay.common[1] < 0.5e-3
-    low, high = finding.interval
-    assert low < finding.value < high
+    low, high = finding.quantity.interval
+    assert low < finding.quantity.value < high
     if abs(late) == 10e-3:
-        assert finding.severity == "wrong"
-        assert f"delay = {audit.delay.common[0]:.3g}" in finding.step
+        assert finding.severity == "error"
+        assert f"delay = {audit.delay.common[0]:.3g}" in finding.next_step
     # The rest of the audit is carried out on the aligned torque, and finds nothing.
     assert {kind for _, kind, _ in serious(audit)} == {finding.kind}
 
@@ -49,17 +49,17 @@ def test_declared_delay_is_taken_into_account():
     assert serious(audit_log(right)) == set()
     short = replace(right, delay=4e-3)
     (finding,) = found(short, "delay")
-    assert finding.value == pytest.approx(6.0, abs=0.1)
-    advised = float(re.search(r"delay = (\S+) ", finding.step)[1])
+    assert finding.quantity.value == pytest.approx(6.0, abs=0.1)
+    advised = float(re.search(r"delay = (\S+) ", finding.next_step)[1])
     assert advised == pytest.approx(0.01, abs=1e-4)
-    assert "declared delay of 4 ms" in finding.sentence
+    assert "declared delay of 4 ms" in finding.message
 
 
 def test_delay_of_one_joint():
     log = with_torque(tx40(100, seconds=4.0), 3, lambda x: delayed(x, 25))
     (finding,) = found(log, "delay")
-    assert finding.where == "joint_4" and finding.kind == "joint late"
-    assert finding.value == pytest.approx(5.0, abs=0.5)
+    assert finding.subject == "joint_4" and finding.kind == "joint late"
+    assert finding.quantity.value == pytest.approx(5.0, abs=0.5)
 
 
 @pytest.mark.parametrize(
@@ -69,7 +69,7 @@ def test_sign_of_one_torque(make, joint):
     log = with_torque(make(), joint, np.negative)
     audit = audit_log(log)
     name = log.joint_names[joint]
-    assert ("wrong", "sign", name) in serious(audit)
+    assert ("error", "sign", name) in serious(audit)
     assert {where for _, _, where in serious(audit)} == {name}
     assert audit.power.reversed == (joint,)
 
@@ -78,17 +78,17 @@ def test_all_signs():
     log = planar()
     audit = audit_log(with_channels(log, tau=-log.channels["tau"]))
     assert audit.power.reversed == (0, 1)
-    assert "tau = -1.0" in next(f for f in audit.of("power") if f.kind == "sign").step
+    assert "tau = -1.0" in next(f for f in audit.of("power") if f.kind == "sign").next_step
 
 
 @pytest.mark.parametrize(
-    ("factor", "severity"), [(1.2, None), (1.35, "look"), (0.7, "look"), (5.0, "wrong")]
+    ("factor", "severity"), [(1.2, None), (1.35, "warning"), (0.7, "warning"), (5.0, "error")]
 )
 def test_gain_of_one_torque(factor, severity):
     log = with_torque(tx40(), 1, lambda x: factor * x)
     audit = audit_log(log)
     assert audit.scale.factors[1] == pytest.approx(factor, rel=0.01)
-    gains = {(f.severity, f.where) for f in audit.of("scale") if f.severity != "fine"}
+    gains = {(f.severity, f.subject) for f in audit.of("scale") if f.severity != "ok"}
     assert gains == (set() if severity is None else {(severity, "joint_2")})
 
 
@@ -96,14 +96,14 @@ def test_motor_torque_taken_for_joint_torque():
     log = tx40()
     ratio = abs(log.robot.transmission.reduction[1, 1])
     audit = audit_log(with_torque(log, 1, lambda x: x / ratio))
-    (finding,) = [f for f in audit.of("scale") if f.severity != "fine"]
-    assert finding.where == "joint_2" and 'tau = "motor"' in finding.step
+    (finding,) = [f for f in audit.of("scale") if f.severity != "ok"]
+    assert finding.subject == "joint_2" and 'tau = "motor"' in finding.next_step
 
 
 def test_command_without_gain():
     log = replace(with_torque(planar(), 0, lambda x: x / 12.5), commands=(0,))
-    finding = next(f for f in audit_log(log).of("scale") if f.where == "shoulder")
-    assert finding.severity == "look" and "suggests 12.5 N m per unit" in finding.sentence
+    finding = next(f for f in audit_log(log).of("scale") if f.subject == "shoulder")
+    assert finding.severity == "warning" and "suggests 12.5 N m per unit" in finding.message
 
 
 @pytest.mark.parametrize(("make", "pair"), [(planar, (0, 1)), (tx40, (1, 2)), (tx40, (4, 5))])
@@ -113,7 +113,7 @@ def test_order_of_the_torques(make, pair):
     tau[:, pair] = tau[:, pair[::-1]]
     audit = audit_log(with_channels(log, tau=tau))
     names = ", ".join(log.joint_names[j] for j in pair)
-    assert serious(audit) == {("wrong", "order", names)}
+    assert serious(audit) == {("error", "order", names)}
 
 
 def test_degrees_for_radians():
@@ -121,30 +121,30 @@ def test_degrees_for_radians():
     audit = audit_log(with_channels(log, q=np.rad2deg(log.channels["q"])))
     kinds = {(kind, where) for _, kind, where in serious(audit)}
     assert kinds == {("reach", "shoulder"), ("reach", "elbow"), ("angle unit", "q")}
-    assert '"deg"' in next(f for f in audit.findings if f.kind == "angle unit").step
+    assert '"deg"' in next(f for f in audit.findings if f.kind == "angle unit").next_step
 
 
 def test_radians_for_degrees():
     log = tx40()
     audit = audit_log(with_channels(log, q=np.deg2rad(log.channels["q"])))
-    assert serious(audit) == {("wrong", "angle unit", "q")}
-    assert '"rad"' in next(f for f in audit.findings if f.kind == "angle unit").step
+    assert serious(audit) == {("error", "angle unit", "q")}
+    assert '"rad"' in next(f for f in audit.findings if f.kind == "angle unit").next_step
 
 
 def test_clipped_torque():
     log = planar()
     limit = 0.6 * np.abs(log.channels["tau"][:, 0]).max()
     audit = audit_log(with_torque(log, 0, lambda x: np.clip(x, -limit, limit)))
-    assert ("wrong", "clipped", "tau of shoulder") in serious(audit)
+    assert ("error", "clipped", "tau of shoulder") in serious(audit)
 
 
 def test_missing_values():
     tau = planar().channels["tau"].copy()
     tau[1234:1237, 1] = np.nan
     audit = audit_log(with_channels(planar(), tau=tau))
-    assert serious(audit) == {("wrong", "missing", "tau of elbow")}
+    assert serious(audit) == {("error", "missing", "tau of elbow")}
     finding = next(f for f in audit.findings if f.kind == "missing")
-    assert finding.sample == 1234 and finding.value == 3
+    assert finding.sample == 1234 and finding.quantity.value == 3
     assert finding.time == pytest.approx(1.234, abs=1e-4)
     assert audit.delay is not None
 
@@ -154,17 +154,17 @@ def test_spike(channel, height):
     values = planar().channels[channel].copy()
     values[1234, 1] += height
     audit = audit_log(with_channels(planar(), **{channel: values}))
-    assert serious(audit) == {("look", "spike", f"{channel} of elbow")}
+    assert serious(audit) == {("warning", "spike", f"{channel} of elbow")}
     finding = next(f for f in audit.findings if f.kind == "spike")
-    assert finding.sample == 1234 and finding.value == pytest.approx(height, rel=0.05)
+    assert finding.sample == 1234 and finding.quantity.value == pytest.approx(height, rel=0.05)
 
 
 def test_constant_channel():
     q = planar().channels["q"].copy()
     q[:, 1] = 0.3
     audit = audit_log(with_channels(planar(), q=q))
-    assert ("wrong", "constant", "q of elbow") in serious(audit)
-    assert any("fv2" in f.where for f in audit.of("excitation") if f.kind == "inseparable")
+    assert ("error", "constant", "q of elbow") in serious(audit)
+    assert any("fv2" in f.subject for f in audit.of("excitation") if f.kind == "inseparable")
 
 
 def test_turning_past_a_full_turn():
@@ -174,7 +174,7 @@ def test_turning_past_a_full_turn():
     wound[2000:] -= 2 * np.pi
     q[:, 0] = wound
     audit = audit_log(with_channels(planar(), q=q))
-    assert ("wrong", "wrapped", "q of shoulder") in serious(audit)
+    assert ("error", "wrapped", "q of shoulder") in serious(audit)
 
 
 @pytest.mark.parametrize("make", (planar, tx40))
@@ -183,9 +183,9 @@ def test_lost_and_repeated_samples_without_stamps(make):
     rate = 1.0 / np.median(np.diff(log.clock))
     rows = np.arange(log.samples)
     lost = found(only_rows(log, np.delete(rows, [700, 1500, 2200]), rate), "timing")
-    assert [(f.kind, f.value, f.sample) for f in lost] == [("lost", 3.0, 699)]
+    assert [(f.kind, f.quantity.value, f.sample) for f in lost] == [("lost", 3.0, 699)]
     twice = found(only_rows(log, np.sort(np.r_[rows, 700, 1500, 2200]), rate), "timing")
-    assert [(f.kind, f.value, f.sample) for f in twice] == [("repeated", 3.0, 700)]
+    assert [(f.kind, f.quantity.value, f.sample) for f in twice] == [("repeated", 3.0, 700)]
 
 
 def test_motion_too_poor_to_separate_the_parameters():
@@ -195,4 +195,4 @@ def test_motion_too_poor_to_separate_the_parameters():
     still = log.channels["q"].copy()
     still[:, 0] = still[0, 0] + 1e-6 * np.random.default_rng(0).standard_normal(log.samples)
     weak = audit_log(with_channels(log, q=still)).of("excitation")
-    assert any(f.severity != "fine" and "shoulder" in f.step for f in weak)
+    assert any(f.severity != "ok" and "shoulder" in f.next_step for f in weak)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from pivident.audit.quantisation import find_grid, significant_digits
 from tests.audit.logs import planar, with_channels
 
@@ -48,12 +48,12 @@ def test_counts_per_turn_and_severity():
     log = planar()
     fine = rounded(log.channels["q"], 2 * np.pi / 2**20)
     steps = [f for f in audit_log(with_channels(log, q=fine)).of("quantisation")]
-    assert {f.severity for f in steps} == {"fine"}
-    assert any("2^20" in f.sentence for f in steps)
+    assert {f.severity for f in steps} == {"ok"}
+    assert any("2^20" in f.message for f in steps)
     coarse = rounded(log.channels["q"], 2 * np.pi / 3600)
     steps = [f for f in audit_log(with_channels(log, q=coarse)).of("quantisation")]
-    assert {(f.severity, f.where) for f in steps} == {
-        ("look", "q of shoulder"),
-        ("look", "q of elbow"),
+    assert {(f.severity, f.subject) for f in steps} == {
+        ("warning", "q of shoulder"),
+        ("warning", "q of elbow"),
     }
-    assert all("3,600 counts per turn" in f.sentence for f in steps)
+    assert all("3,600 counts per turn" in f.message for f in steps)

@@ -5,10 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.audit import audit_file, audit_log, bare_log, described_log
-from pivident.audit.column_names import channel_of, guess_channels
+from pivident.audit.audit import audit_log
+from pivident.audit.audit_file import audit_file
 from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
-from pivident.robot import load_robot
+from pivident.logs.bare_log import bare_log
+from pivident.logs.described_log import described_log
+from pivident.logs.recognition.column_names import channel_of, guess_channels
+from pivident.robot.gallery import load_robot
 from tests.audit.logs import delayed, planar, serious
 from tests.planar_log import EXPERIMENT, write_experiment
 
@@ -46,11 +49,11 @@ def test_bare_csv_with_a_robot(tmp_path):
     path = write_experiment(tmp_path).with_name("log.csv")
     (audit,) = audit_file(path, load_robot("planar_2r"))
     kinds = {(severity, kind) for severity, kind, _ in serious(audit)}
-    assert kinds == {("wrong", "reach"), ("wrong", "angle unit")}  # the log is in degrees
-    assert audit.of("reading")[0].sentence.startswith("Columns were told from their names")
+    assert kinds == {("error", "reach"), ("error", "angle unit")}  # the log is in degrees
+    assert audit.of("reading")[0].message.startswith("Columns were recognised by their names")
     (without,) = audit_file(path)
     assert serious(without) == set()
-    assert "no robot is given" in without.of("reading")[-1].sentence
+    assert "no robot is given" in without.of("reading")[-1].message
 
 
 def test_experiment_file_and_log_with_experiment(tmp_path):
@@ -76,7 +79,7 @@ def test_cells_that_are_no_numbers(tmp_path):
     lines[200] = lines[200].replace(lines[200].split(",")[5], "overflow", 1)
     path.write_text("\n".join(lines))
     (audit,) = audit_file(tmp_path / "experiment.toml")
-    missing = {f.where: f.sample for f in audit.findings if f.kind == "missing"}
+    missing = {f.subject: f.sample for f in audit.findings if f.kind == "missing"}
     assert missing == {"q of shoulder": 99, "tau of shoulder": 199}
     assert audit.delay is not None
 
@@ -122,13 +125,13 @@ def test_speed_that_was_filtered_or_scaled(tmp_path):
         audit = audit_log(bare_log(path, log.robot))
         found = audit.of("speed")
         assert len(found) == 2
-        severity = {"true": "fine", "filtered": "look", "degrees": "wrong"}[name]
+        severity = {"true": "ok", "filtered": "warning", "degrees": "error"}[name]
         assert {f.severity for f in found} == {severity}
         if name == "filtered":  # the lag of 0.95/0.05 is 19 samples at low frequency
-            lag = float(found[0].sentence.split("(")[1].split(" ")[0])
+            lag = float(found[0].message.split("(")[1].split(" ")[0])
             assert 15 < lag < 20
         if name == "degrees":
-            assert found[0].value == pytest.approx(180 / np.pi, rel=1e-3)
+            assert found[0].quantity.value == pytest.approx(180 / np.pi, rel=1e-3)
 
 
 def test_unknown_columns_and_files(tmp_path):

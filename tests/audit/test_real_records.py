@@ -4,7 +4,9 @@ from pathlib import Path
 
 import pytest
 
-from pivident.audit import audit_file, audit_log, described_log
+from pivident.audit.audit import audit_log
+from pivident.audit.audit_file import audit_file
+from pivident.logs.described_log import described_log
 from tests.audit.logs import serious
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
@@ -15,7 +17,7 @@ pytestmark = [pytest.mark.record, pytest.mark.usefixtures("public_data")]
 def test_staubli_tx40():
     (audit,) = audit_file(EXAMPLES / "staubli_tx40" / "experiment.toml")
     # Five significant digits round motor positions of more than 10 rad.
-    assert serious(audit) == {("look", "digits", f"q of joint_{j}") for j in range(1, 7)}
+    assert serious(audit) == {("warning", "digits", f"q of joint_{j}") for j in range(1, 7)}
     steps = {g.name: g.step for g in audit.quantisation.grids}
     for joint in (1, 2):
         assert steps[f"q of joint_{joint}"] == pytest.approx(3.196e-5, rel=1e-3)
@@ -35,9 +37,9 @@ def test_emps():
 def test_kuka_kr300():
     audits = audit_file(EXAMPLES / "kuka_kr300" / "experiment.toml")
     for audit in audits:
-        assert audit.severity == "look"
+        assert audit.severity == "warning"
         # A hydraulic counterbalance, which the description does not have, carries axis 2.
-        assert ("look", "gain", "joint_2") in serious(audit)
+        assert ("warning", "gain", "joint_2") in serious(audit)
 
 
 def test_tiago(data_dir):
@@ -54,7 +56,7 @@ def test_tiago(data_dir):
     log = described_log(files, columns | {"t": {"file": "q", "columns": "t"}}, joint_names=joints)
     audit = audit_log(log)
     found = serious(audit)
-    assert {("wrong", "stuck", f"tau of arm_{j}") for j in (5, 6, 7)} <= found
-    assert ("wrong", "jitter", "t") in found
+    assert {("error", "stuck", f"tau of arm_{j}") for j in (5, 6, 7)} <= found
+    assert ("error", "jitter", "t") in found
     # The logged speed is the position's derivative behind a filter of 0.95 and 0.05.
-    assert {("look", "derivative", f"dq of {j}") for j in joints[1:5]} <= found
+    assert {("warning", "derivative", f"dq of {j}") for j in joints[1:5]} <= found

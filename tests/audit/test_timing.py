@@ -10,7 +10,7 @@ from tests.audit.logs import only_rows, planar
 
 
 def serious(log):
-    return [f for f in check_timing(log).findings if f.severity != "fine"]
+    return [f for f in check_timing(log).findings if f.severity != "ok"]
 
 
 def clocked(t, **more):
@@ -20,8 +20,8 @@ def clocked(t, **more):
 def test_gap():
     rows = np.r_[:2000, 2030:5000]
     (finding,) = serious(only_rows(planar(), rows))
-    assert (finding.kind, finding.severity, finding.sample) == ("gap", "wrong", 1999)
-    assert finding.value == 30.0
+    assert (finding.kind, finding.severity, finding.sample) == ("gap", "error", 1999)
+    assert finding.quantity.value == 30.0
 
 
 def test_jitter():
@@ -29,7 +29,9 @@ def test_jitter():
     t[3000] += 0.4e-3
     (finding,) = serious(clocked(t))
     assert finding.kind == "jitter" and finding.sample in (2999, 3000)
-    assert finding.value == pytest.approx(40.0, abs=0.1) and finding.bound == pytest.approx(10.0)
+    assert finding.quantity.value == pytest.approx(
+        40.0, abs=0.1
+    ) and finding.quantity.bound == pytest.approx(10.0)
 
 
 def test_what_new_samples_make_good_is_told_and_not_wrong():
@@ -38,12 +40,12 @@ def test_what_new_samples_make_good_is_told_and_not_wrong():
     t[3500:] += 6e-3  # shorter than what is interpolated, 10 ms
     log = clocked(t, resample=True)
     (jitter,) = [f for f in check_timing(log).findings if f.kind == "jitter"]
-    assert jitter.severity == "fine" and jitter.value == pytest.approx(600.0, abs=0.1)
+    assert jitter.severity == "ok" and jitter.quantity.value == pytest.approx(600.0, abs=0.1)
     assert serious(log) == [] and serious(replace(log, resample=False)) != []
     t[4000:] += 0.5
     (gap,) = serious(clocked(t, resample=True))
-    assert gap.kind == "gap" and gap.severity == "wrong" and gap.sample == 3999
-    assert "part = " in gap.step and "resample" not in gap.step
+    assert gap.kind == "gap" and gap.severity == "error" and gap.sample == 3999
+    assert "part = " in gap.next_step and "resample" not in gap.next_step
 
 
 def test_repeated_backward_and_missing_stamps():
@@ -63,9 +65,9 @@ def test_unit_of_the_stamps():
 def test_drift_against_the_declared_rate():
     t = np.arange(5000) * 1e-3
     (finding,) = serious(clocked(t * 1.001, rate=1000.0))
-    assert finding.kind == "drift" and finding.severity == "look"
-    assert finding.value == pytest.approx(1000.0, rel=1e-3)
-    assert serious(clocked(t * 1.02, rate=1000.0))[0].severity == "wrong"
+    assert finding.kind == "drift" and finding.severity == "warning"
+    assert finding.quantity.value == pytest.approx(1000.0, rel=1e-3)
+    assert serious(clocked(t * 1.02, rate=1000.0))[0].severity == "error"
     assert serious(clocked(t * (1 + 5e-5), rate=1000.0)) == []
 
 
@@ -75,10 +77,10 @@ def test_two_clocks():
     late[2500:] += 0.02
     found = {f.kind: f for f in serious(replace(planar(), clocks={"t": t, "host": late}))}
     assert found["clocks jump"].sample == 2500
-    assert found["clocks jump"].value == pytest.approx(20.0, rel=0.01)
+    assert found["clocks jump"].quantity.value == pytest.approx(20.0, rel=0.01)
     drift = serious(replace(planar(), clocks={"t": t, "host": 1.0005 * t}))
-    assert [f.where for f in drift] == ["host"]
-    assert drift[0].value == pytest.approx(500.0, rel=1e-6)
+    assert [f.subject for f in drift] == ["host"]
+    assert drift[0].quantity.value == pytest.approx(500.0, rel=1e-6)
 
 
 def test_no_clock():

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.gains_check import check_gains
 from pivident.experiment.schema import ControllerEntry
+from pivident.logs.log import Log
 
 RATE, KP, KD = 1000.0, 1000.0, 2.0
 TIMING = Timing((), np.full(2999, 1.0 / RATE), RATE, True, np.empty((0, 2)))

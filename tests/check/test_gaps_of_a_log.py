@@ -5,9 +5,9 @@ import re
 import numpy as np
 import pytest
 
-from pivident.check import check_experiment
+from pivident.check.experiment_check import check_experiment
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from tests.questions.material import EXPERIMENT, csv, log
 
 
@@ -23,7 +23,7 @@ def folder(tmp_path):
 def test_the_check_goes_on_between_the_gaps(folder):
     found = check_experiment(folder / "experiment.toml")
     (gap,) = [r for r in found.remarks if r.refused]
-    assert gap.kind == "gap" and "400 sample(s) are missing in 1 gap" in gap.sentence
+    assert gap.kind == "gap" and "400 sample(s) are missing in 1 gap" in gap.message
     assert not any(r.kind == "lost" for r in found.remarks)
     assert [row[1] for row in found.plan.recordings] == [999, 1799]
     (folder / "experiment.toml").write_text(EXPERIMENT.replace("kp = [6000", "kp = [100"))
@@ -33,7 +33,7 @@ def test_the_check_goes_on_between_the_gaps(folder):
 
 def test_what_is_written_as_advised_is_identified(folder):
     (gap,) = [r for r in check_experiment(folder / "experiment.toml").remarks if r.refused]
-    longest, *stretches = re.findall(r"part = \[[^]]+\]", gap.step)
+    longest, *stretches = re.findall(r"part = \[[^]]+\]", gap.next_step)
     table = EXPERIMENT[EXPERIMENT.index("[recording]") : EXPERIMENT.index("[controller]")]
     both = "".join(
         table.replace("[recording]", "[[recording]]") + f"{part}\n\n" for part in stretches
@@ -56,4 +56,4 @@ def test_stamps_that_are_resampled_are_not_wrong(tmp_path):
     path.write_text(EXPERIMENT)
     assert check_experiment(path).refused
     path.write_text(EXPERIMENT.replace("[recording]", "[recording]\nresample = true"))
-    assert not any(r.check == "timing" for r in check_experiment(path).remarks)
+    assert not any(r.topic == "timing" for r in check_experiment(path).remarks)

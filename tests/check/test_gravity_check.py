@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.gravity_check import check_gravity
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
 from pivident.experiment.schema import ControllerEntry
-from pivident.robot import load_robot
+from pivident.logs.log import Log
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PID
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel

@@ -18,7 +18,8 @@ from pivident.models.exported import random_states
 from pivident.models.model_json import read_model
 from pivident.models.runnable_model import runnable_model
 from pivident.models.stored_model import stored_model
-from pivident.robot import load_robot, read_urdf
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import read_urdf
 from tests.planar_log import EXPERIMENT, write_log
 
 ROBOT = '[robot]\nmodel = "arm.urdf"\ngravity = "-y"\n[output]\nreport = false\n'

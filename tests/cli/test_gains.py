@@ -5,7 +5,7 @@ import pytest
 
 from pivident.cli import main
 from pivident.drives.known_payload import Payload
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.simulation.controllers import PD
 from tests.planar_arm import nominal_parameters, planar_motion, planar_record
 

@@ -12,8 +12,8 @@ import pytest
 
 from pivident.cli.app import main
 from pivident.errors import PividentError
-from pivident.experiment import load_experiment
-from pivident.init import draft_experiment
+from pivident.experiment.experiment import load_experiment
+from pivident.init.draft import draft_experiment
 from tests.planar_log import planar_log
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -75,10 +75,10 @@ def test_a_scale_that_nothing_tells_is_a_guess(folder):
     (folder / "arm.toml").write_text(bare, encoding="utf-8")
     write_csv(folder / "log.csv", ["time", "q1", "q2", "r1", "r2", "tau1", "tau2"], planar_log())
     draft = draft_experiment(["log.csv"], "arm.toml")
-    assert tomllib.loads(draft.text)["recording"]["units"]["tau"]["scale"] == "guessed"
+    assert tomllib.loads(draft.text)["recording"]["units"]["tau"]["scale"] == "assumed"
     asked = draft_experiment(["log.csv"], "arm.toml", answers={"unit of tau": "A"})
     units = tomllib.loads(asked.text)["recording"]["units"]["tau"]
-    assert [unit["scale"] for unit in units] == ["guessed", "guessed"]
+    assert [unit["scale"] for unit in units] == ["assumed", "assumed"]
     known = draft_experiment(["log.csv"], "arm.toml", answers={"unit of tau": "N m"})
     assert tomllib.loads(known.text)["recording"]["units"]["tau"] == "N m"
 
@@ -182,7 +182,7 @@ def test_a_ur10e_like_log_needs_three_commands(folder, capsys):
     # Gains follow from the masses of the URDF, which are wrong by several per cent.
     gains = np.array([unit["gain"] for unit in entry.units.tau])
     assert np.all(np.abs(gains[:3] / simulation.GAIN[:3] - 1.0) < 0.15)
-    assert "GUESS   recording.units.tau" in capsys.readouterr().out
+    assert "ASSUMED  recording.units.tau" in capsys.readouterr().out
     arguments = ["identify", "experiment.toml", "-m", "ls", "--folds", "0", "--out", "results"]
     assert main(arguments) == 0
     assert (folder / "results" / "report.html").is_file()

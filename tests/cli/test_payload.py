@@ -11,7 +11,7 @@ import pytest
 from pivident.cli import main
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from tests.cli.test_gains import PAYLOAD, write_log
 
 RECORD = """files = "{}.csv"

@@ -11,7 +11,7 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.export.c_source import c_compiler
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.symbolic.robot_models import model_files, symbolic_models
 from tests.symbolic.robots import states
 

@@ -96,7 +96,7 @@ def test_torques_are_those_of_the_signals(comparison, days):
     record, weights = first.recordings[0], np.array([1 / f.rms_error for f in first.joints])
     regressor = Regressor.build(first.robot, first.parameters)
     motion = (record.q, record.dq, record.ddq)
-    votes = ~record.mask
+    votes = record.used
     apart = (regressor.torque(*motion, third.theta - first.theta) * weights)[votes]
     error = ((record.tau - regressor.torque(*motion, third.theta)) * weights)[votes]
     size = np.linalg.norm((record.tau * weights)[votes])

@@ -8,7 +8,7 @@ import pytest
 from pivident.comparison.aligned import estimate_of
 from pivident.comparison.entry import entry_of
 from pivident.comparison.groups import base_of, difference_of_geometry, groups_of
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.comparison.results import result, without
 
 

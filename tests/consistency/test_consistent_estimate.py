@@ -9,7 +9,7 @@ import pytest
 from pivident.cli import main
 from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.errors import ExperimentError
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from tests.planar_log import EXPERIMENT, write_experiment
 from tests.synthetic_identification import synthetic_identification
 
@@ -166,7 +166,7 @@ def test_stage_after_one_method_keeps_the_free_result(folder, tmp_path, capsys):
     assert "mass [kg]" in printed.out
     statements = json.loads((both / "verdict.json").read_text("utf-8"))["statements"]
     (statement,) = [s for s in statements if s["topic"] == "physics"]
-    assert statement["grade"] == "good" and "machine" in statement["text"]
+    assert statement["severity"] == "ok" and "machine" in statement["message"]
     assert "Physical consistency" in (both / "report.html").read_text("utf-8")
 
 
@@ -246,7 +246,7 @@ center_of_mass = [[-0.2, -0.1], [-0.1, 0.1], [-0.1, 0.1]]
     content = json.loads((out / "consistent.json").read_text("utf-8"))
     assert content["torque_error"] > 1.1 * content["torque_error_free"]
     statements = json.loads((out / "verdict.json").read_text("utf-8"))["statements"]
-    assert [s["grade"] for s in statements if s["topic"] == "physics"] == ["caution"]
+    assert [s["severity"] for s in statements if s["topic"] == "physics"] == ["warning"]
 
 
 @pytest.mark.parametrize(

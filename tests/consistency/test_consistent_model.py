@@ -7,8 +7,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pivident.consistency import Bounds, make_consistent
-from pivident.consistency.constraints import make_constraints
+from pivident.consistency.consistent_model import make_consistent
+from pivident.consistency.constraints import Bounds, make_constraints
 from pivident.consistency.metric import full_covariance, make_metric
 from pivident.consistency.pseudo_inertia import from_triangle
 from pivident.consistency.reference import make_reference
@@ -23,10 +23,10 @@ from pivident.errors import (
     RobotDescriptionError,
 )
 from pivident.estimation.identify import identify
-from pivident.robot import load_robot
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
+from pivident.robot.gallery import load_robot
 from pivident.robot.inertia import from_center_of_mass
-from pivident.simulation.load_scenario import tx40_with_load
-from pivident.simulation.scenarios import TX40_ESSENTIAL
+from tests.load_scenario import tx40_with_load
 from tests.synthetic_identification import synthetic_identification
 
 

@@ -11,8 +11,8 @@ from pivident.consistency.ellipsoid import (
     principal_axes,
 )
 from pivident.consistency.pseudo_inertia import link_body
-from pivident.robot import load_robot
 from pivident.robot.frames import Pose, rotation_about
+from pivident.robot.gallery import load_robot
 
 
 def of_points(points: np.ndarray, masses: np.ndarray) -> np.ndarray:

@@ -6,10 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.consistency import Bounds, cone_program, make_consistent
+from pivident.consistency import cone_program
 from pivident.consistency import profile_intervals as intervals_module
 from pivident.consistency.consistent_estimate import consistent_estimate
 from pivident.consistency.consistent_files import consistent_json
+from pivident.consistency.consistent_model import make_consistent
+from pivident.consistency.constraints import Bounds
 from pivident.consistency.ellipsoid import moment_about_axis
 from pivident.consistency.link_intervals import link_rows
 from pivident.consistency.options import ConsistencyOptions

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from pivident.consistency.method_names import CONSISTENT_METHODS
 from pivident.experiment.consistency_table import read_consistency
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.synthetic_identification import synthetic_identification
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "consistency.md").read_text("utf-8")

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.consistency import Bounds, make_consistent
+from pivident.consistency.consistent_model import make_consistent
+from pivident.consistency.constraints import Bounds
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.errors import ExperimentError, IdentificationError

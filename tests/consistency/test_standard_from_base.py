@@ -7,7 +7,7 @@ from pivident.consistency.standard_from_base import standard_from_base
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 
 
 @pytest.mark.parametrize("name", ["planar_2r", "staubli_tx40", "mitsubishi_rv2sq", "emps"])

@@ -8,11 +8,11 @@ from scipy.signal import lfilter
 
 from pivident.control_law.identified_law import identify_controller
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.linear.free_law import identify_free_law
 from pivident.recording.public_records import load_emps, load_emps_pulses
 from pivident.recording.recording import Recording
 from pivident.simulation.controllers import PID
-from pivident.simulation.scenarios import tx40_scenario
 
 RATE, LAG = 5000.0, 7.958e-4
 KP, KI, KD = 4934.8, 9869.6, 133.76

@@ -13,12 +13,12 @@ from pivident.diagnostics.verdict import verdict
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.identification_file import controller_values
 from pivident.estimation.identify import identify
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PID
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
 from pivident.simulation.reference import point_to_point
@@ -114,9 +114,9 @@ def test_piv_is_as_precise_as_with_the_known_law():
     assert (np.abs(found.theta - known.theta) < 0.1 * known.std).all()
     np.testing.assert_allclose(found.std, known.std, rtol=0.02)
     assert found.method == "IDIM-PIV (Ĉ)"
-    assert any("compensates gravity at the measured position" in w for w in found.warnings)
-    (told,) = [s for s in verdict(found).statements if "compensates gravity" in s.text]
-    assert told.grade == "note"
+    assert any("compensates gravity at the measured position" in w.message for w in found.warnings)
+    (told,) = [s for s in verdict(found).statements if "compensates gravity" in s.message]
+    assert told.severity == "note"
 
 
 def test_the_gravity_model_is_told_and_stored():
@@ -125,7 +125,7 @@ def test_the_gravity_model_is_told_and_stored():
     assert "gravity at" in text and "reference" in text and "mx2" in text and "kg m" in text
     (note,) = found.notes
     assert note.startswith("The control law of shoulder, elbow compensates gravity at the ref")
-    shoulder, elbow = controller_values(Loop(found.law, GAIN, identified=found))
+    shoulder, elbow = Loop(found.law, GAIN, identified=found).law_values()
     assert shoulder["gravity"]["parameters"] == ["mx1", "mx2"]
     assert elbow["gravity"]["at"] == "q_ref" and elbow["gravity"]["units"] == ["kg m"]
     assert elbow["gravity"]["values"] == pytest.approx([0.9 * TRUTH["mx2"]], rel=1e-3)

@@ -11,7 +11,7 @@ from pivident.control_law.unknown_loop import reconstruct_loop
 from pivident.errors import IdentificationError
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import Cascade
 
 KR300 = Path(__file__).parents[2] / "examples" / "kuka_kr300" / "kuka_kr300_axes_1_3.toml"

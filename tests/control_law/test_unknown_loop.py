@@ -8,11 +8,12 @@ import pytest
 from pivident.control_law.unknown_loop import feedback_from_noise, reconstruct_loop
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_scenario
 from pivident.recording.public_records import load_emps, load_staubli_tx40
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_scenario
 
 EMPS_GAIN = 35.15065188248547
 
@@ -54,7 +55,7 @@ def test_with_a_reconstructed_reference(known):
     own, covered, found = median_error(changed, truth)
     assert own < 1.6 * error and covered > 0.8
     assert found.method == "IDIM-PIV"
-    assert any("Durbin-Wu-Hausman" in text for text in found.warnings)
+    assert any("Durbin-Wu-Hausman" in w.message for w in found.warnings)
 
 
 def test_with_neither(known):
@@ -67,7 +68,7 @@ def test_with_neither(known):
     assert own < 2.5 * error and covered > 0.8
     # in *fine* the sensor's noise hides the wrist's feedback: the law is declared, and said so
     assert bool(loop.feedback) == (scenario == "loop")
-    assert ("virtual" in " ".join(found.warnings)) == (scenario == "fine")
+    assert ("virtual" in " ".join(w.message for w in found.warnings)) == (scenario == "fine")
 
 
 def test_feedback_is_told_from_the_noise_in_the_loop():
@@ -111,7 +112,7 @@ def test_emps_with_the_law_identified_and_with_everything_hidden(public_data):
     for k in range(3):  # M, Fv, Fc
         spread = max(hidden.std[k], reference.std[k])
         assert abs(hidden.theta[k] - reference.theta[k]) < 2 * spread
-    assert "cannot be told" in " ".join(hidden.warnings)
+    assert "cannot be told" in " ".join(w.message for w in hidden.warnings)
 
 
 @pytest.mark.record

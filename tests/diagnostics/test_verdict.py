@@ -11,13 +11,13 @@ from pivident.diagnostics.diagnostics import diagnose, diagnose_one
 from pivident.diagnostics.estimate_statements import further_warnings
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.diagnostics.residual_statements import friction_law
-from pivident.diagnostics.statement import Statement
 from pivident.diagnostics.verdict import Verdict, save_verdict, verdict
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
+from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.signals.spectral_lines import SpectralLine
-from pivident.simulation.scenarios import tx40_fine
+from pivident.text.finding import Finding
 
 
 @pytest.fixture(scope="module")
@@ -33,21 +33,21 @@ def judged(simulated):
     return verdict(diagnose(problem, found, methods, folds=2))
 
 
-def statement(found: Verdict, topic: str) -> Statement:
+def statement(found: Verdict, topic: str) -> Finding:
     return next(s for s in found.statements if s.topic == topic)
 
 
 def test_a_good_record_gets_a_good_verdict(judged):
-    assert judged.method == "IDIM-PIV" and judged.grade in ("good", "caution")
+    assert judged.method == "IDIM-PIV" and judged.severity in ("ok", "warning")
     assert judged.headline.startswith("Take the estimate of IDIM-PIV")
     for topic in ("iteration", "instruments", "noise", "prediction"):
-        assert statement(judged, topic).grade == "good", str(judged)
+        assert statement(judged, topic).severity == "ok", str(judged)
 
 
 def test_every_statement_that_judges_has_numbers(judged):
     for s in judged.statements:
-        digits = any(c.isdigit() for c in s.text + s.evidence)
-        assert digits or s.grade == "note", s
+        digits = any(c.isdigit() for c in s.message + s.basis)
+        assert digits or s.severity == "note", s
 
 
 def test_the_text_marks_each_statement(judged):
@@ -58,21 +58,21 @@ def test_the_text_marks_each_statement(judged):
 
 def test_without_held_out_motion_the_verdict_says_so(simulated):
     found = verdict(diagnose_one(simulated[1]))
-    assert statement(found, "prediction").grade == "caution"
-    assert "nothing was held out" in statement(found, "estimate").text
+    assert statement(found, "prediction").severity == "warning"
+    assert "nothing was held out" in statement(found, "estimate").message
 
 
 def test_least_squares_alone_cannot_tell_its_bias(simulated):
     found = verdict(diagnose_one({"ls": simulated[1]["ls"]}))
-    assert statement(found, "feedback").grade == "caution"
-    assert "without instruments" in statement(found, "feedback").text
+    assert statement(found, "feedback").severity == "warning"
+    assert "Without instruments" in statement(found, "feedback").message
 
 
 def test_an_iteration_that_did_not_converge_is_no_estimate(simulated):
     unfinished = dataclasses.replace(simulated[1]["piv"], converged=False)
     found = verdict(diagnose_one({"piv": unfinished}))
-    assert found.grade == "bad" and "Do not use" in found.headline
-    assert statement(found, "iteration").grade == "bad"
+    assert found.severity == "error" and "Do not use" in found.headline
+    assert statement(found, "iteration").severity == "error"
 
 
 def test_negative_friction_is_refused(simulated):
@@ -81,8 +81,8 @@ def test_negative_friction_is_refused(simulated):
     k = piv.names.index("fc3")
     theta[k] = -theta[k]
     found = verdict(diagnose_one({"piv": dataclasses.replace(piv, theta=theta)}))
-    assert statement(found, "physics").grade == "bad"
-    assert "fc3" in statement(found, "physics").text
+    assert statement(found, "physics").severity == "error"
+    assert "fc3" in statement(found, "physics").message
 
 
 def test_undetermined_parameters_are_named_with_a_motion(simulated):
@@ -93,9 +93,9 @@ def test_undetermined_parameters_are_named_with_a_motion(simulated):
         covariance[k, k] = (3.0 * piv.theta[k]) ** 2
     doubtful = dataclasses.replace(piv, covariance=covariance)
     found = verdict(diagnose_one({"piv": doubtful}))
-    text = statement(found, "parameters").text
+    text = statement(found, "parameters").message
     assert "26 of 28" in text and "fv4" in text and "xx3r" in text
-    motions = [s.text for s in found.statements if s.topic == "motion"]
+    motions = [s.message for s in found.statements if s.topic == "motion"]
     assert any("fv4" in m and "joint_4 faster" in m for m in motions)
     assert any("xx3r" in m for m in motions)
 
@@ -116,15 +116,16 @@ def test_coloured_residuals_are_noticed(simulated):
     coloured = dataclasses.replace(record, whitened=slow / slow.std(axis=0))
     changed = dataclasses.replace(piv, recordings=(coloured,), equations=None)
     found = verdict(diagnose_one({"piv": changed}))
-    assert "does not whiten" in statement(found, "noise").text
+    assert "does not whiten" in statement(found, "noise").message
 
 
 def test_the_file_holds_the_statements(judged, tmp_path):
     save_verdict(judged, tmp_path / "verdict.json")
     content = json.loads((tmp_path / "verdict.json").read_text("utf-8"))
-    assert content["schema"] == 1 and content["grade"] == judged.grade
+    assert content["schema"] == 2 and content["severity"] == judged.severity
     assert len(content["statements"]) == len(judged.statements)
-    assert set(content["statements"][0]) == {"topic", "grade", "text", "evidence"}
+    assert content["statements"] == [s.as_json() for s in judged.statements]
+    assert {"severity", "topic", "message", "evidence", "basis"} <= set(content["statements"][0])
 
 
 def with_residual_tests(diagnosed, name, joint, **changes):
@@ -148,19 +149,22 @@ def quiet(simulated):
 
 def test_intervals_of_friction_hold_for_the_assumed_law(quiet):
     (said,) = [s for s in verdict(quiet).statements if s.topic == "friction"]
-    assert said.grade == "note" and "machine's" not in said.text
-    assert said.text.startswith("The intervals of fv1, fc1, fv2, fc2")
-    assert "hold for the assumed friction law only: fv dq + fc" in said.text
+    assert said.severity == "note" and "machine's" not in said.message
+    assert said.message.startswith("The intervals of fv1, fc1, fv2, fc2")
+    assert "hold for the assumed friction law only: fv dq + fc" in said.message
 
 
 def test_a_residual_that_follows_the_motion_speaks_against_the_friction_law(quiet):
     follows = with_residual_tests(quiet, "piv", 2, motion=SimpleNamespace(matters=True))
     (said,) = friction_law(follows, "piv")
-    assert said.grade == "note" and "the residual follows the motion on joint_3" in said.text
-    for mostly, grade in ((True, "caution"), (False, "note")):
+    assert said.severity == "note" and "the residual follows the motion on joint_3" in said.message
+    for mostly, severity in ((True, "warning"), (False, "note")):
         split = SimpleNamespace(mostly_model_error=mostly)
         (said,) = friction_law(dataclasses.replace(follows, model_error=split), "piv")
-        assert said.grade == grade and ("most of the error is the model's" in said.text) == mostly
+        assert (
+            said.severity == severity
+            and ("most of the error is the model's" in said.message) == mostly
+        )
 
 
 def test_a_residual_that_grows_with_the_speed_does_so_too(quiet):
@@ -168,7 +172,7 @@ def test_a_residual_that_grows_with_the_speed_does_so_too(quiet):
     for ratio, told in ((0.1, True), (0.9, False)):
         grown = dataclasses.replace(variance, p_value=1e-9, ratios={"speed": ratio})
         (said,) = friction_law(with_residual_tests(quiet, "piv", 1, variance=grown), "piv")
-        assert ("the residual's size changes with the motion on joint_2" in said.text) == told
+        assert ("the residual's size changes with the motion on joint_2" in said.message) == told
 
 
 def test_without_friction_parameters_nothing_is_said_of_their_law(quiet):
@@ -198,16 +202,16 @@ def diagnostics_with(loop_error: float, direct_error: float, reference: str = "r
 def test_a_simulated_loop_that_misses_half_the_torque_is_a_reservation():
     fine = diagnostics_with(49.0, 2.5)
     assert list(simulated_loop(fine, "piv")) == []
-    assert "simulated loop 49 %" in next(prediction(fine, "piv")).evidence
+    assert "simulated loop 49 %" in next(prediction(fine, "piv")).basis
     for diagnosed, cause in (
         (diagnostics_with(96.0, 91.0), "most of the measured torque is noise"),
         (diagnostics_with(64.0, 1.9), "gains, reference or delay of the loop"),
         (diagnostics_with(64.0, 1.9, "smoothed"), "virtual law does not follow"),
     ):
         (said,) = simulated_loop(diagnosed, "piv")
-        assert said.grade == "caution" and cause in said.text and "above 50 %" in said.evidence
+        assert said.severity == "warning" and cause in said.message and "above 50 %" in said.basis
         (good,) = prediction(diagnosed, "piv")
-        assert good.grade == "good" and "simulated loop" not in good.evidence
+        assert good.severity == "ok" and "simulated loop" not in good.basis
 
 
 def test_a_loop_that_cannot_be_simulated_is_a_reservation():
@@ -216,7 +220,7 @@ def test_a_loop_that_cannot_be_simulated_is_a_reservation():
     judged.replay = None
     judged.held_out[0].failure = "the loop cannot be simulated with this estimate: it diverges"
     (said,) = simulated_loop(diagnosed, "piv")
-    assert said.grade == "caution" and "On 1 of 1 stretches the loop cannot be" in said.text
+    assert said.severity == "warning" and "On 1 of 1 stretches the loop cannot be" in said.message
 
 
 def test_spectral_lines_of_the_encoders_are_told(simulated):
@@ -227,17 +231,20 @@ def test_spectral_lines_of_the_encoders_are_told(simulated):
     records = (dataclasses.replace(record, kinematics=kinematics),)
     equations = dataclasses.replace(piv.equations, records=records)
     found = verdict(dataclasses.replace(piv, equations=equations))
-    assert "joint_2 at 99.8 Hz, 1.2e-06 rad" in statement(found, "encoders").text
+    assert "joint_2 at 99.8 Hz, 1.2e-06 rad" in statement(found, "encoders").message
 
 
-def test_many_doubts_about_one_law_are_one_statement():
-    doubts = [f"kd of joint {j}: the record hardly tells it." for j in range(11)]
-    law = SimpleNamespace(identified=SimpleNamespace(warnings=doubts, notes=()))
-    result = SimpleNamespace(
-        loop=law, warnings=["another", *doubts, "Not converged at all"], torque_scale=()
-    )
-    other, one = further_warnings(result)
-    assert other == "another" and "leaves 11 doubts" in one and doubts[0] in one
-    few = SimpleNamespace(identified=SimpleNamespace(warnings=doubts[:2], notes=()))
-    shown = list(further_warnings(SimpleNamespace(loop=few, warnings=doubts[:2], torque_scale=())))
-    assert shown == doubts[:2]
+def test_many_uncertainties_of_one_law_are_one_statement():
+    def law(j):
+        text = f"kd of joint {j}: the record hardly determines it."
+        return Finding("warning", "law", "uncertain", text)
+
+    other = Finding("warning", "noise model", "replaced", "another")
+    converged = Finding("error", "iteration", "not converged", "Not converged at all")
+    noted = Finding("note", "law", "found", "It compensates gravity.")
+    uncertain = [law(j) for j in range(11)]
+    result = SimpleNamespace(warnings=[noted, other, *uncertain, converged])
+    first, one = further_warnings(result)
+    assert first == other and "has 11 uncertainties" in one.message
+    assert uncertain[0].message in one.message
+    assert list(further_warnings(SimpleNamespace(warnings=uncertain[:2]))) == uncertain[:2]

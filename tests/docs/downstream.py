@@ -5,7 +5,8 @@ from pathlib import Path
 import numpy as np
 
 import pivident as pv
-from pivident.linear import LinearEstimate, srivc
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.srivc import srivc
 
 
 def deviations(log: Path) -> dict[str, float]:
@@ -21,7 +22,7 @@ def deviations(log: Path) -> dict[str, float]:
     torque: np.ndarray = found.predict(recording.q, recording.q, recording.q)
     assert torque.shape == recording.q.shape
     verdict = pv.verdict(found)
-    print(verdict.headline, [statement.grade for statement in verdict.statements])
+    print(verdict.headline, [statement.severity for statement in verdict.statements])
     pv.write_report([found], "report.html")
     return {name: float(found.value(name)) for name in found.names}
 

@@ -124,7 +124,7 @@ def planar_robot_files() -> None:
     """A robot as `my_robot.urdf` and as `my_robot.toml`."""
     from pivident.export.urdf import to_urdf
     from pivident.models.runnable_model import runnable_model
-    from pivident.robot import load_robot
+    from pivident.robot.gallery import load_robot
 
     Path("my_robot.urdf").write_bytes(to_urdf(runnable_model(load_robot("planar_2r"))).content)
     shipped = files("pivident.robot") / "gallery" / "planar_2r.toml"

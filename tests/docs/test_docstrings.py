@@ -6,32 +6,17 @@ import inspect
 import re
 import textwrap
 from functools import cache
+from pathlib import Path
 
 import pytest
 
 import pivident
 from pivident import errors
+from tests.docs.page_blocks import DOCS
 
-#: Packages with a front door of their own; modules that its functions lead to are in the pages.
-PACKAGES = (
-    "pivident.linear",
-    "pivident.consistency",
-    "pivident.payload",
-    "pivident.flexibility",
-    "pivident.tables",
-    "pivident.figures",
-    "pivident.check",
-)
-
-#: Other names that the reference promises.
-OTHERS = (
-    "pivident.init.Draft",
-    "pivident.init.Guess",
-    "pivident.init.draft_experiment",
-    "pivident.simulation.joint_loop.JointLoop",
-    "pivident.simulation.joint_loop.joint_feedbacks",
-    "pivident.validation.identified_loop.IdentifiedLoop",
-    "pivident.validation.identified_loop.identified_loop",
+#: Packages with a front of their own.
+PACKAGES = sorted(
+    f"pivident.{stub.parent.name}" for stub in Path(pivident.__file__).parent.glob("*/__init__.pyi")
 )
 
 #: What an array argument or attribute says about itself: a unit or the lack of one, or a shape.
@@ -52,7 +37,7 @@ def public_names() -> list[str]:
     found = [f"pivident.{name}" for name in pivident.__all__ if name != "__version__"]
     for package in PACKAGES:
         found += [f"{package}.{name}" for name in importlib.import_module(package).__all__]
-    return found + list(OTHERS)
+    return found
 
 
 @cache
@@ -173,7 +158,11 @@ def test_fields_of_public_classes_are_documented(name):
     doc = inspect.getdoc(found)
     assert doc, name
     fields = getattr(found, "__dataclass_fields__", {})
-    told = entries(section(doc, "Attributes", "Args") or "")
+    told = {}
+    for base in reversed(found.__mro__):  # inherited fields are documented where they are declared
+        if "__dataclass_fields__" in vars(base) or base is found:
+            own_doc = inspect.getdoc(base) or ""
+            told |= entries(section(own_doc, "Attributes", "Args") or "")
     own = [field for field in fields if fields[field].init and not field.startswith("_")]
     assert not [field for field in own if field not in told], f"{name}: fields not documented"
     hints = {field: str(fields[field].type) for field in own}
@@ -206,14 +195,25 @@ def test_what_is_missing_is_found():
     assert undocumented_errors(raising, "Raise.\n\nRaises:\n    PividentError: always.") == set()
 
 
-def test_every_public_name_is_in_the_reference():
-    from tests.docs.page_blocks import DOCS
-
+def documented_paths() -> list[str]:
     pages = "".join(p.read_text("utf-8") for p in (DOCS / "reference" / "api").glob("*.md"))
-    shown = set(re.findall(r"^\.\. auto\w+:: (\S+)", pages, re.MULTILINE))
-    objects = [resolved(name) for name in shown if not name.endswith(".errors")]
+    shown = re.findall(r"^\.\. auto\w+:: (\S+)", pages, re.MULTILINE)
+    return [name for name in shown if name != "pivident.errors"]
+
+
+def test_every_public_name_is_in_the_reference():
+    objects = [resolved(name) for name in documented_paths()]
     for name in public_names():
         found = resolved(name)
         if isinstance(found, type) and issubclass(found, errors.PividentError):
             continue
         assert any(found is other for other in objects), f"{name} is on no page of the reference"
+
+
+def test_every_public_name_has_one_documented_path():
+    shown = documented_paths()
+    assert sorted(set(shown)) == sorted(shown)
+    assert not set(shown) - set(public_names()), "not in the stub of a front"
+    objects = [resolved(name) for name in shown]
+    twice = [n for n, o in zip(shown, objects, strict=True) if sum(o is p for p in objects) > 1]
+    assert not twice

@@ -14,9 +14,9 @@ from pivident.drives.log_units import identify_in_log_units
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.errors import ExperimentError
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.inertia import from_center_of_mass, tensor
-from pivident.simulation.payload_scenario import PAYLOAD, tx40_in_amperes
+from tests.payload_scenario import PAYLOAD, tx40_in_amperes
 
 
 @pytest.fixture(scope="module")

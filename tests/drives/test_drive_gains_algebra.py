@@ -17,7 +17,7 @@ from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 
 GAINS = np.array([8.0, 3.0])
 PAYLOAD = Payload(1.5, (0.2, 0.05, 0.0))

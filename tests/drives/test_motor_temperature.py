@@ -11,7 +11,7 @@ from pivident.drives.motor_temperature import (
     identify_motor_temperature,
 )
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.simulation.payload_scenario import tx40_in_amperes
+from tests.payload_scenario import tx40_in_amperes
 
 COEFFICIENT = -0.0015
 
@@ -38,7 +38,7 @@ def test_the_coefficient_is_found_beside_a_drift_of_friction(problem, warmth):
     found = identify_motor_temperature(warmed(problem, warmth), [warmth], 20.0)
     error = np.array([(t.coefficient - COEFFICIENT) / t.std for t in found])
     assert np.abs(error).max() < 4.0
-    assert all(t.worth and t.std < 5e-4 for t in found[:3])
+    assert all(t.is_significant and t.std < 5e-4 for t in found[:3])
     assert {t.unit for t in found} == {"1/K"} and found[0].reference == 20.0
 
 
@@ -68,7 +68,7 @@ def test_a_drift_of_friction_is_not_taken_for_a_motor_constant(problem, warmth):
 
 def test_nothing_is_found_where_nothing_is(problem, warmth):
     found = identify_motor_temperature(problem, [warmth], 20.0)
-    assert sum(t.worth for t in found) <= 1
+    assert sum(t.is_significant for t in found) <= 1
     assert all(abs(t.coefficient) < 4.0 * t.std for t in found)
 
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.parameters import standard_parameters
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import coulomb, viscous
+from pivident.robot.friction import FrictionLaw, coulomb, viscous
+from pivident.robot.gallery import load_robot
 
 
 @pytest.fixture(scope="session")

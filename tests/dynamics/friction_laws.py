@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pivident.robot import FrictionLaw
 from pivident.robot.friction import (
+    FrictionLaw,
     asymmetric_coulomb,
     asymmetric_viscous,
     coulomb,

@@ -8,7 +8,8 @@ import pytest
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import load_robot, parse_urdf
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import parse_urdf
 
 BRANCHES = """<robot name="tree"><link name="base"/>
 <link name="left"><inertial><mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0"

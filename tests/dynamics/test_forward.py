@@ -12,8 +12,9 @@ from pivident.dynamics.kernels import invert_mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import MassMatrixNotPositiveDefinite
-from pivident.robot import Coupling, FrictionLaw, load_robot
+from pivident.robot.description import Coupling
 from pivident.robot.friction import (
+    FrictionLaw,
     asymmetric_coulomb,
     asymmetric_viscous,
     coulomb,
@@ -28,6 +29,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
 
 LAWS = (
     FrictionLaw((viscous(), coulomb(), offset())),

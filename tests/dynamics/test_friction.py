@@ -5,7 +5,8 @@ import pytest
 
 from pivident.dynamics.friction import friction_column, smoothed_sign
 from pivident.dynamics.friction_kernels import friction_value_and_slope, smooth_sign_and_slope
-from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import SignFunction
 
 SMOOTH = (SignFunction.ATAN, SignFunction.TANH)
 NONLINEAR = (

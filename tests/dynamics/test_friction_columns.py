@@ -10,10 +10,9 @@ from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
     FrictionColumn,
-    SignFunction,
+    FrictionLaw,
     coulomb,
     counterbalance,
     dahl,
@@ -27,6 +26,8 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.friction_term import SignFunction
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.dynamics.friction_laws import LAWS, law, smooth_motion
 

@@ -5,8 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from pivident.dynamics.friction import friction_columns
-from pivident.robot import FrictionLaw
-from pivident.robot.friction import dahl, lugre, maxwell_slip
+from pivident.robot.friction import FrictionLaw, dahl, lugre, maxwell_slip
 
 DURATION, AMPLITUDE, OMEGA = 3.0, 0.02, 4.0
 

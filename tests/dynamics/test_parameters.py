@@ -3,8 +3,8 @@
 import numpy as np
 
 from pivident.dynamics.parameters import nominal_values, standard_parameters
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import asymmetric_coulomb, stribeck, viscous
+from pivident.robot.friction import FrictionLaw, asymmetric_coulomb, stribeck, viscous
+from pivident.robot.gallery import load_robot
 
 
 def test_order_of_the_tx40(tx40):

@@ -12,15 +12,16 @@ from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import BLOCK, Regressor
-from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
-    SignFunction,
+    FrictionLaw,
     asymmetric_coulomb,
     coulomb,
     offset,
     stribeck,
     viscous,
 )
+from pivident.robot.friction_term import SignFunction
+from pivident.robot.gallery import load_robot
 from tests.robot.kinematics import gravity_torque
 
 ESSENTIAL = (

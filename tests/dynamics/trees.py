@@ -3,9 +3,9 @@
 import numpy as np
 import pinocchio as pin
 
-from pivident.robot import parse_urdf
 from pivident.robot.frames import rotation_from_z_to
 from pivident.robot.inertia import moved
+from pivident.robot.urdf import parse_urdf
 from pivident.robot.urdf_xml import parse_model
 from tests.robot.test_urdf_against_pinocchio import pinocchio_configuration, random_urdf
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from pivident.estimation import equations, full_rate
+from pivident.estimation import full_rate
 from pivident.estimation.identify import identify
-from pivident.simulation import scenarios
+from pivident.experiment import simulated_tx40 as scenarios
 
 
 @pytest.fixture(scope="module")
@@ -19,8 +19,7 @@ def test_the_estimate_does_not_depend_on_the_size_of_the_blocks(
     problem, method, block, monkeypatch
 ):
     usual = identify(problem, method)
-    for module in (equations, full_rate):
-        monkeypatch.setattr(module, "BLOCK", block)
+    monkeypatch.setattr(full_rate, "BLOCK", block)
     other = identify(problem, method)
     std = np.sqrt(np.diag(usual.covariance))
     # convergence stops at the same iteration, so only the order of sums differs

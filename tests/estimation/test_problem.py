@@ -16,10 +16,12 @@ from pivident.errors import (
 )
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import AutoRegressive, InstrumentalVariables, PrefilteredIV
-from pivident.estimation.problem import Loop, Problem
-from pivident.experiment import load_experiment
+from pivident.estimation.problem import Problem
+from pivident.experiment.experiment import load_experiment
 from pivident.recording.recording import Recording
-from pivident.robot import Link, load_robot
+from pivident.robot.description import Link
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
 from tests.planar_log import write_experiment

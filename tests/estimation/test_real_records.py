@@ -6,12 +6,13 @@ import pytest
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import Bandpass, InstrumentalVariables, LeastSquares
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.recording.public_records import load_emps, load_emps_pulses, load_staubli_tx40
-from pivident.robot import load_robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
-from pivident.simulation.scenarios import TX40_ESSENTIAL
 from pivident.simulation.virtual_pd import virtual_pd
 
 pytestmark = pytest.mark.record
@@ -30,13 +31,6 @@ LABORATORY = {
 }  # fmt: skip
 
 LABORATORY_SIGNALS = Bandpass(cutoff=100.0, median=3, decimation=(10, 10), edge=20)
-
-
-@pytest.fixture(scope="module")
-def public_data(data_dir):
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PIVIDENT_DATA", str(data_dir))
-        yield data_dir
 
 
 @pytest.fixture(scope="module")
@@ -64,8 +58,8 @@ def test_tx40_laboratorys_essential_parameters(tx40):
     )
     weights = np.array([1.0 / j.noise_std**2 for j in full.joints])
     record = found.recordings[0]
-    error = np.where(record.mask, 0.0, record.tau - record.tau_model)
-    torque = np.where(record.mask, 0.0, record.tau)
+    error = np.where(record.used, record.tau - record.tau_model, 0.0)
+    torque = np.where(record.used, record.tau, 0.0)
     relative = np.sqrt((weights * error**2).sum() / (weights * torque**2).sum())
     assert 100 * relative == pytest.approx(6.2, abs=0.2)
 
@@ -84,7 +78,7 @@ def test_tx40_without_its_reference_converges_from_cad_values(tx40, method):
         if p.is_dissipative and v < 0
     ]
     assert not negative
-    assert any("reference was not recorded" in w for w in found.warnings)
+    assert any("reference was not recorded" in w.message for w in found.warnings)
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ import pytest
 
 from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.recording.recording import Recording
 from tests.planar_log import write_experiment
 
@@ -28,14 +28,14 @@ def test_torques_with_their_own_sign_are_not_remarked_on(problem):
 
 
 def test_all_torques_reversed_are_told_once(problem):
-    (text,) = identify(with_signs(problem, -1.0, -1.0), "ls").warnings
-    assert text.startswith("All signs are reversed") and "tau = -1.0" in text
+    (found,) = identify(with_signs(problem, -1.0, -1.0), "ls").warnings
+    assert found.message.startswith("All signs are reversed") and "tau = -1.0" in found.next_step
 
 
 def test_one_reversed_joint_is_named(problem):
     warnings = identify(with_signs(problem, 1.0, -1.0), "ls").warnings
-    assert any("signs of elbow seem to be reversed" in text for text in warnings)
-    assert not any(text.startswith(("fv2", "fc2")) for text in warnings)
+    assert any("signs of elbow seem to be reversed" in w.message for w in warnings)
+    assert not any(w.subject in ("fv2", "fc2") for w in warnings)
 
 
 def test_a_single_negative_friction_keeps_its_own_remark(problem):
@@ -45,4 +45,5 @@ def test_a_single_negative_friction_keeps_its_own_remark(problem):
     assert robot.size == 2
     turned = identify(replace(with_signs(problem, 1.0, -1.0), parameters=few.parameters), "ls")
     assert np.sign(found.value("fv2")) == 1.0
-    assert any(text.startswith("fv2 = ") for text in turned.warnings)
+    (said,) = [w for w in turned.warnings if w.subject == "fv2"]
+    assert said.message.startswith("fv2 = ") and said.evidence["fv2"].value < 0

@@ -1,16 +1,20 @@
 from dataclasses import replace
 
+from pivident.estimation.methods import LeastSquares
 from pivident.estimation.summary_tables import (
     WIDTH,
     comparison_table,
     identification_table,
     shortened,
 )
+from pivident.text.finding import Finding
 from tests.synthetic_identification import synthetic_identification, true_parameters
 
 
 def test_table_says_how_the_result_came_about():
-    text = synthetic_identification(warnings=("The wrist hardly moved.",)).summary()
+    text = synthetic_identification(
+        warnings=(Finding("warning", "motion", "small", "The wrist hardly moved."),)
+    ).summary()
     assert text.startswith("IDIM-PIV of planar 2R: converged in 5 iterations, relative error 3.4 %")
     assert "3.4 % (all samples)" in text and "over all samples, 1000 Hz" in text
     assert "Warning: The wrist hardly moved." in text
@@ -91,7 +95,7 @@ def test_texts_are_cut_at_blanks():
 
 
 def filtered(identification):
-    return replace(identification, options={"signals": {"cutoff": 50.0, "decimation": None}})
+    return replace(identification, method_used=LeastSquares())
 
 
 def test_tables_say_which_rows_an_error_is_taken_over():

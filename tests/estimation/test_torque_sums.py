@@ -17,8 +17,8 @@ def weighted_error(identification, base, values):
     rms = np.array([j.rms_error for j in identification.joints])
     error = total = 0.0
     for r in identification.recordings:
-        tau = np.where(r.mask, 0.0, r.tau) / rms
-        model = np.where(r.mask, 0.0, regressor.torque(r.q, r.dq, r.ddq, values)) / rms
+        tau = np.where(r.used, r.tau, 0.0) / rms
+        model = np.where(r.used, regressor.torque(r.q, r.dq, r.ddq, values), 0.0) / rms
         error += np.sum((tau - model) ** 2)
         total += np.sum(tau**2)
     return np.sqrt(error / total)
@@ -37,7 +37,7 @@ def test_sums_give_the_error_that_signals_give(robot):
     assert sums.relative_error(values) == pytest.approx(weighted_error(free, base, values))
     other = values * np.random.default_rng(0).normal(1.0, 0.1, values.size)
     assert sums.relative_error(other) == pytest.approx(weighted_error(free, base, other))
-    assert sums.rows == np.count_nonzero(~r.mask)
+    assert sums.rows == np.count_nonzero(r.used)
 
 
 def test_there_and_back():

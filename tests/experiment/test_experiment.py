@@ -12,7 +12,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
 )
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.simulation.controllers import PID, Cascade
 from tests.planar_log import EXPERIMENT, planar_log, write_experiment
 

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.models.runnable_model import RunnableModel, runnable_model
-from pivident.robot import parse_urdf
 from pivident.robot.description import Robot
 from pivident.robot.inertia import from_center_of_mass, tensor
+from pivident.robot.urdf import parse_urdf
 from tests.robot.test_urdf_against_pinocchio import random_urdf
 
 #: A six-axis arm in the manner of Universal Robots: axes along y and z, a fixed flange and tool,

@@ -11,9 +11,8 @@ from hypothesis import strategies as st
 from pivident.errors import ExportError
 from pivident.export.joint_side import joint_side
 from pivident.export.load_back import verify_with_mujoco
-from pivident.export.mjcf import WORDS, quaternion, to_mjcf
+from pivident.export.mjcf import SUPPORTED, quaternion, to_mjcf
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot, parse_urdf
 from pivident.robot.description import Coupling
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.friction import (
@@ -27,6 +26,8 @@ from pivident.robot.friction import (
     spring,
     viscous,
 )
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import parse_urdf
 from tests.export.robots import random_tree, with_values
 
 TX40 = load_robot("staubli_tx40")
@@ -67,7 +68,7 @@ def test_a_file_needs_no_compiler_fixes_and_says_what_the_model_says():
     file = to_mjcf(model)
     assert "balance" not in file.text and "bound" not in file.text
     loaded = mujoco.MjModel.from_xml_string(file.text)
-    value, side = value_of(model), joint_side(model, WORDS)
+    value, side = value_of(model), joint_side(model, SUPPORTED)
     np.testing.assert_array_equal(loaded.jnt_range, [j.position_limits for j in TX40.joints])
     limits = [j.torque_limit for j in TX40.joints]
     np.testing.assert_array_equal(loaded.actuator_ctrlrange[:, 1], limits)

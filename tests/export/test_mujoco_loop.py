@@ -7,11 +7,11 @@ import pytest
 
 from pivident.dynamics.forward import make_model
 from pivident.errors import ExportError, SimulationDiverged
+from pivident.experiment import simulated_tx40 as scenarios
 from pivident.export.mjcf import to_mjcf
 from pivident.export.urdf import to_urdf
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot
-from pivident.simulation import scenarios
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PID, Cascade
 

@@ -5,7 +5,8 @@ import pytest
 
 from pivident.errors import ExportError, RobotDescriptionError
 from pivident.export.original_urdf import original_urdf
-from pivident.robot import load_robot, parse_urdf, read_urdf
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import parse_urdf, read_urdf
 from tests.export.robots import UR
 
 
@@ -40,7 +41,7 @@ def test_it_may_have_moved_beside_the_result(file, tmp_path):
 def test_missing_file_is_an_error_with_the_next_step(file, tmp_path):
     robot = read_urdf(file)
     file.unlink()
-    with pytest.raises(ExportError, match=r"not there any more, .*with --robot") as error:
+    with pytest.raises(ExportError, match=r"no longer exists, .*with --robot") as error:
         original_urdf(robot, None, tmp_path / "results")
     for place in (file, tmp_path / "results" / "arm.urdf"):
         assert str(place) in str(error.value)

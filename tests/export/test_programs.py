@@ -16,8 +16,8 @@ from pivident.export.model_programs import friction_in_groups, inner_columns
 from pivident.export.numpy_function import to_numpy, verify_numpy
 from pivident.models.exported import random_states
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import coulomb, load_dependent, lugre, ripple, viscous
+from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, lugre, ripple, viscous
+from pivident.robot.gallery import load_robot
 from tests.dynamics.friction_laws import LAWS
 from tests.robot.random_robots import random_robot
 from tests.synthetic_identification import synthetic_identification
@@ -94,7 +94,7 @@ def test_friction_with_memory_is_an_argument_and_said():
     )
     model = random_model(robot)
     exported = to_numpy(model)
-    assert "friction of 'elbow' remembers the path" in exported.differences[0]
+    assert "friction of 'elbow' has a memory" in exported.differences[0]
     assert verify_numpy(exported, model).agrees
     q, dq, ddq = random_states(robot, 5)
     memory, inner = inner_columns(model, q, dq, ddq)

@@ -9,10 +9,10 @@ import pytest
 from pivident.errors import ExportError
 from pivident.export.sdf import to_sdf
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.frames import rotation_from_rpy
 from pivident.robot.friction import FrictionLaw, asymmetric_coulomb, spring, viscous
+from pivident.robot.gallery import load_robot
 from pivident.robot.inertia import from_center_of_mass, tensor
 from pivident.robot.transmission import Transmission
 from tests.export.robots import with_values

@@ -17,7 +17,6 @@ from pivident.export.load_back import verify_with_mujoco, verify_with_pinocchio
 from pivident.export.urdf import to_urdf
 from pivident.export.xml_text import quoted, rpy
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot, parse_urdf, read_urdf
 from pivident.robot.frames import rotation_about, rotation_from_rpy
 from pivident.robot.friction import (
     FrictionLaw,
@@ -32,6 +31,8 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import parse_urdf, read_urdf
 from tests.export.robots import ARM, UR, random_tree, ur, with_values
 
 if sys.platform == "win32":

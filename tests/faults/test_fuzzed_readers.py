@@ -9,7 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from pivident.errors import PividentError
-from pivident.robot import parse_modified_dh, parse_urdf
+from pivident.robot.modified_dh import parse_modified_dh
+from pivident.robot.urdf import parse_urdf
 
 #: Spoilt files of each reader; `benchmarks/fuzz_readers.py` takes a thousand times as many.
 EXAMPLES = 60

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pivident.errors import PividentError
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
+from pivident.logs.clocks.timestamps import uniform_grid
 from pivident.many.study.scenario import read_scenario
 from pivident.recording.load import load_recording
-from pivident.recording.timestamps import uniform_grid
 from tests.faults.hostile import STUDY, written
 
 LOG = "time,q1,q2,tau1,tau2\n" + "".join(

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from pivident.errors import PividentError, RobotDescriptionError
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.logs.tables.tables import names_in, read_table
 from pivident.many.study.scenario import load_scenario
-from pivident.robot import read_modified_dh, read_urdf
 from pivident.robot.gallery import load_robot
+from pivident.robot.modified_dh import read_modified_dh
+from pivident.robot.urdf import read_urdf
 from tests.faults.hostile import archive, npy, written
 
 READERS = {
@@ -76,7 +77,7 @@ def test_bombs_stay_within_half_a_gigabyte(tmp_path):
 import os, resource, sys
 from pivident.errors import PividentError
 from pivident.logs.tables.tables import read_table
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 import numpy
 pages = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (pages + 2**28, -1))

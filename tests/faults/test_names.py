@@ -9,15 +9,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.audit.reading import bare_log
 from pivident.cli import main
 from pivident.cli.console import error_line, note
 from pivident.errors import FileFormatError, PividentError, RecordingError, RobotDescriptionError
 from pivident.estimation.identification_file import to_csv, to_json
+from pivident.logs.bare_log import bare_log
 from pivident.logs.tables.tables import read_table
 from pivident.recording.load import load_recording
 from pivident.recording.recording import Recording
-from pivident.robot import parse_modified_dh, parse_urdf
+from pivident.robot.modified_dh import parse_modified_dh
+from pivident.robot.urdf import parse_urdf
 from pivident.text.printable import escaped, is_printable
 from tests.synthetic_identification import synthetic_identification
 

@@ -11,7 +11,7 @@ import pytest
 import pivident as pv
 from pivident import figures
 from pivident.errors import PividentError
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.figures.paper import LINES, STYLE, WIDTHS
 from pivident.validation.residuals.residual_spectrum import residual_spectra, welch_spectrum
 from tests.planar_log import write_experiment

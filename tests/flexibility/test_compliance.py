@@ -17,7 +17,7 @@ from pivident.flexibility.simulated_joint import (
 from pivident.flexibility.transmission_error import find_orders
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.flexibility import flexible_joint
 
 RATE, REDUCTION = 500.0, 100.0
@@ -139,7 +139,7 @@ def test_without_link_encoder_or_motion_it_is_refused():
         identify_compliance(recorded.part(2000, 2150))
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def kuka(public_data):
     robot = load_robot("examples/kuka_kr300/kuka_kr300_axes_1_3.toml")
     ratio = np.diag(robot.transmission.reduction)

@@ -9,7 +9,7 @@ from pivident.errors import NonFiniteSamples, RecordingError, ShapeMismatch
 from pivident.recording.load import load_recording
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 
 

@@ -10,7 +10,7 @@ from pivident.estimation.identify import identify
 from pivident.estimation.problem import Problem
 from pivident.flexibility.rigid_validity import rigid_validity
 from pivident.flexibility.simulated_joint import MotorLoop, Sensors, TwoMassJoint, simulate_joint
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 
 RATE = 1000.0
 
@@ -49,7 +49,7 @@ def rigid_inertia(recording):
 
 @pytest.mark.parametrize(
     ("antiresonance", "top", "severity"),
-    [(4, 1, "warning"), (4, 3, "wrong"), (8, 3, "warning"), (12, 1, "fine"), (40, 3, "fine")],
+    [(4, 1, "warning"), (4, 3, "error"), (8, 3, "warning"), (12, 1, "ok"), (40, 3, "ok")],
 )
 def test_predicted_error_is_that_of_a_rigid_identification(antiresonance, top, severity):
     joint, recording = flexible_record(antiresonance, top)
@@ -73,7 +73,7 @@ def test_a_fast_loop_gets_a_warning_of_its_own():
     warned = judged(joint, recording, bandwidth=8.0)
     assert warned.severity == "warning"
     assert any("bandwidth of 8 Hz" in sentence for sentence in warned.sentences)
-    assert judged(joint, recording, bandwidth=2.0).severity == "fine"
+    assert judged(joint, recording, bandwidth=2.0).severity == "ok"
 
 
 def test_nonsense_is_refused():

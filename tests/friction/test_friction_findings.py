@@ -10,14 +10,14 @@ from tests.friction.made_up import friction_torque
 
 
 def seen(joint):
-    return {f.key: f for f in joint.findings}
+    return {f.kind: f for f in joint.findings}
 
 
 def test_plain_friction_shows_nothing():
     clear = []
     for seed in range(4):
         joint = joint_friction(friction_torque(seed))
-        clear += [f.key for f in joint.findings if f.clear and f.brief]
+        clear += [f.kind for f in joint.findings if f.clear and f.brief]
     assert len(clear) <= 1, clear  # 24 findings
 
 
@@ -27,7 +27,7 @@ def test_plain_friction_is_said_to_be_plain():
         headline(joint.findings) == "Viscous and Coulomb friction describe all that is seen here."
     )
     found = seen(joint)
-    assert abs(found["prediction"].value) < 10.0
+    assert abs(found["prediction"].quantity.value) < 10.0
 
 
 def test_asymmetry():
@@ -37,7 +37,7 @@ def test_asymmetry():
     speed = float(found.brief.split(" at ")[1].split()[0])
     truth = -0.6 / (3.3 + 1.2 * speed) * 100
     shown = float(found.brief.split("backwards ")[1].split()[0])
-    assert shown == pytest.approx(truth, abs=1.5 * found.spread + 1.0)
+    assert shown == pytest.approx(truth, abs=1.5 * found.evidence["two_sigma"].value + 1.0)
 
 
 def test_stribeck():
@@ -46,15 +46,15 @@ def test_stribeck():
     )
     found = seen(joint_friction(torque))["stribeck"]
     assert found.clear and found.terms == "Stribeck"
-    assert found.value == pytest.approx(2.0, abs=0.6)
+    assert found.quantity.value == pytest.approx(2.0, abs=0.6)
 
 
 def test_degressive_viscous_friction():
     torque = friction_torque(4, forwards=lambda v: 3 + 3.0 * v - 0.45 * v**2)
     found = seen(joint_friction(torque))["bend"]
-    assert found.clear and found.value < 0 and "degressive" in found.terms
+    assert found.clear and found.quantity.value < 0 and "degressive" in found.terms
     top = np.abs(torque.dq).max()
-    assert found.value == pytest.approx(-0.45 * 0.9 * top, rel=0.3)
+    assert found.quantity.value == pytest.approx(-0.45 * 0.9 * top, rel=0.3)
 
 
 def test_load():
@@ -63,7 +63,9 @@ def test_load():
     found = seen(joint)["load"]
     assert found.clear and found.terms == "load-dependent friction"
     reach = np.quantile(np.abs(torque.load[torque.moving]), 0.9)
-    assert found.value == pytest.approx(25 * reach / torque.level, abs=1.5 * found.spread)
+    assert found.quantity.value == pytest.approx(
+        25 * reach / torque.level, abs=1.5 * found.evidence["two_sigma"].value
+    )
 
 
 def test_ripple_and_its_period():
@@ -71,8 +73,8 @@ def test_ripple_and_its_period():
     joint = joint_friction(torque)
     found = seen(joint)["position"]
     assert found.clear and found.terms == "position ripple"
-    assert "21.0 times per turn" in found.sentence
-    assert found.value == pytest.approx(0.8, abs=0.3)
+    assert "21.0 times per turn" in found.message
+    assert found.quantity.value == pytest.approx(0.8, abs=0.3)
     gain, std = joint.held_out.full.gain(joint.held_out.constant)
     assert gain > 5 * std > 0
 
@@ -81,7 +83,9 @@ def test_drift():
     torque = friction_torque(7, drift=-0.8)
     found = seen(joint_friction(torque))["drift"]
     assert found.clear
-    assert found.value == pytest.approx(-80 / torque.level, abs=1.5 * found.spread)
+    assert found.quantity.value == pytest.approx(
+        -80 / torque.level, abs=1.5 * found.evidence["two_sigma"].value
+    )
 
 
 def test_a_joint_that_moves_one_way_is_refused():

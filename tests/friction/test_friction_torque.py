@@ -7,7 +7,7 @@ import pytest
 
 from pivident.dynamics.friction import friction_columns
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.friction.friction_torque import friction_torques
 from tests.planar_log import planar_truth, write_experiment
 

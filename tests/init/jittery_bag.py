@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.bags import STATE, Messages, header, joint_state, typestore, write_bag
 from tests.planar_log import planar_log
 

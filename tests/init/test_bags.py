@@ -4,13 +4,13 @@ import tomllib
 
 import pytest
 
-from pivident.audit import audit_file
-from pivident.check import check_experiment
+from pivident.audit.audit_file import audit_file
+from pivident.check.experiment_check import check_experiment
 from pivident.cli.app import main
 from pivident.errors import RecordingError
 from pivident.estimation.identify import identify
-from pivident.experiment import load_experiment
-from pivident.init import draft_experiment
+from pivident.experiment.experiment import load_experiment
+from pivident.init.draft import draft_experiment
 from tests.init.jittery_bag import CONTROLLER, STATES, jittery_bag
 
 REFERENCE = "/arm_controller/controller_state/reference/positions"
@@ -43,9 +43,9 @@ def test_the_reference_of_another_topic_is_found(drafted):
 
 def test_after_a_clean_init_nothing_is_wrong(drafted):
     found = check_experiment(drafted)
-    assert not [r for r in found.remarks if r.severity == "wrong"]
+    assert not [r for r in found.remarks if r.severity == "error"]
     (audit,) = audit_file(drafted)
-    assert not [f for f in audit.findings if f.severity == "wrong"]
+    assert not [f for f in audit.findings if f.severity == "error"]
     experiment = load_experiment(drafted)
     result = identify(experiment.problem(), experiment.methods()["ls"])
     assert result.relative_error < 0.02
@@ -61,12 +61,12 @@ def test_the_audit_knows_what_the_file_makes_good(drafted):
     path.write_text(text, encoding="utf-8")
     (audit,) = audit_file(path)
     (jitter,) = [f for f in audit.findings if f.kind == "jitter"]
-    assert jitter.severity == "fine" and "resample = true" in jitter.sentence
-    assert jitter.value > 30.0  # it is told all the same [%]
-    assert not [f for f in audit.findings if f.severity == "wrong"]
+    assert jitter.severity == "ok" and "resample = true" in jitter.message
+    assert jitter.quantity.value > 30.0  # it is told all the same [%]
+    assert not [f for f in audit.findings if f.severity == "error"]
     path.write_text(text.replace("resample = true", ""), encoding="utf-8")
     (audit,) = audit_file(path)
-    assert [f.kind for f in audit.findings if f.severity == "wrong"] == ["jitter"]
+    assert [f.kind for f in audit.findings if f.severity == "error"] == ["jitter"]
 
 
 def test_a_slow_channel_that_sets_the_rate_is_named(drafted):
@@ -79,7 +79,7 @@ def test_a_slow_channel_that_sets_the_rate_is_named(drafted):
     with pytest.raises(RecordingError, match=r"q_ref comes at 100 Hz .* write rate = 500 under"):
         identify(experiment.problem(), experiment.methods()["ls"])
     (remark,) = [r for r in check_experiment(path).remarks if r.kind == "cutoff"]
-    assert "rate = 500 under [recording]" in remark.step and "unit of" not in remark.step
+    assert "rate = 500 under [recording]" in remark.next_step and "unit of" not in remark.next_step
 
 
 def test_messages_without_stamps_are_taken_when_they_were_received(tmp_path):

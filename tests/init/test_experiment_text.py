@@ -4,8 +4,8 @@ import tomllib
 
 import pytest
 
+from pivident.init.assumption import Assumption
 from pivident.init.experiment_text import comment, experiment_text, value_text
-from pivident.init.guess import Guess
 
 NASTY = [
     'a "quoted" name', "it's", "back\\slash", "line\nend", "tab\tand\rreturn", "bell\x07",
@@ -16,13 +16,13 @@ NASTY = [
 
 @pytest.mark.parametrize("name", NASTY)
 def test_strings_keys_and_comments_survive(name):
-    guesses = [
-        Guess("recording", "files", name, "certain", f"seen {name}", f"correct {name}"),
-        Guess("recording.columns", "q", [name, name], "guess", name),
-        Guess("recording.units", "tau", [{"unit": name, "gain": 1e-300}], "likely", name),
+    assumptions = [
+        Assumption("recording", "files", name, "certain", f"seen {name}", f"correct {name}"),
+        Assumption("recording.columns", "q", [name, name], "assumed", name),
+        Assumption("recording.units", "tau", [{"unit": name, "gain": 1e-300}], "likely", name),
     ]
-    frozen = Guess("robot", "frozen", {name or "empty": -1.5}, "likely", name)
-    text = experiment_text([guesses, guesses], [frozen], f"heading\n{name}", [name])
+    frozen = Assumption("robot", "frozen", {name or "empty": -1.5}, "likely", name)
+    text = experiment_text([assumptions, assumptions], [frozen], f"heading\n{name}", [name])
     content = tomllib.loads(text)
     assert content["recording"][1]["files"] == name
     assert content["recording"][0]["columns"]["q"] == [name, name]
@@ -43,6 +43,6 @@ def test_long_lists_take_a_line_for_each_entry():
 
 
 def test_a_table_without_values_stays_a_comment():
-    line = Guess("controller", "type", None, "likely", "not known", example='"pd"')
+    line = Assumption("controller", "type", None, "likely", "not known", example='"pd"')
     text = experiment_text([[]], [line], "", [])
     assert tomllib.loads(text) == {} and '# type = "pd"' in text

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.init import draft_experiment
-from pivident.init.guess import DraftError
-from pivident.init.position_units import position_unit
-from pivident.init.torque_scale_guess import compare
-from pivident.robot import load_robot
+from pivident.init.assumption import DraftError
+from pivident.init.draft import draft_experiment
+from pivident.init.torque_unit import compare
+from pivident.logs.recognition.position_units import position_unit
+from pivident.robot.gallery import load_robot
 
 T = np.arange(600) / 500.0
 MOTION = {"t": T, "q1": np.sin(3 * T), "q2": np.cos(2 * T), "tau1": np.sin(T), "tau2": np.cos(T)}
@@ -68,7 +68,7 @@ def test_a_pause_of_the_logger_leaves_the_longest_stretch(tmp_path):
     q = {f"q{j}": np.sin((2 + j) * T) for j in (1, 2)}
     path = log(tmp_path, t=t, **q)
     draft = draft_experiment([path], "planar_2r", out=tmp_path / "e.toml")
-    found = {g.key: g for g in draft.guesses if g.table == "recording"}
+    found = {g.key: g for g in draft.assumptions if g.table == "recording"}
     assert found["part"].value == [3.502, 4.198] and "resample" not in found
     assert "part = [0.0, 0.5]" in found["part"].correct
     assert not draft.troubles

@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import TransferFunction, lfilter
 
 from pivident.linear.conversion import from_scipy, known_model
-from pivident.linear.printing import polynomial_text, printed, with_deviation
+from pivident.linear.printing import polynomial_text, printed, with_standard_error
 from pivident.linear.riv import riv
 from pivident.linear.sensitivity import gain, polynomials, response_and_gradient
 
@@ -28,10 +28,10 @@ def test_polynomials_have_the_highest_power_first():
 
 
 def test_values_have_the_digits_of_their_deviation():
-    assert with_deviation(-0.80003, 0.0021) == "-0.8000 ± 0.0021"
-    assert with_deviation(6406.3, 42.1) == "6406 ± 42"
-    assert with_deviation(1.5e9, 2.5e6) == "1.5000e+09 ± 2.5e+06"
-    assert with_deviation(0.25, 0.0) == "0.25"
+    assert with_standard_error(-0.80003, 0.0021) == "-0.8000 ± 0.0021"
+    assert with_standard_error(6406.3, 42.1) == "6406 ± 42"
+    assert with_standard_error(1.5e9, 2.5e6) == "1.5000e+09 ± 2.5e+06"
+    assert with_standard_error(0.25, 0.0) == "0.25"
 
 
 def test_text_holds_everything(model):

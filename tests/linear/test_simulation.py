@@ -8,7 +8,8 @@ from scipy.linalg import expm
 from scipy.signal import cont2discrete, lfilter, lsim
 
 from pivident.errors import UnusableSignal
-from pivident.linear.estimate import Fit, LinearEstimate
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import Fit
 from pivident.linear.simulation import continuous_response, delayed, simulate
 from pivident.linear.state_variable_filter import (
     discretised_chain,

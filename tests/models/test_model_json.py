@@ -10,7 +10,7 @@ from pivident.consistency.consistent_model import make_consistent
 from pivident.errors import IdentificationFileError
 from pivident.models.model_json import read_model, to_json, verify_json
 from pivident.models.runnable_model import runnable_model
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from tests.robot.random_robots import random_robot
 from tests.synthetic_identification import synthetic_identification
 

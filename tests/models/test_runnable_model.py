@@ -7,7 +7,7 @@ from pivident.estimation.identification_file import save_identification
 from pivident.estimation.stored_identification import load_identification
 from pivident.models.exported import Verification, compared, random_states
 from pivident.models.runnable_model import RunnableModel, runnable_model
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.inertia import from_center_of_mass
 from tests.synthetic_identification import synthetic_identification
 

@@ -14,8 +14,8 @@ from pivident.models.exported import random_states
 from pivident.models.possible_values import impossible_value
 from pivident.models.runnable_model import runnable_model
 from pivident.models.stored_model import stored_model
-from pivident.robot import load_robot
 from pivident.robot.description import INERTIAL
+from pivident.robot.gallery import load_robot
 from pivident.robot.inertia import from_center_of_mass
 from tests.synthetic_identification import synthetic_identification
 

@@ -9,10 +9,11 @@ from pivident.errors import ExperimentError, IdentificationError, NegativePayloa
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.stored_identification import load_identification
-from pivident.payload import KnownParts, identify_payload
 from pivident.payload.arm_and_load import load_columns
+from pivident.payload.identify_payload import identify_payload
+from pivident.payload.known_parts import KnownParts
 from pivident.robot.frames import Pose, rotation_from_rpy
-from pivident.simulation.load_scenario import LOAD, tx40_with_load
+from tests.load_scenario import LOAD, tx40_with_load
 
 SAMPLES = 9000
 TRUE = LOAD.known()
@@ -125,7 +126,7 @@ def test_no_load_is_told(arm, empty):
     other = tx40_with_load(3, samples=SAMPLES)
     found = identify_payload(empty, loaded(arm, other.problem.recordings[0]), "ls")
     assert not found.load.is_seen
-    assert "No load is seen" in found.warnings[0] and "No load is seen" in str(found)
+    assert "No load is seen" in found.warnings[0].message and "No load is seen" in str(found)
     assert not np.isfinite(found.load.fieller_interval()).any()
 
 
@@ -201,13 +202,13 @@ def test_friction_under_load_is_not_taken_for_a_load(arm, empty):
     assert "Friction that differs with the load: fv1 +" in str(free)
     shared = identify_payload(arm.problem, [rough.loaded], "ls", friction_under_load=False)
     assert abs(shared.load.mass - 1.0) > 20.0 * free.load.mass_std
-    assert any("A load does not explain all" in warning for warning in shared.warnings)
+    assert any("A load does not explain all" in warning.message for warning in shared.warnings)
 
 
 def test_a_load_on_another_link_does_not_fit(arm, empty):
     found = identify_payload(empty, loaded(arm), "ls", link="link_5")
     assert found.link == "link_5" and found.joint == "joint_5"
-    assert any("the link that carries it" in warning for warning in found.warnings)
+    assert any("the link that carries it" in warning.message for warning in found.warnings)
 
 
 def test_what_does_not_belong_together_is_refused(arm, empty):

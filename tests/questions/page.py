@@ -32,12 +32,12 @@ is estimated, and says what is wrong, where, and what to change. Below is what i
 mistakes, sorted by where they are made; each of them is a test. Numbers are those of a small arm of
 two joints, `shoulder` and `elbow`.
 
-The exit code is 0 if nothing is wrong, 1 if an identification would stop, 4 if it would run and
-mislead. `--robot NAME` checks with another robot, `--json` prints everything for programs. What is
-fine is said too: what was looked at, and which parameters would be estimated from what, with which
-methods, in about what time (to a factor of two, of one processor; what is not compiled yet is told
-apart). A log with gaps is looked at between them, and the plan is that for the stretches that are
-left. In Python: `pivident.check.check_experiment("my_robot.toml")`.
+The exit code is 0 without errors, 1 if an identification would stop, 4 if it would run with wrong
+results. `--robot NAME` checks with another robot, `--json` prints everything for programs. The
+check also prints what it has looked at, and which parameters would be estimated from what, with
+which methods, in about what time (to a factor of two, of one processor; compiling is listed apart).
+A log with gaps is looked at between them, and the plan is that for the stretches that are left. In
+Python: `pivident.check.check_experiment("my_robot.toml")`.
 """
 
 
@@ -60,7 +60,7 @@ def answer_of(case: Case) -> str:
             os.chdir(before)
     lines = [*out.getvalue().splitlines(), *err.getvalue().splitlines()]
     line = next(line for line in lines if answered([line], case.answer)).replace(f"{folder}/", "")
-    return re.sub(r"^(\s*(wrong|look)\s+|error: )", "", line)
+    return re.sub(r"^(\s*(error|warning)\s+|error: )", "", line)
 
 
 def row(case: Case, answer: str) -> str:

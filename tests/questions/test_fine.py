@@ -13,7 +13,7 @@ HEADER, ROWS = TEXT.split("\n", 1)
 def test_a_clean_experiment_looks_fine(ask):
     code, lines = ask(Case("", (), log=log()))
     assert code == 0
-    assert lines[0] == "experiment.toml: looks fine"
+    assert lines[0] == "experiment.toml: no errors, no warnings"
     text = "\n".join(lines)
     assert "3200 samples at 1000 Hz" in text and "13 base parameters" in text
     assert "shoulder, elbow" in text and "methods        ls" in text and "expected time" in text
@@ -21,14 +21,14 @@ def test_a_clean_experiment_looks_fine(ask):
 
 def test_a_clean_urdf_looks_fine(ask):
     code, lines = ask(Case("", (), text=URDF_EXPERIMENT, log=log(), files={"arm.urdf": URDF}))
-    assert (code, lines[0]) == (0, "experiment.toml: looks fine")
+    assert (code, lines[0]) == (0, "experiment.toml: no errors, no warnings")
 
 
 def test_json_holds_the_same(ask):
     case = Case("", (), log=log(), command=("check", "experiment.toml", "--json"))
     code, lines = ask(case)
     content = json.loads("\n".join(line for line in lines if line[:1] in ' {}["'))
-    assert code == 0 and content["remarks"] == [] and content["severity"] == "fine"
+    assert code == 0 and content["remarks"] == [] and content["severity"] == "ok"
     assert content["plan"]["joints"] == ["shoulder", "elbow"]
     assert len(content["plan"]["parameters"]) == 13
 
@@ -52,5 +52,5 @@ def test_another_robot_can_be_tried(ask):
 )
 def test_habits_of_other_programs_are_no_mistakes(ask, content):
     code, lines = ask(Case("", (), log=content))
-    assert (code, lines[0]) == (0, "experiment.toml: looks fine")
+    assert (code, lines[0]) == (0, "experiment.toml: no errors, no warnings")
     assert "3200 samples at 1000 Hz" in "\n".join(lines)

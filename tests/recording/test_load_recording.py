@@ -14,8 +14,10 @@ from pivident.errors import (
     ShapeMismatch,
     UnknownColumn,
 )
+from pivident.logs.described_log import described_log
+from pivident.logs.read_log import read_log
 from pivident.logs.source_files import SourceFile
-from pivident.recording import load_recording
+from pivident.recording.load import load_recording, recording_from
 from pivident.robot.drives import with_drives
 from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
@@ -235,6 +237,45 @@ def test_a_bad_cell_is_named_with_file_line_and_column(tmp_path):
     (tmp_path / "run.csv").write_text("\n".join(lines))
     with pytest.raises(BadCell, match=r"run\.csv, line 43, column 'tau2': 'error'"):
         load_recording(tmp_path / "run.csv", NAMES)
+
+
+def test_a_log_is_made_strict(log):
+    columns = ARRAYS | {"t": "t"}
+    units = {"q": "deg", "tau": {"unit": "A", "gain": 2.0}}
+    lenient = read_log(log, columns, units=units)
+    assert not lenient.channels and np.array_equal(lenient.logged["q"], Q)
+    made, read = recording_from(lenient), load_recording(log, columns, units=units)
+    assert made.rate == read.rate == RATE and made.sources == read.sources
+    for channel, values in read.channels().items():
+        assert np.array_equal(made.channels()[channel], values)
+    judged = described_log(log, columns, units=units)
+    for channel, values in judged.channels.items():
+        assert np.array_equal(values, read.channels()[channel])
+
+
+def test_what_a_recording_refuses_is_a_fault_of_the_log(tmp_path):
+    path = tmp_path / "log.csv"
+    write_csv(path, TABLE)
+    lines = path.read_text().splitlines()
+    lines[7] = lines[7].rpartition(",")[0] + ",overflow"
+    path.write_text("\n".join(lines))
+    lenient = read_log(path, NAMES)
+    (fault,) = lenient.faults
+    assert isinstance(fault, BadCell) and (fault.line, fault.column) == (8, "tau2")
+    assert np.flatnonzero(np.isnan(lenient.logged["tau"][:, 1])).tolist() == [6]
+    with pytest.raises(BadCell, match="'overflow' is not a number"):
+        recording_from(lenient)
+
+
+def test_an_array_of_more_columns_than_joints_is_a_fault_of_the_log(tmp_path):
+    path = tmp_path / "log.npz"
+    np.savez(path, q=np.hstack([Q, Q]), tau=TAU)
+    lenient = read_log(path, {"q": "q", "tau": "tau"}, joint_names=("a", "b"), rate=RATE)
+    assert lenient.logged["q"].shape == (600, 4) and lenient.joint_names == ("a", "b")
+    with pytest.raises(RecordingError, match="no axis as long as there are joints"):
+        recording_from(lenient)
+    narrow = described_log(path, {"q": "q[:, :1]", "tau": "tau"}, joint_names=("a", "b"), rate=RATE)
+    assert narrow.joint_names == ("a",) and narrow.channels["tau"].shape == (600, 1)
 
 
 def test_channels_of_different_length_are_refused(tmp_path):

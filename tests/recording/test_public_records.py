@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from pivident.errors import IrregularSampling, RecordingError
-from pivident.recording import load_recording
 from pivident.recording.datasets import dataset_files
+from pivident.recording.load import load_recording
 from pivident.recording.public_records import (
     EMPS,
     KR300_TRANSMISSION,

@@ -11,7 +11,7 @@ from pivident.errors import (
     SaturatedSignal,
     ShapeMismatch,
 )
-from pivident.recording import Recording
+from pivident.recording.recording import Recording
 from pivident.robot.transmission import Transmission
 
 
@@ -35,6 +35,38 @@ def test_arrays_are_float64_in_c_order_and_read_only():
         assert values.flags.c_contiguous
         with pytest.raises(ValueError, match="read-only"):
             values[0, 0] = 1.0
+
+
+def test_arrays_alone_make_a_recording():
+    q, tau = motion()
+    made = Recording.from_arrays(q, tau, 100.0, q_ref=q, torque_timing="sampled")
+    assert made.joint_names == ("joint_1", "joint_2") and made.torque_timing == "sampled"
+    assert np.array_equal(made.q_ref, q)
+    names = ("shoulder", "elbow")
+    made = Recording.from_arrays(q.tolist(), tau, 100.0, joint_names=names, inputs={"u": tau})
+    assert made.joint_names == names and np.array_equal(made.inputs["u"], tau)
+
+
+def test_vectors_are_those_of_one_joint():
+    q, tau = motion(joints=1)
+    made = Recording.from_arrays(q[:, 0], tau[:, 0], 100.0, q_ref=q[:, 0], inputs={"u": q[:, 0]})
+    assert made.joints == 1
+    assert np.array_equal(made.q, q) and np.array_equal(made.q_ref, q)
+    assert made.inputs["u"].shape == q.shape
+
+
+def test_arrays_that_do_not_fit_are_refused():
+    q, tau = motion()
+    with pytest.raises(ShapeMismatch):
+        Recording.from_arrays(q, tau[:-1], 100.0)
+    with pytest.raises(ShapeMismatch):
+        Recording.from_arrays(q, tau[:, 0], 100.0)
+    with pytest.raises(ShapeMismatch):
+        Recording.from_arrays(1.0, tau, 100.0)
+    with pytest.raises(RecordingError, match="not an array of real numbers"):
+        Recording.from_arrays([[1.0, 2.0], [3.0]], tau, 100.0)
+    with pytest.raises(RecordingError, match="did you mean 'delay'"):
+        Recording.from_arrays(q, tau, 100.0, dealy=1e-3)
 
 
 def test_the_caller_keeps_arrays_that_can_be_written():

@@ -18,13 +18,13 @@ from pivident.consistency.options import ConsistencyOptions
 from pivident.diagnostics.diagnostics import diagnose_one
 from pivident.diagnostics.verdict import verdict
 from pivident.estimation.identify import identify
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
 from pivident.report.builder import render_report
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
 from pivident.report.sections.consistency import _figures
-from pivident.robot import load_robot
-from pivident.simulation.load_scenario import tx40_with_load
-from pivident.simulation.scenarios import TX40_ESSENTIAL
+from pivident.robot.gallery import load_robot
 from tests.browser import needs_browser, seen_on_a_phone
+from tests.load_scenario import tx40_with_load
 from tests.synthetic_identification import synthetic_identification
 
 
@@ -131,7 +131,7 @@ def verdict_of(diagnostics, found, **changes):
     (statement,) = [
         s
         for s in verdict(replace(diagnostics, consistent={"piv": changed})).statements
-        if s.topic == "physics" and "machine" in s.text
+        if s.topic == "physics" and "machine" in s.message
     ]
     return statement
 
@@ -151,15 +151,15 @@ def test_verdict_on_near_and_far_cheap_dear_and_unknown(diagnostics):
                 torque_error_free=0.1,
                 torque_error=error,
             )
-    assert {key: s.grade for key, s in told.items()} == {
-        (True, "cheap"): "good",
-        (True, "dear"): "caution",
+    assert {key: s.severity for key, s in told.items()} == {
+        (True, "cheap"): "ok",
+        (True, "dear"): "warning",
         (True, "unknown"): "note",
         (False, "cheap"): "note",
-        (False, "dear"): "caution",
-        (False, "unknown"): "caution",
+        (False, "dear"): "warning",
+        (False, "unknown"): "warning",
     }
     for (_, cost), s in told.items():
-        assert ("not known" in s.text) == (cost == "unknown")
-        assert ("predict as well" in s.text) <= (cost == "cheap")
-        assert "least distance 2.5 σ" in s.evidence and "2.8 σ" in s.evidence
+        assert ("not known" in s.message) == (cost == "unknown")
+        assert ("predict as well" in s.message) <= (cost == "cheap")
+        assert "least distance 2.5 σ" in s.basis and "2.8 σ" in s.basis

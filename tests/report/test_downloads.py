@@ -55,8 +55,8 @@ def test_signals_are_those_of_the_recording():
     for j, joint in enumerate(own.robot.joint_names):
         found = [float(row[f"{joint} speed [rad/s]"]) for row in rows]
         np.testing.assert_allclose(found, recording.dq[::3, j], rtol=1e-5, atol=1e-9)
-        voted = [row[f"{joint} voted [0 or 1]"] == "1" for row in rows]
-        np.testing.assert_array_equal(voted, ~recording.mask[::3, j])
+        used = [row[f"{joint} used [0 or 1]"] == "1" for row in rows]
+        np.testing.assert_array_equal(used, recording.used[::3, j])
     assert rows[2]["elbow measured torque [N m]"] == ""
 
 

@@ -9,6 +9,7 @@ import pytest
 
 import pivident as pv
 from pivident.recording.recording import Recording
+from pivident.text.finding import Finding
 from tests.synthetic_identification import synthetic_identification
 
 HOSTILE = "<script>alert(1)</script><img src=x onerror=alert(1)> & {{ 7 * 7 }}"
@@ -51,7 +52,9 @@ def recording(name="run"):
 
 @pytest.fixture(scope="module")
 def things():
-    result = synthetic_identification(warnings=(HOSTILE,), method=HOSTILE)
+    result = synthetic_identification(
+        warnings=(Finding("warning", HOSTILE, "kind", HOSTILE),), method=HOSTILE
+    )
     robot = replace(result.robot, description=HOSTILE, name=HOSTILE)
     result = replace(result, robot=robot)
     records = (recording(HOSTILE),)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from pivident.report import builder
 from pivident.report.audit.audit_page import render_page
 from pivident.report.builder import render_report

@@ -4,12 +4,19 @@ import numpy as np
 
 from pivident.report.result_findings import disagreements
 from pivident.report.result_findings import findings as remarks
+from pivident.text.finding import Finding
 from pivident.validation.residuals.residual_tests import residual_tests
 from tests.synthetic_identification import synthetic_identification
+
+FIRST = Finding("warning", "estimator", "noticed", "First.")
 
 
 def findings(identification):
     return remarks(identification, residual_tests(identification))
+
+
+def said(found):
+    return " ".join(f.advised for f in found)
 
 
 def good(**changes):
@@ -28,7 +35,7 @@ def with_residual(identification, residual):
 
 
 def test_own_warnings_come_first():
-    assert findings(replace(good(), warnings=("First.",)))[0] == "First."
+    assert findings(replace(good(), warnings=(FIRST,)))[0] == FIRST
 
 
 def test_nothing_to_remark():
@@ -37,9 +44,9 @@ def test_nothing_to_remark():
 
 
 def test_remarks_on_convergence():
-    text = " ".join(findings(replace(good(), converged=False)))
+    text = said(findings(replace(good(), converged=False)))
     assert "did not converge within 5 passes (last change 0.00080 %);" in text
-    assert "within 0 passes;" in " ".join(findings(replace(good(), converged=False, history=())))
+    assert "within 0 passes;" in said(findings(replace(good(), converged=False, history=())))
 
 
 def test_remarks_on_parameters():
@@ -47,36 +54,37 @@ def test_remarks_on_parameters():
     theta = identification.theta.copy()
     theta[identification.names.index("fv1")] *= -1.0
     theta[identification.names.index("zz2")] = 0.0
-    text = " ".join(
+    text = said(
         findings(replace(identification, theta=theta, robust_covariance=identification.covariance))
     )
-    assert "1 of 13 parameters are not told apart from zero, which their ±2σ includes: zz2." in text
+    assert "1 of 13 parameters are not significantly different from zero, which their ±2σ" in text
+    assert "includes: zz2." in text
     assert "Negative, as no friction or rotor inertia can be: fv1." in text
-    assert "13 of 13 parameters the robust" in " ".join(findings(good()))
+    assert "13 of 13 parameters the robust" in said(findings(good()))
 
 
 def test_remarks_on_noise():
     identification = good()
     joints = (replace(identification.joints[0], ar_at_bound=True), identification.joints[1])
     walk = np.cumsum(identification.recordings[0].whitened, axis=0)
-    text = " ".join(findings(with_residual(replace(identification, joints=joints), walk)))
+    text = said(findings(with_residual(replace(identification, joints=joints), walk)))
     assert "largest order allowed: shoulder" in text
-    assert "not white: shoulder, elbow. The method's own standard deviations assume" in text
+    assert "not white: shoulder, elbow. The method's own standard errors assume" in text
     robust = replace(identification, covariance=identification.robust_covariance)
-    text = " ".join(findings(with_residual(robust, walk)))
-    assert "not white: shoulder, elbow. The standard deviations allow for that" in text
+    text = said(findings(with_residual(robust, walk)))
+    assert "not white: shoulder, elbow. The standard errors account for that" in text
     assert "assume" not in text
 
 
 def test_residuals_that_are_hardly_correlated_are_not_remarked_on():
     long = np.random.default_rng(8).standard_normal((200_000, 2))
     hardly = with_residual(good(samples=199_999), long[1:] + 0.02 * long[:-1])
-    assert not any("not white" in text for text in findings(hardly))
+    assert not any("not white" in f.message for f in findings(hardly))
 
 
 def test_short_or_constant_residuals_are_not_tested():
     for residual in (np.zeros((2000, 2)), np.ones((20, 2)), np.full((2000, 2), np.nan)):
-        assert not any("not white" in text for text in findings(with_residual(good(), residual)))
+        assert not any("not white" in f.message for f in findings(with_residual(good(), residual)))
 
 
 def test_disagreements_name_parameter_and_methods():

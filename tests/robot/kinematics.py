@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pivident.robot import Robot
+from pivident.robot.description import Robot
 
 
 def homogeneous(rotation, translation):

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from pivident.robot import INERTIAL, Coupling, FrictionLaw, Joint, Link, Robot, Transmission
-from pivident.robot.description import UrdfFile
+from pivident.robot.description import INERTIAL, Coupling, Joint, Link, Robot, UrdfFile
 from pivident.robot.frames import rotation_from_rpy
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.transmission import Transmission
 from tests.dynamics.friction_laws import LAWS
 
 

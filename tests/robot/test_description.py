@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import Coupling, FrictionLaw, Joint, Link, Robot, Transmission, load_robot
-from pivident.robot.friction import coulomb, viscous
+from pivident.robot.description import Coupling, Joint, Link, Robot
+from pivident.robot.friction import FrictionLaw, coulomb, viscous
+from pivident.robot.gallery import load_robot
+from pivident.robot.transmission import Transmission
 
 DOWN = np.array([0.0, 0.0, -9.81])
 

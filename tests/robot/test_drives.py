@@ -2,7 +2,10 @@ import numpy as np
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import Coupling, load_robot, parse_modified_dh, with_drives
+from pivident.robot.description import Coupling
+from pivident.robot.drives import with_drives
+from pivident.robot.gallery import load_robot
+from pivident.robot.modified_dh import parse_modified_dh
 
 ARM = load_robot("planar_2r")
 

@@ -5,8 +5,8 @@ import pytest
 
 from pivident.dynamics.friction import friction_columns
 from pivident.errors import RobotDescriptionError
-from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
+    FrictionLaw,
     asymmetric_coulomb,
     asymmetric_viscous,
     coulomb,
@@ -17,6 +17,7 @@ from pivident.robot.friction import (
     stribeck,
     viscous,
 )
+from pivident.robot.gallery import load_robot
 
 SPEED = np.linspace(-2.0, 2.0, 9)
 

@@ -7,7 +7,8 @@ import pytest
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import RobotDescriptionError
-from pivident.robot import gallery_names, load_robot, read_urdf
+from pivident.robot.gallery import gallery_names, load_robot
+from pivident.robot.urdf import read_urdf
 from tests.robot.kinematics import gravity_torque, link_poses
 
 SIX_AXES = ["staubli_tx40", "mitsubishi_rv2sq"]

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.robot import parse_modified_dh, read_modified_dh
 from pivident.robot.inertia import from_center_of_mass, moved, tensor
+from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
 from tests.robot.kinematics import link_poses, shift, turn
 
 PENDULUM = """

@@ -3,7 +3,7 @@
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import parse_modified_dh, read_modified_dh
+from pivident.robot.modified_dh import parse_modified_dh, read_modified_dh
 
 TWO = """
 name = "two"

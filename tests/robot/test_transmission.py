@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import Transmission
+from pivident.robot.transmission import Transmission
 
 
 def coupled():

@@ -3,8 +3,8 @@ import gzip
 import numpy as np
 import pytest
 
-from pivident.robot import FrictionLaw, parse_urdf, read_urdf
-from pivident.robot.friction import asymmetric_coulomb, coulomb, viscous
+from pivident.robot.friction import FrictionLaw, asymmetric_coulomb, coulomb, viscous
+from pivident.robot.urdf import parse_urdf, read_urdf
 from tests.robot.kinematics import link_poses
 
 ARM = """<?xml version="1.0" encoding="utf-8"?>

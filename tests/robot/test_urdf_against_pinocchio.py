@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pivident.robot import parse_urdf, read_urdf
 from pivident.robot.frames import rotation_from_z_to
 from pivident.robot.inertia import moved
+from pivident.robot.urdf import parse_urdf, read_urdf
 from pivident.robot.urdf_xml import parse_model
 from tests.robot.kinematics import gravity_torque, link_poses
 

@@ -5,7 +5,8 @@ import gzip
 import pytest
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot import parse_urdf, read_urdf, urdf_xml
+from pivident.robot import urdf_xml
+from pivident.robot.urdf import parse_urdf, read_urdf
 
 INERTIA = '<inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/>'
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 
 CHANNELS = ("q", "dq", "ddq", "tau", "command")

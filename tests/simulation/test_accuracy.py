@@ -8,8 +8,15 @@ import pytest
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import asymmetric_coulomb, coulomb, offset, stribeck, viscous
+from pivident.robot.friction import (
+    FrictionLaw,
+    asymmetric_coulomb,
+    coulomb,
+    offset,
+    stribeck,
+    viscous,
+)
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD, PID, Cascade
 from tests.simulation.loops import (
     TX40_KD,

@@ -6,7 +6,7 @@ import pytest
 from pivident.dynamics.forward import make_model, mass_matrix
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from tests.robot.kinematics import potential_energy
 from tests.simulation.loops import TX40_KD, TX40_KP, reversals, run, signals_of

@@ -11,7 +11,7 @@ from pivident.errors import (
     ShapeMismatch,
     SimulationDiverged,
 )
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from tests.simulation.loops import (
     CHANNELS,

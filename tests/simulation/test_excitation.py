@@ -7,7 +7,7 @@ import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.excitation import (
     FourierSeries,
     motion_limits,

@@ -6,8 +6,8 @@ import pytest
 from pivident.dynamics.forward import friction_states, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import FrictionLaw, load_robot
 from pivident.robot.friction import (
+    FrictionLaw,
     asymmetric_viscous,
     coulomb,
     counterbalance,
@@ -21,6 +21,7 @@ from pivident.robot.friction import (
     spring,
     viscous,
 )
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD, PID, PythonController
 from tests.simulation.loops import TX40_KD, TX40_KP, relative_rms, reversals, run, signals_of
 from tests.simulation.test_accuracy import CONTRACT, TX40_MOTIONS

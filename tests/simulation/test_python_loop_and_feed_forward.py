@@ -8,7 +8,7 @@ import pytest
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD, PythonController, inverse_controller
 from pivident.simulation.feed_forward import computed_torque_feed_forward, gravity_feed_forward

@@ -6,12 +6,13 @@ import pytest
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.recording.recording import Recording
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import lugre, viscous
+from pivident.robot.friction import FrictionLaw, lugre, viscous
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import simulate_blocks
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from tests.simulation.loops import TX40_KD, TX40_KP, nominal_model, reversals, run, signals_of
 

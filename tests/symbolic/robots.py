@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from pivident.robot import Coupling, Joint, Link, Robot, Transmission
-from pivident.robot.description import STANDARD_GRAVITY
+from pivident.robot.description import STANDARD_GRAVITY, Coupling, Joint, Link, Robot
+from pivident.robot.transmission import Transmission
 
 
 def rotation(axis, angle):

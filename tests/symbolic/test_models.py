@@ -10,8 +10,8 @@ from pivident.dynamics.forward import mass_matrix as numeric_mass_matrix
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RobotDescriptionError
-from pivident.robot import FrictionLaw, load_robot
-from pivident.robot.friction import coulomb, dahl, load_dependent, viscous
+from pivident.robot.friction import FrictionLaw, coulomb, dahl, load_dependent, viscous
+from pivident.robot.gallery import load_robot
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix
@@ -115,7 +115,7 @@ def test_friction_with_memory_is_an_input_and_named():
     program = inverse_model(load_robot("planar_2r").with_friction(law))
     names = [argument.name for argument in program.inputs]
     assert names == ["q", "dq", "ddq", "inner"]
-    assert any(note.startswith("fc1: its friction remembers the path") for note in program.notes)
+    assert any(note.startswith("fc1: its friction has a memory") for note in program.notes)
     inner = observation_matrix(load_robot("planar_2r").with_friction(law)).inputs[-1]
     assert [s.name for s in inner.symbols] == ["z_fc1", "load_fl1", "z_fc2", "load_fl2"]
 

@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from pivident.dynamics.base_parameters import base_parameters
-from pivident.dynamics.grouping.expressions import call, cosine, sine, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import call, cosine, sine
 from pivident.dynamics.regressor import Regressor
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.composite_bodies import mass_matrix
 from pivident.symbolic.newton_euler import inverse_model
 from pivident.symbolic.observation_matrix import observation_matrix
 from pivident.symbolic.print_c import TILE, c_header, c_source
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.symbolic.robot_models import symbolic_models
 from tests.dynamics.friction_laws import law
 from tests.symbolic.evaluation import evaluated

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import sympy
 
-from pivident.dynamics.grouping.expressions import OperationCount, call, cosine, sine, symbol
-from pivident.symbolic.program import LONGEST, Input, Output, Program, output_array
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import OperationCount, call, cosine, sine
+from pivident.symbolic.assignments import MAX_OPERATIONS, Input, Output, output_array
+from pivident.symbolic.program import Program
 from tests.symbolic.evaluation import evaluated
 
 Q = Input("q", (symbol("q1"), symbol("q2")), "positions [rad]")
@@ -67,7 +69,7 @@ def test_long_expressions_are_cut():
         "sum", [Input("p", symbols)], Input("theta", ()), [Output("y", output_array([total]))]
     )
     longest = max(text.count("+") + text.count("*") for text in program.to_python().splitlines())
-    assert longest <= LONGEST + 2
+    assert longest <= MAX_OPERATIONS + 2
     p = np.random.default_rng(0).uniform(size=(3, 200))
     expected = p[:, 0] + (p[:, 1:] ** 2).sum(1)
     np.testing.assert_allclose(program.function()(p)[:, 0], expected, rtol=1e-14)

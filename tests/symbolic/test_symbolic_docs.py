@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pivident.cli.app import DONE, main
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.symbolic.robot_models import MODELS, symbolic_models
 
 TEXT = (Path(__file__).resolve().parents[2] / "docs" / "symbolic.md").read_text("utf-8")

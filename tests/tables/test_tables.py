@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import pivident as pv
-from pivident.audit.audit import audit_file
+from pivident.audit.audit_file import audit_file
 from pivident.consistency.consistent_model import make_consistent
 from pivident.consistency.profile_intervals import ProfileIntervals
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.extras import MissingExtra
-from pivident.tables import Table, TableError, table, table_names
-from pivident.tables.chosen import TABLES
+from pivident.tables.chosen import TABLES, table, table_names
+from pivident.tables.columns import Table, TableError
 from pivident.validation.residuals.residual_tests import residual_tests
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
@@ -119,7 +119,7 @@ def test_an_audit_has_its_findings(problem, tmp_path):
     (audit, *_) = audit_file(next(tmp_path.glob("*.toml")))
     frame = table(audit).to_polars()
     assert frame.height == len(audit.findings) > 0
-    assert {"severity", "value", "unit", "sentence", "step"} <= set(frame.columns)
+    assert {"severity", "value", "unit", "message", "next_step"} <= set(frame.columns)
 
 
 def test_unknown_tables_and_things_are_named(result):

@@ -4,10 +4,11 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 
 _W = np.linspace(0.0, np.pi, 10001)

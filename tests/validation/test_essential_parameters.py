@@ -8,15 +8,16 @@ import pytest
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, Bandpass, LeastSquares, RandomWalk
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
+from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL, tx40_fine
 from pivident.recording.public_records import load_staubli_tx40
-from pivident.robot import load_robot
 from pivident.robot.friction import FrictionLaw, coulomb, offset, viscous
-from pivident.simulation.scenarios import TX40_ESSENTIAL, tx40_fine
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.virtual_pd import virtual_pd
-from pivident.validation import essential_parameters as module
 from pivident.validation.elimination import EliminationRound, design_effect, torque_sums
 from pivident.validation.essential_parameters import essential_parameters
+from pivident.validation.essential_parameters import essential_parameters as module
 from tests.validation import one_axis as axis
 
 FULL_RATE = LeastSquares(signals=RandomWalk())

@@ -6,7 +6,7 @@ from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
-from pivident.simulation.scenarios import tx40_scenario
+from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.validation import robust_covariance
 from pivident.validation.robust_covariance import (
     Scores,

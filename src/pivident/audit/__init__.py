@@ -1,9 +1,5 @@
 """The audit of a log: what is wrong with it, before anything is identified from it."""
 
-from pivident.audit.audit import Audit as Audit
-from pivident.audit.audit import audit_file as audit_file
-from pivident.audit.audit import audit_log as audit_log
-from pivident.audit.described_reading import described_log as described_log
-from pivident.audit.finding import Finding as Finding
-from pivident.audit.log import Log as Log
-from pivident.audit.reading import bare_log as bare_log
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,31 +6,28 @@ once for every number that depends on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from pathlib import Path
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from pivident.audit.delay import Delay, check_delay
 from pivident.audit.excitation import Excitation, check_excitation
-from pivident.audit.finding import Finding, Severity, worst
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.order import Order, check_order
 from pivident.audit.power import Power, check_power, mechanical_power
 from pivident.audit.quantisation import Quantisation, check_quantisation
-from pivident.audit.reading import bare_log, entry_log
 from pivident.audit.saturation import check_channels
 from pivident.audit.scale import Scale, check_assumed, check_positions, check_reach, check_scale
 from pivident.audit.speed import check_speeds
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
-from pivident.robot.description import Robot
+from pivident.logs.log import Log
+from pivident.text.finding import Finding, Quantity, Severity, worst
 
 #: Version of the layout of ``audit.json``.
-SCHEMA = 1
+SCHEMA = 2
 
 #: Share of a joint's torque that its inverse model may leave unexplained.
 UNEXPLAINED = 0.5
@@ -75,7 +72,7 @@ class Audit:
 
     def of(self, check: str) -> tuple[Finding, ...]:
         """Findings of one check, such as ``delay``."""
-        return tuple(finding for finding in self.findings if finding.check == check)
+        return tuple(finding for finding in self.findings if finding.topic == check)
 
     def as_json(self) -> dict[str, Any]:
         """Everything as plain values."""
@@ -116,83 +113,21 @@ class Audit:
         }
 
 
-def audit_file(
-    path: str | Path,
-    robot: Robot | None = None,
-    experiment: str | Path | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> tuple[Audit, ...]:
-    """Audit a log, or every log that an experiment file names.
-
-    Args:
-        path: a log (.csv, .txt, .tsv, .npz, .mat, .parquet), or an experiment file (.toml).
-        robot: the robot, for a log without experiment file.
-        experiment: experiment file that says what the columns of the log are.
-        progress: called with one line at each stage.
-
-    Raises:
-        RecordingError: the log cannot be read at all, or the arguments contradict each other.
-        ExperimentError: the experiment file cannot be used.
-        RobotDescriptionError: its robot cannot be used.
-    """
-    say = progress or (lambda line: None)
-    path = Path(path)
-    is_experiment = path.suffix.lower() == ".toml"
-    if is_experiment and (experiment is not None or robot is not None):
-        raise RecordingError(
-            f"{path.name} is an experiment file, which names robot and columns itself; leave "
-            "--robot and --experiment out, or name the log instead"
-        )
-    if not is_experiment and experiment is None:
-        say(f"reading {path.name}")
-        return (audit_log(bare_log(path, robot), say),)
-
-    from pivident.experiment import load_experiment
-    from pivident.experiment.experiment import errors_name
-
-    given = load_experiment(path if is_experiment else Path(str(experiment)))
-    entries = given.content.recording if is_experiment else given.content.recording[:1]
-    audits = []
-    for entry in entries:
-        say(f"reading {entry.name or entry.dataset or path.name}")
-        with errors_name(given.path, "[recording]"):
-            log = entry_log(
-                entry, robot or given.robot, given.path.parent, None if is_experiment else path
-            )
-        audits.append(audit_log(log, say))
-    return _excited_together(audits)
-
-
-def _excited_together(audits: Sequence[Audit]) -> tuple[Audit, ...]:
-    """Recordings of one experiment are identified together, so they are excited together."""
-    models = [audit.model for audit in audits if audit.model is not None]
-    if len(models) < 2:
-        return tuple(audits)
-    together = check_excitation(models)
-    return tuple(
-        audit
-        if audit.model is None
-        else replace(
-            audit,
-            excitation=together,
-            findings=(*(f for f in audit.findings if f.check != "excitation"), *together.findings),
-        )
-        for audit in audits
-    )
-
-
 def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
     """Carry out every check that a log allows.
 
     Args:
         log: the log.
         progress: called with one line at each stage.
+
+    Returns:
+        The findings, with the clock and the resolution of every channel.
     """
     say = progress or (lambda line: None)
     say("looking at clock and channels")
     timing = check_timing(log)
     quantisation = check_quantisation(log)
-    findings = [Finding("fine", "reading", "columns", note) for note in log.notes]
+    findings = [Finding("ok", "reading", "columns", note) for note in log.notes]
     findings += check_assumed(log)
     findings += [*timing.findings, *check_channels(log), *quantisation.findings]
     findings += check_speeds(log, timing)
@@ -205,9 +140,7 @@ def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
         return Audit(log, tuple(findings), timing, quantisation)
     say("comparing torque and motion")
     try:
-        if not timing.rate:
-            raise RecordingError("the sampling rate is not known")
-        model: InverseModel | None = build_inverse_model(log, timing)
+        model: InverseModel | None = _inverse_model(log, timing)
     except (PividentError, np.linalg.LinAlgError) as error:
         findings += check_reach(log, timing)
         findings.append(_not_judged(str(error)))
@@ -231,11 +164,11 @@ def _with_model(
 ) -> Audit:
     """The checks that need the inverse model; each fault is made good for the next."""
     order = check_order(model)
-    if any(f.severity == "wrong" for f in order.findings):
+    if any(f.severity == "error" for f in order.findings):
         model = model.reordered(order.torque_of)
     say("looking for a delay")
     delay = check_delay(log, model)
-    if any(f.severity == "wrong" and f.where == "" for f in delay.findings):
+    if any(f.severity == "error" and f.subject == "" for f in delay.findings):
         model = model.delayed(delay.common[0])
     say("looking at signs, gains and excitation")
     power = check_power(log, model)
@@ -265,28 +198,35 @@ def _unexplained(model: InverseModel) -> list[Finding]:
             share = "nothing" if not np.isfinite(error) else f"{100 * (1 - error):.3g} %"
             findings.append(
                 Finding(
-                    "look",
+                    "warning",
                     "model",
                     "unexplained",
                     f"The inverse model explains {share} of the torque of {joint.name}.",
                     joint.name,
                     "Check the column, the geometry and the friction law of this joint.",
-                    value=100 * float(error),
-                    unit="%",
-                    bound=100 * UNEXPLAINED,
+                    evidence={
+                        "unexplained": Quantity(100 * float(error), "%", bound=100 * UNEXPLAINED)
+                    },
                 )
             )
     return findings
 
 
+def _inverse_model(log: Log, timing: Timing) -> InverseModel:
+    """Rows τ = Φ θ of a log whose clock is known."""
+    if not timing.rate:
+        raise RecordingError("the sampling rate is not known")
+    return build_inverse_model(log, timing)
+
+
 def _not_judged(reason: str) -> Finding:
     """What could not be said, and why."""
     return Finding(
-        "fine",
+        "ok",
         "reading",
         "not judged",
         f"Delay, signs, gains and excitation were not judged: {reason}.",
-        step="Give the robot (--robot) and the columns (--experiment).",
+        next_step="Give the robot (--robot) and the columns (--experiment).",
     )
 
 

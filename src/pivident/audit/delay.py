@@ -17,9 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
-from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import InverseModel
-from pivident.audit.log import Log
+from pivident.logs.log import Log
+from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import with_spread
 
 #: Shifts that are tried [s], but at least so many samples on each side.
@@ -159,7 +159,7 @@ def _findings(
     if not np.isfinite(mean):
         text = "The motion does not tell whether torque and position were logged together."
         step = "Log a motion with reversals and accelerations."
-        return [Finding("fine", "delay", "unknown", text, step=step)]
+        return [Finding("ok", "delay", "unknown", text, next_step=step)]
     sharp = np.isfinite(estimates)
     most = int(np.argmax(np.where(sharp, effects, 0.0)))
     severity = _severity(mean, deviation, float(gains[most]), float(effects[most]), period)
@@ -171,7 +171,7 @@ def _findings(
         + (f", beyond the declared delay of {_milliseconds(log.delay)}." if log.delay else ".")
     )
     step = ""
-    if severity != "fine":
+    if severity != "ok":
         step = f"Set delay = {total:.3g} under [recording]."
         if total < 0:
             step += (
@@ -186,11 +186,15 @@ def _findings(
             "delay",
             "late" if mean > 0 else "early",
             text,
-            step=step,
-            value=1e3 * mean,
-            unit="ms",
-            bound=1e3 * LONG * period,
-            interval=(1e3 * (mean - 2 * deviation), 1e3 * (mean + 2 * deviation)),
+            next_step=step,
+            evidence={
+                "delay": Quantity(
+                    1e3 * mean,
+                    "ms",
+                    bound=1e3 * LONG * period,
+                    interval=(1e3 * (mean - 2 * deviation), 1e3 * (mean + 2 * deviation)),
+                )
+            },
         )
     ]
     for j in np.flatnonzero(sharp):
@@ -202,7 +206,7 @@ def _findings(
         )
         apart, uncertain = float(estimates[j] - rest), float(np.hypot(deviations[j], its_deviation))
         own = _severity(apart, uncertain, float(gains[j]), float(effects[j]), period)
-        if own == "fine":
+        if own == "ok":
             continue
         name = model.robot.joints[j].name
         findings.append(
@@ -215,10 +219,14 @@ def _findings(
                 "of the other joints.",
                 name,
                 "One delay for all joints does not fit; log the channels at the same instants.",
-                value=1e3 * apart,
-                unit="ms",
-                bound=1e3 * LONG * period,
-                interval=(1e3 * (apart - 2 * uncertain), 1e3 * (apart + 2 * uncertain)),
+                evidence={
+                    "delay": Quantity(
+                        1e3 * apart,
+                        "ms",
+                        bound=1e3 * LONG * period,
+                        interval=(1e3 * (apart - 2 * uncertain), 1e3 * (apart + 2 * uncertain)),
+                    )
+                },
             )
         )
     return findings
@@ -229,11 +237,11 @@ def _severity(
 ) -> Severity:
     """How bad a delay is: clear of noise, long enough, and visible in residual and torque."""
     if abs(delay) <= CLEAR * deviation:
-        return "fine"
+        return "ok"
     if abs(delay) > LONG * period and gain > GAIN_WRONG and effect > EFFECT_WRONG:
-        return "wrong"
+        return "error"
     visible = gain > GAIN_LOOK and effect > EFFECT_LOOK
-    return "look" if visible and abs(delay) > SHORT * period else "fine"
+    return "warning" if visible and abs(delay) > SHORT * period else "ok"
 
 
 def _with_interval(seconds: float, half: float) -> str:

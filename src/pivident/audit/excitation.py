@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import OVERSAMPLING, InverseModel
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.text.finding import Finding, Quantity, Severity
 
 #: Singular values below this, relative to the largest one, count as zero.
 RANK = 1e-6
@@ -231,9 +231,9 @@ def _findings(
         who = f"The motions of all {len(models)} recordings together separate"
     text = f"{who} {rank} of {len(names)} base parameters; condition {condition:.4g}."
     bad = rank < len(names)
-    severity: Severity = "wrong" if bad else "look" if condition > CONDITION else "fine"
+    severity: Severity = "error" if bad else "warning" if condition > CONDITION else "ok"
     step = ""
-    if severity != "fine":
+    if severity != "ok":
         step = "Add motions as below, or name fewer parameters under [identify]."
     findings = [
         Finding(
@@ -241,21 +241,22 @@ def _findings(
             "excitation",
             "rank",
             text,
-            step=step,
-            value=condition,
-            bound=CONDITION,
+            next_step=step,
+            evidence={"condition": Quantity(condition, bound=CONDITION)},
         )
     ]
     for vector in unseen:
         first = np.argsort(-np.abs(vector))[:4]
         group = [int(k) for k in first if abs(vector[k]) > 0.3 * np.abs(vector).max()]
         listed = ", ".join(names[k] for k in group)
-        words = f"{listed} cannot be separated" if len(group) > 1 else f"{listed} has no effect"
+        kind, words = "inseparable", f"{listed} cannot be separated"
+        if len(group) == 1:
+            kind, words = "no effect", f"{listed} has no effect"
         findings.append(
             Finding(
-                "wrong",
+                "error",
                 "excitation",
-                "inseparable",
+                kind,
                 f"{words} in this motion.",
                 listed,
                 _motion(model, parameters[group[0]], parts[group[0]], ranges),
@@ -268,16 +269,14 @@ def _findings(
         share = 100 * float(open_torque[k])
         findings.append(
             Finding(
-                "look" if open_torque[k] > WEAK else "fine",
+                "warning" if open_torque[k] > WEAK else "ok",
                 "excitation",
                 "weak",
                 f"{names[k]} is poorly excited: alone it leaves {share:.3g} % of the torque of "
                 f"full motion open; the log has {100 * used[k]:.2g} % of its column there.",
                 names[k],
                 _motion(model, parameters[k], parts[k], ranges),
-                value=share,
-                unit="%",
-                bound=100 * WEAK,
+                evidence={"open torque": Quantity(share, "%", bound=100 * WEAK)},
             )
         )
     for j, joint in enumerate(model.robot.joints):
@@ -288,7 +287,7 @@ def _findings(
             )
         )
         findings.append(
-            Finding("fine", "excitation", "used", f"{joint.name} uses {shares}.", joint.name)
+            Finding("ok", "excitation", "used", f"{joint.name} uses {shares}.", joint.name)
         )
     return findings
 

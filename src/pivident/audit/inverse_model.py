@@ -16,12 +16,12 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from pivident.audit.blocked_fit import BLOCKS, orthonormal
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RecordingError
+from pivident.logs.log import Log
 from pivident.robot.description import Robot
 from pivident.signals.alignment import torque_shift
 from pivident.signals.bandpass import bandpass, butterworth

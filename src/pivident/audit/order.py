@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.audit.finding import Finding
 from pivident.audit.inverse_model import InverseModel
+from pivident.text.finding import Finding, Quantity
 
 #: Another order must shrink the error of each joint that it moves by this factor, on average.
 BETTER = 2.0
@@ -55,7 +55,7 @@ def check_order(model: InverseModel) -> Order:
         text = "Each torque fits the joint beside it better than any other order of the columns."
         if joints == 1:
             return Order((), errors, (0,))
-        return Order((Finding("fine", "order", "order", text),), errors, tuple(range(joints)))
+        return Order((Finding("ok", "order", "order", text),), errors, tuple(range(joints)))
     pairs = ", ".join(f"{names[j]} takes the torque of {names[best[j]]}" for j in moved)
     factor = float(np.exp(gain / moved.size))
     text = (
@@ -63,13 +63,12 @@ def check_order(model: InverseModel) -> Order:
         f"by a factor of {factor:.3g}."
     )
     finding = Finding(
-        "wrong",
+        "error",
         "order",
         "order",
         text,
         ", ".join(names[j] for j in moved),
         "Change the order of the columns of tau, or that of q.",
-        value=factor,
-        bound=BETTER,
+        evidence={"factor": Quantity(factor, bound=BETTER)},
     )
     return Order((finding,), errors, tuple(int(k) for k in best))

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife, orthonormal
-from pivident.audit.finding import Finding, Severity
 from pivident.audit.inverse_model import InverseModel
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.robot.friction import FrictionColumn
+from pivident.text.finding import Finding, Quantity, Severity, at_sample
 from pivident.text.numbers import with_spread
 
 #: A power counts as negative from this many of its deviations on.
@@ -102,16 +102,20 @@ def mechanical_power(log: Log) -> list[Finding]:
         if total + CLEAR * deviation < 0 and total < -0.05 * turnover[j]:
             findings.append(
                 Finding(
-                    "look",
+                    "warning",
                     "power",
                     "gives energy",
                     f"{name} gives {abs(total):.3g} J instead of taking energy from its drive.",
                     name,
                     "Torque or position may have the wrong sign; --robot tells for certain.",
-                    value=total,
-                    unit="J",
-                    bound=0.0,
-                    interval=(total - 2 * deviation, total + 2 * deviation),
+                    evidence={
+                        "energy": Quantity(
+                            total,
+                            "J",
+                            bound=0.0,
+                            interval=(total - 2 * deviation, total + 2 * deviation),
+                        )
+                    },
                 )
             )
     return findings
@@ -152,11 +156,11 @@ def _power_finding(
     clear: bool,
 ) -> Finding:
     name = model.robot.joints[j].name
-    severity: Severity = "fine"
+    severity: Severity = "ok"
     step = ""
     if j in negative:
         # Of a torque that the model hardly explains, a fraction proves nothing.
-        severity = "wrong" if model.relative_errors[j] < EXPLAINED else "look"
+        severity = "error" if model.relative_errors[j] < EXPLAINED else "warning"
         step = (
             f"Flip tau or q of {name}: a list under units with -1.0 in place of N m, N, rad or m."
         )
@@ -174,10 +178,11 @@ def _power_finding(
         text,
         name,
         step,
-        value=power,
-        unit="W",
-        bound=0.0,
-        interval=(power - 2 * deviation, power + 2 * deviation),
+        evidence={
+            "friction power": Quantity(
+                power, "W", bound=0.0, interval=(power - 2 * deviation, power + 2 * deviation)
+            )
+        },
     )
 
 
@@ -200,7 +205,7 @@ def _gravity_at_rest(
         allowed = friction + DESCRIPTION * abs(weight)
         off = abs(held - weight) > allowed
         opposite = held * weight < 0 and abs(held) > friction
-        severity: Severity = "wrong" if opposite else "look" if off else "fine"
+        severity: Severity = "error" if opposite else "warning" if off else "ok"
         unit = "N m" if joint.kind == "revolute" else "N"
         sample = model.first + int(model.at[heaviest])
         findings.append(
@@ -212,14 +217,17 @@ def _gravity_at_rest(
                 f"{weight:.3g} {unit}, friction {friction:.2g} {unit}.",
                 joint.name,
                 ""
-                if severity == "fine"
+                if severity == "ok"
                 else "Check the sign of the torque, the direction of gravity, the zero of the "
                 "position and the gain.",
-                value=held,
-                unit=unit,
-                interval=(weight - allowed, weight + allowed) if severity != "fine" else None,
-                sample=sample,
-                time=log.time_of(sample),
+                evidence={
+                    "torque": Quantity(
+                        held,
+                        unit,
+                        interval=(weight - allowed, weight + allowed) if severity != "ok" else None,
+                    ),
+                    **at_sample(sample, log.time_of(sample)),
+                },
             )
         )
     return findings

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.audit.finding import Finding
-from pivident.audit.log import Log
+from pivident.logs.log import Log
+from pivident.text.finding import Finding, Quantity
 
 #: Values examined of a channel.
 MAX_VALUES = 20_000
@@ -157,14 +157,13 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
         step = "Write the log with more digits (%.12g), or as .npz or .parquet." if limits else ""
         findings.append(
             Finding(
-                "look" if limits else "fine",
+                "warning" if limits else "ok",
                 "quantisation",
                 "digits",
                 text,
                 name,
                 step,
-                value=float(grid.digits),
-                unit="digits",
+                evidence={"digits": Quantity(float(grid.digits), "digits")},
             )
         )
     if not math.isfinite(grid.step):
@@ -184,15 +183,21 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
         )
     findings.append(
         Finding(
-            "look" if few else "fine",
+            "warning" if few else "ok",
             "quantisation",
             "step",
             text,
             name,
             step,
-            value=grid.step,
-            unit="unit of the file",
-            bound=float(np.ptp(values)) / MIN_LEVELS[kind] if MIN_LEVELS.get(kind) else None,
+            evidence={
+                "step": Quantity(
+                    grid.step,
+                    "unit of the file",
+                    bound=float(np.ptp(values)) / MIN_LEVELS[kind]
+                    if MIN_LEVELS.get(kind)
+                    else None,
+                )
+            },
         )
     )
     return findings

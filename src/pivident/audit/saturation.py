@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from pivident.audit.finding import Finding, Severity
-from pivident.audit.log import Log
+from pivident.logs.log import Log
 from pivident.recording.checks import TOLERATED_CLIPPING
 from pivident.recording.saturation import clipped_samples
+from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
 #: A spike stands out of its neighbourhood by so many of its standard deviations.
 SPIKE = 12.0
@@ -53,27 +53,29 @@ def _missing(log: Log, name: str, values: np.ndarray) -> list[Finding]:
         return []
     return [
         Finding(
-            "wrong",
+            "error",
             "channels",
             "missing",
             f"{name} has {bad.size} sample(s) that are empty, NaN or infinite, the first at "
             f"sample {bad[0]}.",
             name,
             "Cut the recording there, or repair the log.",
-            value=float(bad.size),
-            unit="samples",
-            sample=int(bad[0]),
-            time=log.time_of(int(bad[0])),
+            evidence={
+                "missing": Quantity(float(bad.size), "samples"),
+                **at_sample(int(bad[0]), log.time_of(int(bad[0]))),
+            },
         )
     ]
 
 
 def _constant(name: str, value: float) -> Finding:
     kind = name.partition(" of ")[0]
-    severity: Severity = "wrong" if kind in ("q", "tau") else "fine"
-    step = "Check its column, or freeze that joint and leave it out." if severity == "wrong" else ""
+    severity: Severity = "error" if kind in ("q", "tau") else "ok"
+    step = "Check its column, or freeze that joint and leave it out." if severity == "error" else ""
     text = f"{name} is {value:.6g} at every sample."
-    return Finding(severity, "channels", "constant", text, name, step, value=value)
+    return Finding(
+        severity, "channels", "constant", text, name, step, evidence={"value": Quantity(value)}
+    )
 
 
 def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Finding]:
@@ -105,18 +107,17 @@ def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Findi
     largest = float(height[spikes].max())
     return [
         Finding(
-            "look",
+            "warning",
             "channels",
             "spike",
             f"{name} has {len(spikes)} single sample(s) that stick out, by up to {largest:.4g}; "
             f"the first is sample {first}.",
             name,
             "Remove them (bandpass = {median = 3} under [identify] does), and ask the logger why.",
-            value=largest,
-            unit="unit of the file",
-            bound=SPIKE * usual,
-            sample=first,
-            time=log.time_of(first),
+            evidence={
+                "height": Quantity(largest, "unit of the file", bound=SPIKE * usual),
+                **at_sample(first, log.time_of(first)),
+            },
         )
     ]
 
@@ -131,7 +132,7 @@ def _clipped(
         return []
     share = clipped.size / len(tau)
     first, value = int(place[clipped[0]]), float(tau[clipped[0]])
-    severity: Severity = "wrong" if share > TOLERATED_CLIPPING else "look"
+    severity: Severity = "error" if share > TOLERATED_CLIPPING else "warning"
     return [
         Finding(
             severity,
@@ -141,11 +142,10 @@ def _clipped(
             f"({100 * share:.2g} %), first at sample {first}.",
             name,
             "Cut these parts, or repeat the motion more slowly.",
-            value=100 * share,
-            unit="%",
-            bound=100 * TOLERATED_CLIPPING,
-            sample=first,
-            time=log.time_of(first),
+            evidence={
+                "share": Quantity(100 * share, "%", bound=100 * TOLERATED_CLIPPING),
+                **at_sample(first, log.time_of(first)),
+            },
         )
     ]
 
@@ -161,16 +161,14 @@ def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
         return []
     return [
         Finding(
-            "wrong",
+            "error",
             "channels",
             "stuck",
             f"{name} is exactly {values[counts.argmax()]:.4g} during {100 * share:.3g} % of the "
             "motion of its joint.",
             name,
             "The channel does not measure this joint; leave the joint out, or log it otherwise.",
-            value=100 * share,
-            unit="%",
-            bound=100 * ONE_VALUE,
+            evidence={"share": Quantity(100 * share, "%", bound=100 * ONE_VALUE)},
         )
     ]
 
@@ -185,16 +183,14 @@ def _wrapped(log: Log, name: str, q: np.ndarray, place: np.ndarray) -> list[Find
             k = int(place[at[0]])
             return [
                 Finding(
-                    "wrong",
+                    "error",
                     "channels",
                     "wrapped",
                     f"{name} jumps by a full turn ({unit}) {at.size} time(s), first after sample "
                     f"{k}.",
                     name,
                     "Unwrap the angle before it is logged or read.",
-                    value=float(at.size),
-                    sample=k,
-                    time=log.time_of(k),
+                    evidence={"jumps": Quantity(float(at.size)), **at_sample(k, log.time_of(k))},
                 )
             ]
     return []

@@ -15,15 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
-from pivident.audit.finding import Finding, Severity
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
-from pivident.errors import PividentError
+from pivident.errors import PividentError, PositionsBeyondLimits
+from pivident.logs.log import Log
+from pivident.logs.torque_scale import scale_sentences
 from pivident.recording.checks import check_within_reach
-from pivident.recording.torque_scale import scale_sentences
 from pivident.robot.description import Robot
+from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import plus_minus
 
 #: A gain that differs from 1 by this factor deserves a look, by that one it is wrong.
@@ -64,7 +64,7 @@ class Scale:
 
 
 def check_assumed(log: Log) -> list[Finding]:
-    """Scales of the torque that were taken from the description, or guessed.
+    """Scales of the torque that were taken from the description, or assumed.
 
     A factor of 1 between log and description confirms nothing then.
 
@@ -72,7 +72,7 @@ def check_assumed(log: Log) -> list[Finding]:
         log: the log, with the marks of its units.
     """
     return [
-        Finding("look", "scale", "assumed", sentence)
+        Finding("warning", "scale", "assumed", sentence)
         for sentence in scale_sentences(log.torque_scale)
     ]
 
@@ -115,10 +115,10 @@ def check_scale(log: Log, model: InverseModel) -> Scale:
     blunt = ~(deviations < BLUNT * np.abs(factors))
     factors[blunt] = np.nan
     findings = _gain_findings(log, model, factors, deviations)
-    if any(f.severity != "fine" for f in findings):
+    if any(f.severity != "ok" for f in findings):
         load = flange_load(model, factors)
         if load is not None and _gains_agree(load, [j for j in range(joints) if j in log.commands]):
-            fine = [f for f in findings if f.severity == "fine"]
+            fine = [f for f in findings if f.severity == "ok"]
             findings = [*fine, _load_finding(model.robot, load)]
     return Scale(tuple(findings), factors, deviations)
 
@@ -135,7 +135,7 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
     last = robot.joints[-1].name
     low, high = load.mass - 2 * load.deviation, load.mass + 2 * load.deviation
     return Finding(
-        "look",
+        "warning",
         "scale",
         "load",
         f"The torques show a body of {plus_minus(load.mass, 2 * load.deviation)} kg (2σ of the "
@@ -145,9 +145,7 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
         f"A tool or a payload? Add its mass, centre of mass and inertia to the link of {last} in "
         "the file that model names under [robot]. Left as it is, its parameters become part of "
         "those of this link, which is right for torques of the arm with it.",
-        value=load.mass,
-        unit="kg",
-        interval=(low, high),
+        evidence={"mass": Quantity(load.mass, "kg", interval=(low, high))},
     )
 
 
@@ -166,19 +164,17 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
     for j, joint in enumerate(robot.joints):
         try:
             check_within_reach("q", finite, _only(robot, j))
-        except PividentError as error:
-            sentence, _, step = str(error).partition("; ")
-            middle = sum(joint.position_limits or (0.0, 0.0)) / 2.0
+        except PositionsBeyondLimits as error:
+            bound = error.limits[int(error.position > error.limits[1])]
             findings.append(
                 Finding(
-                    "wrong",
+                    "error",
                     "scale",
                     "reach",
-                    sentence + ".",
+                    f"{error.fact}.",
                     joint.name,
-                    step[0].upper() + step[1:],
-                    value=float(finite[np.argmax(np.abs(finite[:, j] - middle)), j]),
-                    unit="rad" if joint.kind == "revolute" else "m",
+                    error.advice[0].upper() + error.advice[1:],
+                    {"position": Quantity(error.position, error.unit, bound=bound)},
                 )
             )
             continue
@@ -189,16 +185,14 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
         if fastest > FASTEST * joint.rated_speed:
             findings.append(
                 Finding(
-                    "wrong",
+                    "error",
                     "scale",
                     "speed",
                     f"{joint.name} would move at {fastest:.3g} {unit}; it is rated for "
                     f"{joint.rated_speed:.3g} {unit}.",
                     joint.name,
                     "Check the unit of the positions, the reduction and the sampling rate.",
-                    value=fastest,
-                    unit=unit,
-                    bound=FASTEST * joint.rated_speed,
+                    evidence={"speed": Quantity(fastest, unit, bound=FASTEST * joint.rated_speed)},
                 )
             )
     return findings
@@ -234,16 +228,14 @@ def _another_position_unit(
         there = _total_error(other)
         if there < BETTER * here:
             finding = Finding(
-                "wrong",
+                "error",
                 "scale",
                 "angle unit",
                 f"The positions seem to be in {meant} where {said} was taken: the inverse model "
                 f"then leaves {100 * there:.3g} % of the torque instead of {100 * here:.3g} %.",
                 "q",
                 f'Set units = {{q = "{meant}"}} under [recording].',
-                value=100 * here,
-                unit="%",
-                bound=100 * here * BETTER,
+                evidence={"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)},
             )
             return finding, other
     return None
@@ -263,7 +255,7 @@ def _joint_side_already(
     if not there < BETTER * here:
         return None
     finding = Finding(
-        "wrong",
+        "error",
         "scale",
         "side",
         "The positions seem to be of the joint side, but were divided by the gear ratios: the "
@@ -271,9 +263,7 @@ def _joint_side_already(
         f"{100 * here:.3g} %.",
         "q",
         'Set side = {q = "joint"} under [recording].',
-        value=100 * here,
-        unit="%",
-        bound=100 * here * BETTER,
+        evidence={"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)},
     )
     return finding, other
 
@@ -346,7 +336,7 @@ def _gain_findings(
         severity, step = _judged_gain(a, deviation, float(reduction[j]))
         if j in log.commands:
             unit = "N m" if joint.kind == "revolute" else "N"
-            severity = "look"
+            severity = "warning"
             low, high = sorted((1 / interval[0], 1 / interval[1]))
             text = (
                 f"{joint.name} was logged as a drive command without a gain; the description "
@@ -361,9 +351,11 @@ def _gain_findings(
                 text,
                 joint.name,
                 step,
-                value=a,
-                bound=LOOK if severity != "wrong" else WRONG,
-                interval=interval,
+                evidence={
+                    "factor": Quantity(
+                        a, bound=LOOK if severity != "error" else WRONG, interval=interval
+                    )
+                },
             )
         )
     return findings
@@ -372,14 +364,14 @@ def _gain_findings(
 def _judged_gain(a: float, deviation: float, ratio: float) -> tuple[Severity, str]:
     """Severity of a factor, and what may explain it."""
     if abs(a - 1.0) < CLEAR * deviation or 1.0 / LOOK < a < LOOK:
-        return "fine", ""
+        return "ok", ""
     if a < 0:
-        return "wrong", "The sign of the torque, of the position or of gravity is reversed."
+        return "error", "The sign of the torque, of the position or of gravity is reversed."
     for candidate, cause in (
         (1.0 / ratio, 'The torque may be that of the motor: set side = {tau = "motor"}.'),
         (ratio, 'The torque may be of the joint side already: set side = {tau = "joint"}.'),
     ):
         if ratio > 2.0 and 1.0 / NEAR < a / candidate < NEAR:
-            return "wrong", cause
+            return "error", cause
     step = "Check drive gain, gear ratio and unit of the torque, or the masses of the description."
-    return ("wrong" if not 1.0 / WRONG < a < WRONG else "look"), step
+    return ("error" if not 1.0 / WRONG < a < WRONG else "warning"), step

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from pivident.audit.finding import Finding, Severity
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
+from pivident.logs.log import Log
 from pivident.signals.bandpass import butterworth, central_difference
+from pivident.text.finding import Finding, Quantity, Severity
 
 #: Factors further from 1 than this deserve a look, or are wrong.
 LOOK, WRONG = 0.02, 0.2
@@ -84,12 +84,12 @@ def _finding(
     factor, lag, error = compared
     assert timing.rate is not None
     samples = lag * timing.rate
-    severity: Severity = "fine"
+    severity: Severity = "ok"
     step = ""
     if abs(factor - 1.0) > WRONG:
-        severity, step = "wrong", f"Check the units of {name.partition(' ')[0]} and {channel}."
+        severity, step = "error", f"Check the units of {name.partition(' ')[0]} and {channel}."
     elif abs(factor - 1.0) > LOOK or abs(samples) > LAG or error > 0.3:
-        severity = "look"
+        severity = "warning"
         step = "It was filtered before it was logged; use the derivative of the position instead."
     text = (
         f"{name} is {factor:.4g} times the derivative of {channel}, {1e3 * lag:.3g} ms "
@@ -102,6 +102,5 @@ def _finding(
         text,
         name,
         step,
-        value=factor,
-        bound=1 + LOOK,
+        evidence={"factor": Quantity(factor, bound=1 + LOOK)},
     )

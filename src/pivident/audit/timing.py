@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from pivident.audit.finding import Finding, Severity
-from pivident.audit.log import Log
-from pivident.recording.gaps import GAP, bridged_interval, stretches
-from pivident.recording.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
+from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
+from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
+from pivident.logs.log import Log
+from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
 #: Two clocks that drift apart by more than this deserve a look; quartz keeps 1e-4.
 DRIFT_LOOK = 2e-4
@@ -64,7 +63,7 @@ def check_timing(log: Log) -> Timing:
         if log.rate is None:
             text = "The log has no time column, and no rate is given."
             step = "Name the time column (columns = {t = …}) or give the rate in Hz."
-            findings.append(Finding("wrong", "timing", "no clock", text, step=step))
+            findings.append(Finding("error", "timing", "no clock", text, next_step=step))
             regular = False
     else:
         name = next(iter(log.clocks))
@@ -89,19 +88,19 @@ def _one_clock(
     """Intervals, rate, regularity and findings of one time column."""
 
     def finding(
-        severity: Severity, kind: str, text: str, sample: int, step: str, **more
+        severity: Severity, kind: str, text: str, sample: int, step: str, **numbers: Quantity
     ) -> Finding:
-        where = log.time_of(sample)
-        return Finding(
-            severity, "timing", kind, text, name, step, sample=sample, time=where, **more
-        )
+        evidence = numbers | at_sample(sample, log.time_of(sample))
+        return Finding(severity, "timing", kind, text, name, step, evidence)
 
     findings, regular = [], True
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
         text = f"{bad.size} time stamp(s) are missing or infinite, the first at sample {bad[0]}."
         step = "Remove these rows, or give the rate if the samples themselves are regular."
-        findings.append(finding("wrong", "no stamp", text, int(bad[0]), step, value=bad.size))
+        findings.append(
+            finding("error", "no stamp", text, int(bad[0]), step, stamps=Quantity(bad.size))
+        )
         regular = False
     finite = t[np.isfinite(t)]
     place = np.flatnonzero(np.isfinite(t))
@@ -109,7 +108,7 @@ def _one_clock(
     forward = steps[steps > 0]
     if len(finite) < 3 or not forward.size:
         text = "The time column never advances."
-        findings.append(finding("wrong", "no clock", text, 0, "Name another time column."))
+        findings.append(finding("error", "no clock", text, 0, "Name another time column."))
         return steps, None, False, findings
     period = float(np.median(forward))
     for wrong, kind, words, step in (
@@ -125,7 +124,7 @@ def _one_clock(
         if at.size:
             k = int(place[at[0] + 1])
             text = f"{at.size} time stamp(s) {words}, the first at sample {k} (t = {t[k]:.6g} s)."
-            findings.append(finding("wrong", kind, text, k, step, value=float(at.size)))
+            findings.append(finding("error", kind, text, k, step, stamps=Quantity(float(at.size))))
             regular = False
     ratio = steps / period
     tolerated, gaps = GAP * period, lacking(steps, period)
@@ -145,7 +144,8 @@ def _one_clock(
             left = stretches(finite)
             advice = (replace(left, resample=False) if log.resample else left).advice()
             step = f"{advice[0].upper()}{advice[1:]}."
-        findings.append(finding("wrong", "gap", text, k, step, value=float(lost), unit="samples"))
+        missing = Quantity(float(lost), "samples")
+        findings.append(finding("error", "gap", text, k, step, missing=missing))
         regular = False
         steps = steps[steps <= tolerated]
         ratio = steps / period
@@ -160,25 +160,26 @@ def _one_clock(
         else f"single intervals differ by up to {100 * largest:.3g} % (standard deviation "
         f"{100 * spread:.2g} %)."
     )
-    numbers: dict[str, Any] = {"value": 100 * largest, "unit": "%", "bound": 100 * JITTER_TOLERANCE}
+    jitter = Quantity(100 * largest, "%", bound=100 * JITTER_TOLERANCE)
+    harmless = Finding("ok", "timing", "jitter", text, name, evidence={"jitter": jitter})
     if largest > JITTER_TOLERANCE and log.resample:
         text += " New samples are made at equal intervals, as resample = true asks."
-        findings.append(Finding("fine", "timing", "jitter", text, name, **numbers))
+        findings.append(replace(harmless, message=text))
         regular = False
     elif largest > JITTER_TOLERANCE:
         step = (
             "Resample onto a uniform grid (resample = true), or give the rate if only the stamps "
             "are irregular and the samples are not."
         )
-        findings.append(finding("wrong", "jitter", text, late, step, **numbers))
+        findings.append(finding("error", "jitter", text, late, step, jitter=jitter))
         regular = False
     else:
-        findings.append(Finding("fine", "timing", "jitter", text, name, **numbers))
+        findings.append(harmless)
     rate = round_rate((len(finite) - 1) / (finite[-1] - finite[0])) if regular else 1.0 / period
     if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
         text = f"The stamps advance at {rate:.4g} Hz, which no robot's log does."
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
-        findings.append(finding("wrong", "rate", text, 0, step, value=rate, unit="Hz"))
+        findings.append(finding("error", "rate", text, 0, step, rate=Quantity(rate, "Hz")))
     return steps, rate, regular, findings
 
 
@@ -214,18 +215,17 @@ def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[
         where = int(both[k + 1])
         findings.append(
             Finding(
-                "look",
+                "warning",
                 "timing",
                 "clocks jump",
                 f"The clocks {name} and {other} move by {1e3 * jump[k]:.4g} ms against each other "
                 f"at sample {where}.",
                 other,
                 "One of the two writers was late there; do not mix channels of both clocks.",
-                value=1e3 * float(jump[k]),
-                unit="ms",
-                bound=1e3 * GAP * period,
-                sample=where,
-                time=float(t[where]),
+                evidence={
+                    "jump": Quantity(1e3 * float(jump[k]), "ms", bound=1e3 * GAP * period),
+                    **at_sample(where, float(t[where])),
+                },
             )
         )
     return findings
@@ -243,9 +243,9 @@ def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
 
 
 def _drift_finding(name: str, against: str, drift: float, deviation: float) -> Finding:
-    severity: Severity = "fine"
+    severity: Severity = "ok"
     if abs(drift) > DRIFT_LOOK + 2 * deviation:
-        severity = "wrong" if abs(drift) > DRIFT_WRONG else "look"
+        severity = "error" if abs(drift) > DRIFT_WRONG else "warning"
     return Finding(
         severity,
         "timing",
@@ -253,11 +253,15 @@ def _drift_finding(name: str, against: str, drift: float, deviation: float) -> F
         f"The clock {name} runs {abs(1e6 * drift):.3g} ppm {'slower' if drift < 0 else 'faster'} "
         f"than {against}.",
         name,
-        "" if severity == "fine" else "Find out which of the two is right; speeds scale with it.",
-        value=1e6 * drift,
-        unit="ppm",
-        bound=1e6 * DRIFT_LOOK,
-        interval=(1e6 * (drift - 2 * deviation), 1e6 * (drift + 2 * deviation)),
+        "" if severity == "ok" else "Find out which of the two is right; speeds scale with it.",
+        evidence={
+            "drift": Quantity(
+                1e6 * drift,
+                "ppm",
+                bound=1e6 * DRIFT_LOOK,
+                interval=(1e6 * (drift - 2 * deviation), 1e6 * (drift + 2 * deviation)),
+            )
+        },
     )
 
 
@@ -324,16 +328,16 @@ def _step_findings(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
         text = words.format(n=len(here), m=number)
         findings.append(
             Finding(
-                "wrong" if len(here) > 1 or share > 1e-3 else "look",
+                "error" if len(here) > 1 or share > 1e-3 else "warning",
                 "timing",
                 kind,
                 f"{text}, first after sample {first}.",
                 "q",
                 step.format(s=" although its stamps are regular" if stamped else ""),
-                value=float(number),
-                unit="samples",
-                sample=first,
-                time=log.time_of(first),
+                evidence={
+                    "samples": Quantity(float(number), "samples"),
+                    **at_sample(first, log.time_of(first)),
+                },
             )
         )
     return findings

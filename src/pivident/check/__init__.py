@@ -1,6 +1,5 @@
 """What is wrong with an experiment, before anything heavy is computed from it."""
 
-from pivident.check.experiment_check import ExperimentCheck, check_experiment
-from pivident.check.remark import Remark
+import lazy_loader
 
-__all__ = ["ExperimentCheck", "Remark", "check_experiment"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -6,10 +6,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from pivident.audit.column_names import channel_of
 from pivident.check.remark import Place, Remark
-from pivident.recording.channel_words import PLAIN_QUANTITIES, UNIT_WORDS
+from pivident.logs.recognition.channel_words import PLAIN_QUANTITIES, UNIT_WORDS
+from pivident.logs.recognition.column_names import channel_of
 from pivident.robot.description import Robot
+from pivident.text.finding import Severity
 
 #: What a channel is called in a sentence.
 CALLED = {
@@ -84,13 +85,13 @@ def _used_twice(named: Mapping[str, Sequence[str]], table: Place) -> Iterator[Re
             told.add((column, channel))
             of = f"for {other} and for {channel}" if other != channel else f"twice for {channel}"
             yield Remark(
-                "wrong",
+                "error",
                 "columns",
-                "used twice",
+                f"used {of}",
                 f"The column {column!r} is used {of}.",
-                f"Name the column of {CALLED.get(channel, channel)} that was meant.",
                 column,
-                (*table, "columns", channel),
+                f"Name the column of {CALLED.get(channel, channel)} that was meant.",
+                place=(*table, "columns", channel),
             )
 
 
@@ -106,14 +107,14 @@ def _another_quantity(channel: str, names: Sequence[str], table: Place) -> Itera
         if f"{kind}_ref" == channel and kind != "q":
             continue  # a reference whose name does not say so
         yield Remark(
-            "look",
+            "warning",
             "columns",
-            "quantity",
+            f"reads like {kind}",
             f"The column {column!r} is taken for {channel} ({CALLED[channel]}), but its name "
             f"reads like {kind} ({CALLED.get(kind, kind)}).",
-            "Columns may be swapped; check which is which.",
             column,
-            (*table, "columns", channel),
+            "Columns may be swapped; check which is which.",
+            place=(*table, "columns", channel),
         )
 
 
@@ -128,14 +129,14 @@ def _another_order(
         others = [o for o in joints if o != joint and _contains(column, o)]
         if others and not _contains(column, joint):
             yield Remark(
-                "wrong",
+                "error",
                 "columns",
                 "joint order",
                 f"Number {j + 1} of the columns of {channel} belongs to {joint}, but is "
                 f"{column!r}, which reads like {others[-1]}.",
-                "List the columns in the order of the robot's joints: " + ", ".join(joints) + ".",
                 joint,
-                place,
+                "List the columns in the order of the robot's joints: " + ", ".join(joints) + ".",
+                place=place,
             )
             return
     numbers = [re.findall(r"\d+", column) for column in names]
@@ -143,14 +144,14 @@ def _another_order(
         values = [int(found[0]) for found in numbers]
         if values != sorted(values) and len(set(values)) == len(values):
             yield Remark(
-                "look",
+                "warning",
                 "columns",
                 "joint order",
                 f"The columns of {channel} are numbered {', '.join(map(str, values))}, not in "
                 "order.",
-                "One column for each joint, from the base to the tip; two may be swapped.",
                 channel,
-                place,
+                "One column for each joint, from the base to the tip; two may be swapped.",
+                place=place,
             )
 
 
@@ -181,16 +182,16 @@ def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) 
             )
         if told[0] == "counts":
             advice = 'Counts need their scale: {unit = "counts", per_revolution = ...}.'
-        severity = "look" if declared or quantity == "torque" else "wrong"
+        severity: Severity = "warning" if declared or quantity == "torque" else "error"
         yield Remark(
-            severity,  # type: ignore[arg-type]
+            severity,
             "columns",
             "unit",
             f"The name of the column {column!r} reads like {told[0]}, but the unit of {channel} "
             f"{how} {taken}.",
-            advice,
             column,
-            (*table, "units", channel),
+            advice,
+            place=(*table, "units", channel),
         )
         return
 

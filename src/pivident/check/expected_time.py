@@ -80,11 +80,11 @@ def first_run(methods: Iterable[Method]) -> float:
     Args:
         methods: those that are asked for.
     """
-    from pivident.dynamics.regressor_kernels import packed_entries
+    from pivident.dynamics.regressor_kernels import observe
     from pivident.simulation.loop_kernel import run_loop
 
     simulated = any(not isinstance(method, LeastSquares) for method in methods)
-    missing = 0.0 if is_compiled(packed_entries) else COMPILING[0]
+    missing = 0.0 if is_compiled(observe) else COMPILING[0]
     return missing + (COMPILING[1] if simulated and not is_compiled(run_loop) else 0.0)
 
 

@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from pivident.audit.excitation import check_excitation
-from pivident.audit.finding import SEVERITIES, Severity
 from pivident.audit.inverse_model import InverseModel
 from pivident.check.file_check import file_problems
 from pivident.check.log_check import check_log
@@ -24,7 +23,6 @@ from pivident.check.remark import (
     Place,
     Remark,
     gravest_first,
-    grouped,
     of_error,
     of_finding,
     with_line,
@@ -36,6 +34,7 @@ from pivident.experiment.experiment import Experiment
 from pivident.experiment.schema import RecordingEntry
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.text.finding import Severity, merged, worst
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +57,7 @@ class ExperimentCheck:
     @property
     def severity(self) -> Severity:
         """The gravest of the remarks."""
-        return max((r.severity for r in self.remarks), key=SEVERITIES.index, default="fine")
+        return worst(self.remarks)
 
     @property
     def refused(self) -> bool:
@@ -108,9 +107,9 @@ def check_experiment(
         looked_at += worker.looked_at
         plan = worker.plan
     lines = TomlLines(text)
-    unique = {(r.sentence, r.where): r for r in reversed(remarks)}
+    unique = {(r.message, r.subject): r for r in reversed(remarks)}
     placed = [
-        with_line(remark, lines.line(remark.place)) for remark in grouped(reversed(unique.values()))
+        with_line(remark, lines.line(remark.place)) for remark in merged(reversed(unique.values()))
     ]
     stops = any(remark.refused and remark.kind != "gap" for remark in placed)
     return ExperimentCheck(
@@ -190,6 +189,6 @@ class _Check:
         """Excitation belongs to all fitted recordings, not to each."""
         if len(self.models) < 2:
             return
-        self.remarks = [r for r in self.remarks if r.check != "excitation"]
+        self.remarks = [r for r in self.remarks if r.topic != "excitation"]
         together = check_excitation(self.models).findings
-        self.remarks += [of_finding(f, ()) for f in together if f.severity != "fine"]
+        self.remarks += [of_finding(f, ()) for f in together if f.severity != "ok"]

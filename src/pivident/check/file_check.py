@@ -10,10 +10,11 @@ from typing import Any
 from pivident.check.remark import Place, Remark, of_error, split_advice, with_key, without_table
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS
-from pivident.experiment.experiment import Experiment, toml_content, with_every_run
+from pivident.experiment.experiment import Experiment, with_every_run
 from pivident.experiment.explained import every_problem, plain_form, refuse_robot_file
 from pivident.experiment.method_table import method_of
 from pivident.experiment.schema import ExperimentFile
+from pivident.experiment.toml_file import toml_content
 
 
 def file_problems(
@@ -47,7 +48,9 @@ def file_problems(
         kind = "unknown key" if unknown else "value"
         seen, step = split_advice(without_table(sentence))
         place = with_key(_place(loc, content), sentence, plain)
-        remarks.append(Remark("wrong", "file", kind, seen, step, "", place, refused=True))
+        remarks.append(
+            Remark("error", "file", kind, seen, next_step=step, place=place, refused=True)
+        )
     usable = _without(plain, [loc for loc, _, unknown in problems if unknown])
     if problems and every_problem(usable):
         usable = _without(usable, [(loc[0],) for loc, _, _ in every_problem(usable) if loc])

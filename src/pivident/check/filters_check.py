@@ -32,14 +32,14 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
             step = f"{slowest.slowed[0].upper()}{slowest.slowed[1:]}."
         remarks.append(
             Remark(
-                "wrong",
+                "error",
                 "methods",
                 "cutoff",
                 f"The position filter of {name!r} has a cutoff of {signals.cutoff:g} Hz, but at "
                 f"{slowest.rate:g} Hz {slowest.name} holds nothing above {slowest.rate / 2:g} Hz.",
-                step,
                 slowest.name,
-                ("identify", "bandpass", "cutoff"),
+                step,
+                place=("identify", "bandpass", "cutoff"),
                 refused=True,
             )
         )

@@ -12,11 +12,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
 from pivident.experiment.schema import ControllerEntry
+from pivident.logs.log import Log
+from pivident.text.finding import Quantity
 
 #: Share of the torque that error and speed must explain before the gains are judged.
 EXPLAINED = 0.98
@@ -65,15 +66,15 @@ def check_gains(
         if found[0] < 0:
             remarks.append(
                 Remark(
-                    "wrong",
+                    "error",
                     "controller",
                     "sign",
                     f"The torque of {name} pushes away from the reference: its gain on "
                     f"q_ref - q is {found[0]:.4g}.",
-                    "Reference and measurement are swapped, or the sign of the torque is wrong.",
                     name,
-                    (*table, "columns", "q_ref"),
-                    amount=f"{found[0]:.4g}",
+                    "Reference and measurement are swapped, or the sign of the torque is wrong.",
+                    {"gain": Quantity(found[0])},
+                    place=(*table, "columns", "q_ref"),
                 )
             )
             continue
@@ -99,16 +100,16 @@ def check_limit(log: Log, entry: ControllerEntry) -> list[Remark]:
             continue
         remarks.append(
             Remark(
-                "wrong",
+                "error",
                 "controller",
                 "limit",
                 f"The limit of {name} is {gain * limit:.4g} N m (or N), drive gain included, but "
                 f"the log reaches {largest:.4g} N m.",
+                name,
                 "It is the largest output of the controller, in its own unit; correct it, or "
                 "the drive gain.",
-                name,
-                ("controller", "limit"),
-                amount=f"{gain * limit:.4g}, in the log {largest:.4g}",
+                place=("controller", "limit"),
+                evidence={"limit": Quantity(gain * limit), "log": Quantity(largest)},
             )
         )
     return remarks
@@ -166,15 +167,15 @@ def _compared(
             'controller = "identify" the law is found from the log'
         )
         yield Remark(
-            "wrong" if not 1 / 3 < ratio < 3 else "look",
+            "error" if not 1 / 3 < ratio < 3 else "warning",
             "controller",
             "gain",
             f"{product} of {name}, drive gain included, is {said:.5g} in the file; reference, "
             f"position and torque of the log say {seen:.5g}.",
-            cause[:1].upper() + cause[1:] + ".",
             name,
-            ("controller", key),
-            amount=f"{said:.5g}, in the log {seen:.5g}",
+            cause[:1].upper() + cause[1:] + ".",
+            place=("controller", key),
+            evidence={"file": Quantity(said, digits=5), "log": Quantity(seen, digits=5)},
         )
         if ratio < 0:
             return

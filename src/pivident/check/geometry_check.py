@@ -13,10 +13,10 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.remark import Place, Remark
 from pivident.errors import PividentError
+from pivident.logs.log import Log
 from pivident.robot.description import STANDARD_GRAVITY, Robot
 
 #: Relative error up to which no geometry is doubted.
@@ -59,15 +59,15 @@ def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) 
         gain = float(np.nansum(np.log(np.maximum(here, 1e-6) / np.maximum(there, 1e-6))))
         if gain > np.log(BETTER):
             share = f"{100 * _mean(there):.2g} % of the torque instead of {100 * _mean(here):.2g} %"
-            sentence = f"{found.sentence}: the inverse model leaves {share}."
-            explanations.append((gain, replace(found, sentence=sentence)))
+            sentence = f"{found.message}: the inverse model leaves {share}."
+            explanations.append((gain, replace(found, message=sentence)))
     if not explanations:
         return []
     explanations.sort(key=lambda pair: -pair[0])
     (most, best), *others = explanations
     alike = [remark for gain, remark in others if gain > most - ALIKE][:2]
-    step = " Or as well: ".join([best.step, *(f"{r.sentence} {r.step}" for r in alike)])
-    return [replace(best, step=step)]
+    step = " Or as well: ".join([best.next_step, *(f"{r.message} {r.next_step}" for r in alike)])
+    return [replace(best, next_step=step)]
 
 
 def _mean(errors: np.ndarray) -> float:
@@ -105,14 +105,15 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
         yield (
             replace(log, robot=robot.with_gravity(gravity)),
             Remark(
-                "wrong",
+                "error",
                 "geometry",
                 "gravity",
                 f"Gravity seems to point along {name} of the base frame",
-                f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under "
-                "[robot].",
-                "",
-                ("robot", "gravity"),
+                next_step=(
+                    f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under "
+                    "[robot]."
+                ),
+                place=("robot", "gravity"),
             ),
         )
     for j, joint in enumerate(robot.joints):
@@ -122,14 +123,14 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
         yield (
             replace(log, channels=turned),
             Remark(
-                "wrong",
+                "error",
                 "geometry",
                 "sense",
                 f"{joint.name} seems to turn the other way than in the description",
+                joint.name,
                 "Reverse its axis in the description, or the signs of both its position and its "
                 "torque in the log.",
-                joint.name,
-                (*table, "columns", "q"),
+                place=(*table, "columns", "q"),
             ),
         )
         if joint.kind != "revolute":
@@ -140,14 +141,14 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
             yield (
                 replace(log, channels=moved),
                 Remark(
-                    "wrong",
+                    "error",
                     "geometry",
                     "zero",
                     f"The zero of {joint.name} seems to lie {abs(degrees)}° elsewhere than in the "
                     "description",
+                    joint.name,
                     f"Set position_offset to {np.radians(degrees):.4f} rad for it (radians, as "
                     "added to the logged position), or change the description.",
-                    joint.name,
-                    (*table, "position_offset"),
+                    place=(*table, "position_offset"),
                 ),
             )

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Remark
 from pivident.control_law.law_gravity import GravityColumns, gravity_columns
 from pivident.experiment.schema import ControllerEntry
+from pivident.logs.log import Log
 
 #: Share of the torque's variance that a law without gravity stays below, and that one with gravity
 #: explains.
@@ -53,18 +53,18 @@ def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Rema
     name, without, with_gravity = found[0]
     return [
         Remark(
-            "look",
+            "warning",
             "controller",
             "gravity",
             f"Error and speed explain {100 * without:.3g} % of the torque of {name}, with gravity "
             f"at the measured position {100 * with_gravity:.4g} %: the controller of "
             f"{', '.join(own[0] for own in found)} compensates gravity, which the file does not "
             "say.",
+            name,
             'Set feed_forward = "gravity_measured" ("gravity" at the reference) where the '
             'controller has the masses of the description; with controller = "identify" law and '
             "gravity model are found from the log.",
-            name,
-            ("controller",),
+            place=("controller",),
         )
     ]
 

@@ -12,9 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from pivident.audit.audit import Audit, audit_log
-from pivident.audit.file_columns import read_columns
-from pivident.audit.log import Log
-from pivident.audit.reading import entry_log
 from pivident.audit.timing import Timing, check_timing
 from pivident.check.columns_check import check_columns
 from pivident.check.gains_check import check_gains, check_limit
@@ -32,20 +29,24 @@ from pivident.errors import (
     MissingSamples,
     NonFiniteSamples,
     PividentError,
+    PositionsBeyondLimits,
     SaturatedSignal,
 )
-from pivident.experiment.recording_tables import recording_of
+from pivident.experiment.recording_tables import log_of, recording_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
+from pivident.logs.clocks.timestamps import LOWEST_RATE
+from pivident.logs.file_columns import read_columns
+from pivident.logs.log import Log
 from pivident.recording.recording import Recording
-from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
 
 #: Errors of the reader that an audit reports with more numbers.
-TOLD_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
+REPORTED_BY_AUDIT: dict[type[Exception], tuple[str, ...]] = {
     NonFiniteSamples: ("missing",),
     IrregularSampling: ("duplicate", "backward", "gap", "jitter", "no clock"),
     ConstantChannel: ("constant",),
     SaturatedSignal: ("clipped",),
+    PositionsBeyondLimits: ("reach",),
 }
 
 #: Findings after which the gains that a log shows say nothing about those of the file.
@@ -105,7 +106,7 @@ def check_log(
         remarks += check_columns(columns, units, robot, place)
     recordings, failure = _recordings(entry, robot, folder)
     try:
-        log = entry_log(entry, robot, folder)
+        log = log_of(entry, robot, folder)
     except PividentError as error:
         remarks.append(of_error(failure or error, "recording", place, content))
         return LogCheck(tuple(remarks), recordings)
@@ -113,14 +114,14 @@ def check_log(
         remarks.append(of_error(failure, "recording", place, content))
         return LogCheck(tuple(remarks))  # the columns are not what they are called
     audit = audit_log(log)
-    own = [of_finding(f, place) for f in audit.findings if f.severity != "fine"]
-    if failure is not None and not _told(failure, audit):
+    own = [of_finding(f, place) for f in audit.findings if f.severity != "ok"]
+    if failure is not None and not _is_reported(failure, audit):
         remarks.append(of_error(failure, "recording", place, content, _kind(failure)))
     elif failure is not None:
         kinds = _kinds(failure)
         own = [replace(r, refused=True) if r.kind in kinds else r for r in own]
     remarks += own
-    grave = [f.kind for f in audit.findings if f.severity == "wrong"]
+    grave = [f.kind for f in audit.findings if f.severity == "error"]
     if audit.model is not None and not set(grave) & set(HIDES_GEOMETRY):
         remarks += check_geometry(log, audit.timing, audit.model, place)
     slow = entry.rate is not None and entry.rate < LOWEST_RATE
@@ -194,8 +195,8 @@ def _motion(
     found += check_reference(log, place)
     if controller is None:
         return found
-    wrong = any(r.severity == "wrong" for r in found)
-    wrong |= any(f.severity == "wrong" and f.kind in CONSEQUENTIAL for f in audit.findings)
+    wrong = any(r.severity == "error" for r in found)
+    wrong |= any(f.severity == "error" and f.kind in CONSEQUENTIAL for f in audit.findings)
     found += check_limit(log, controller)
     if controller.kp is not None and not wrong:
         reversed_joints = () if audit.power is None else audit.power.reversed
@@ -216,31 +217,30 @@ def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
 def _long_delay(delay: float, place: Place) -> Remark:
     """A declared delay that no logger has."""
     return Remark(
-        "wrong",
+        "error",
         "timing",
         "delay",
         f"The torque is declared to be {delay:g} s late.",
-        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
         "tau",
-        (*place, "delay"),
+        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
+        place=(*place, "delay"),
     )
 
 
 def _no_rate(rate: float, place: Place) -> Remark:
     """A declared rate that no log has."""
     return Remark(
-        "wrong",
+        "error",
         "timing",
         "rate",
         f"The rate is {rate:g} Hz, which no robot's log has.",
-        "It may be a period in seconds, or a rate in kHz; rate is in Hz.",
-        "",
-        (*place, "rate"),
+        next_step="It may be a period in seconds, or a rate in kHz; rate is in Hz.",
+        place=(*place, "rate"),
     )
 
 
 def _kind(failure: PividentError) -> str:
-    """The kind of a remark about an error that no finding tells."""
+    """The kind of a remark about an error that no finding reports."""
     return "gap" if isinstance(failure, (MissingSamples, GapInClock)) else "refused"
 
 
@@ -248,11 +248,10 @@ def _kinds(failure: PividentError) -> tuple[str, ...]:
     """Kinds of findings that say the same as an error of the reader."""
     if isinstance(failure, MissingSamples):
         return ("gap",)
-    own = next((k for c, k in TOLD_BY_AUDIT.items() if isinstance(failure, c)), ())
-    return (*own, "reach") if "far beyond its limits" in str(failure) else own
+    return next((k for c, k in REPORTED_BY_AUDIT.items() if isinstance(failure, c)), ())
 
 
-def _told(failure: PividentError, audit: Audit) -> bool:
+def _is_reported(failure: PividentError, audit: Audit) -> bool:
     """Whether the audit says what the reader refused."""
     kinds = _kinds(failure)
-    return any(f.kind in kinds and f.severity == "wrong" for f in audit.findings)
+    return any(f.kind in kinds and f.severity == "error" for f in audit.findings)

@@ -6,12 +6,13 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
-from pivident.recording.timestamps import LOWEST_RATE
+from pivident.logs.clocks.timestamps import LOWEST_RATE
+from pivident.logs.log import Log
 from pivident.robot.description import Robot
+from pivident.text.finding import Quantity
 
 #: Travel below which a joint stands still [rad or m].
 STILL = 5e-3
@@ -75,13 +76,13 @@ def _standing(log: Log, q: np.ndarray, table: Place) -> Iterator[Remark]:
         step = "Name the part of the record in which the arm moves, or check the unit of q."
     farthest = 1e3 * float(travel[still].max())
     yield Remark(
-        "wrong",
+        "error",
         "motion",
         "standstill",
         f"Standstill: {names} moves by {farthest:.3g} mrad (or mm) in the whole record.",
-        step,
         names,
-        (*table, "columns", "q"),
+        step,
+        place=(*table, "columns", "q"),
     )
 
 
@@ -91,24 +92,24 @@ def _length(log: Log, rate: float, parameters: int, table: Place) -> Iterator[Re
     needed = SAMPLES_EACH * parameters
     if log.samples < needed:
         yield Remark(
-            "wrong",
+            "error",
             "motion",
             "too short",
             f"The record is too short: {log.samples} samples for {parameters} parameters.",
-            f"At least {needed} samples of motion are needed; log for longer, or check part.",
-            "",
-            (*table, "files"),
+            next_step=f"{needed} samples of motion are needed; log for longer, or check part.",
+            place=(*table, "files"),
         )
     elif seconds < SHORTEST:
         yield Remark(
-            "look",
+            "warning",
             "motion",
             "too short",
             f"The record is short: {seconds:.3g} s of motion.",
-            "Ten seconds and more, with moves of all joints, tell far better; log for longer, or "
-            "check part and the rate.",
-            "",
-            (*table, "files"),
+            next_step=(
+                "Ten seconds and more, with moves of all joints, are far better: log for longer, "
+                "or check part and the rate."
+            ),
+            place=(*table, "files"),
         )
 
 
@@ -121,13 +122,13 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
         for channel, signal in (("position", q[:, j]), ("speed", speed[:, j])):
             if _correlation(tau[:, j], signal) > SAME:
                 yield Remark(
-                    "wrong",
+                    "error",
                     "columns",
-                    "torque is motion",
+                    f"torque is {channel}",
                     f"The torque of {joint} is its {channel}, but for a factor.",
-                    "Another column was named for tau; name that of the torque.",
                     joint,
-                    (*place, "tau"),
+                    "Another column was named for tau; name that of the torque.",
+                    place=(*place, "tau"),
                 )
         for name, column in others.items():
             if len(column) != len(q) or not np.isfinite(column).all():
@@ -135,14 +136,14 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
             moves = _correlation(np.gradient(column), q[:, j])
             if moves > SAME and abs(_correlation(column, q[:, j])) < 0.9:
                 yield Remark(
-                    "wrong",
+                    "error",
                     "columns",
                     "position is speed",
                     f"The position of {joint} is the derivative of the column {name!r}, that is "
                     "a speed.",
-                    f"Positions and speeds seem swapped; name {name!r} for q.",
                     joint,
-                    (*place, "q"),
+                    f"Positions and speeds seem swapped; name {name!r} for q.",
+                    place=(*place, "q"),
                 )
                 break
 
@@ -171,15 +172,16 @@ def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
     band = float(np.searchsorted(share, 0.99)) * rate / len(speed)
     if band * SAMPLES_PER_PERIOD > rate:
         yield Remark(
-            "look",
+            "warning",
             "motion",
             "rate",
             f"The rate of {rate:.4g} Hz is low for this motion: 99 % of its speed lies below "
             f"{band:.3g} Hz.",
-            f"Accelerations come out too small; log at {SAMPLES_PER_PERIOD * band:.0f} Hz or "
-            "more, or move more smoothly.",
-            "",
-            (*table, "rate"),
+            next_step=(
+                f"Accelerations come out too small; log at {SAMPLES_PER_PERIOD * band:.0f} Hz or "
+                "more, or move more smoothly."
+            ),
+            place=(*table, "rate"),
         )
 
 
@@ -191,58 +193,56 @@ def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -
     declared = log.control_rate or rate
     if declared < LOWEST_RATE:
         yield Remark(
-            "wrong",
+            "error",
             "timing",
             "control rate",
             f"control_rate is {declared:.5g} Hz, which no control loop has.",
-            "It may be a period in seconds, or a rate in kHz; it is given in Hz.",
-            "",
-            place,
+            next_step="It may be a period in seconds, or a rate in kHz; it is given in Hz.",
+            place=place,
         )
     elif n > 1 and abs(declared * n / rate - 1) > 0.05:
         yield Remark(
-            "look",
+            "warning",
             "timing",
             "control rate",
             f"The torque changes only at every {n}. sample: the control loop seems to run at "
             f"{rate / n:.5g} Hz, not at {declared:.5g} Hz.",
-            f"Set control_rate = {rate / n:.5g} under [recording] if that is so.",
             "tau",
-            place,
+            f"Set control_rate = {rate / n:.5g} under [recording] if that is so.",
+            place=place,
         )
     elif n == 1 and declared < 0.95 * rate:
         yield Remark(
-            "look",
+            "warning",
             "timing",
             "control rate",
             f"control_rate is {declared:.5g} Hz, but the torque changes at every sample of "
             f"{rate:.5g} Hz.",
-            "Correct control_rate (in Hz), or leave it out where the log runs at the loop's rate.",
             "tau",
-            place,
+            "Correct control_rate (in Hz), or leave it out where the log runs at the loop's rate.",
+            place=place,
         )
     elif declared > 50 * rate:
         yield Remark(
-            "look",
+            "warning",
             "timing",
             "control rate",
             f"control_rate is {declared:.5g} Hz, {declared / rate:.3g} times the rate of the log.",
-            "It is in Hz; correct it.",
-            "",
-            place,
+            next_step="It is in Hz; correct it.",
+            place=place,
         )
     slow = [j for j in range(q.shape[1]) if _hold(q[:, j]) > 1]
     if slow:
         n = _hold(q[:, slow[0]])
         yield Remark(
-            "look",
+            "warning",
             "timing",
             "held position",
             f"The position of {log.joint_names[slow[0]]} changes only at every {n}. sample: it "
             f"was measured at {rate / n:.5g} Hz and repeated.",
-            "Log at the rate of the measurement; repeated positions have wrong accelerations.",
             log.joint_names[slow[0]],
-            (*table, "columns", "q"),
+            "Log at the rate of the measurement; repeated positions have wrong accelerations.",
+            place=(*table, "columns", "q"),
         )
 
 
@@ -265,36 +265,36 @@ def _limits(
     """Positions a little beyond the limits, and torques that the drives do not have."""
     for j, joint in enumerate(robot.joints):
         turning = joint.kind == "revolute"
-        scale, unit = (180 / np.pi, "°") if turning else (1e3, " mm")
+        scale, unit = (180 / np.pi, "°") if turning else (1e3, "mm")
         if joint.position_limits is not None and np.isfinite(joint.position_limits).all():
             low, high = joint.position_limits
             span = high - low
             over = max(float(q[:, j].max()) - high, low - float(q[:, j].min()))
             if BEYOND * span < over:
-                reached = f"{scale * q[:, j].min():.4g}{unit} to {scale * q[:, j].max():.4g}{unit}"
+                lowest, highest = (scale * float(x) for x in (q[:, j].min(), q[:, j].max()))
                 yield Remark(
-                    "look",
+                    "warning",
                     "limits",
                     "position",
-                    f"{joint.name} is logged from {reached}; its limits are "
-                    f"{scale * low:.4g}{unit} to {scale * high:.4g}{unit}.",
-                    "Another unit or gear ratio, or a zero that lies elsewhere: position_offset.",
+                    f"{joint.name} is logged from {lowest:.4g} {unit} to {highest:.4g} {unit}; its "
+                    f"limits are {scale * low:.4g} {unit} to {scale * high:.4g} {unit}.",
                     joint.name,
-                    (*table, "position_offset"),
-                    amount=reached,
+                    "Another unit or gear ratio, or a zero that lies elsewhere: position_offset.",
+                    place=(*table, "position_offset"),
+                    evidence={"lowest": Quantity(lowest, unit), "highest": Quantity(highest, unit)},
                 )
         limit = joint.torque_limit
         largest = float(np.abs(tau[:, j]).max())
         if limit and j not in commands and largest > ABOVE * limit:
             unit = "N m" if turning else "N"
             yield Remark(
-                "look",
+                "warning",
                 "limits",
                 "torque",
                 f"The torque of {joint.name} reaches {largest:.4g} {unit}; its limit is "
                 f"{limit:.4g} {unit}.",
-                "Check unit, side and drive gain of tau, or the limit of the description.",
                 joint.name,
-                (*table, "units", "tau"),
-                amount=f"{largest:.4g} {unit} of {limit:.4g} {unit}",
+                "Check unit, side and drive gain of tau, or the limit of the description.",
+                place=(*table, "units", "tau"),
+                evidence={"torque": Quantity(largest, unit), "limit": Quantity(limit, unit)},
             )

@@ -11,15 +11,15 @@ from pivident.check.filters_check import check_filters
 from pivident.check.plan import Plan, plan_of
 from pivident.check.remark import Place, Remark, of_error
 from pivident.check.stability_check import check_stability
-from pivident.dynamics.base_parameters import base_parameters
+from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import Method
-from pivident.estimation.problem import Problem, parameter_index
+from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
+from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.recording.recording import Recording
-from pivident.recording.timestamps import LOWEST_RATE
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
 

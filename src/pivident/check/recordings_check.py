@@ -40,13 +40,13 @@ def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Rema
                 step = f"The record {purpose} must be another run; name its file."
             remarks.append(
                 Remark(
-                    "wrong",
+                    "error",
                     "recordings",
                     "same run",
                     f"{here} is the same motion as {there} ({', '.join(_files(second))}).",
-                    step,
                     second.name,
-                    (*place, "files"),
+                    step,
+                    place=(*place, "files"),
                 )
             )
             break
@@ -55,13 +55,12 @@ def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Rema
         listed = ", ".join(f"{r.name} {r.rate:.5g} Hz" for _, r in recordings)
         remarks.append(
             Remark(
-                "look",
+                "warning",
                 "recordings",
                 "rates",
                 f"The recordings have different rates: {listed}.",
-                "That is possible; check that all come from the same loop.",
-                "",
-                (*recordings[-1][0], "rate"),
+                next_step="That is possible; check that all come from the same loop.",
+                place=(*recordings[-1][0], "rate"),
             )
         )
     return remarks

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pivident.audit.log import Log
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
+from pivident.logs.log import Log
+from pivident.text.finding import Quantity
 
 #: Distance between reference and position, relative to the motion, that is plausible.
 CLOSE = 0.25
@@ -44,26 +45,26 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
     copies = [names[j] for j in range(q.shape[1]) if np.array_equal(q[:, j], q_ref[:, j])]
     if copies:
         yield Remark(
-            "wrong",
+            "error",
             "reference",
             "copy",
             f"The reference of {', '.join(copies)} is the measured position itself.",
+            copies[0],
             "Name the column of the setpoint; without one leave q_ref out and set "
             'reference = "reconstruct".',
-            copies[0],
-            place,
+            place=place,
         )
         return
     for j, name in enumerate(names[: q.shape[1]]):
         if np.std(q_ref[:, j]) == 0 and np.std(q[:, j]) > 0:
             yield Remark(
-                "wrong",
+                "error",
                 "reference",
                 "constant",
                 f"The reference of {name} never changes, but {name} moves.",
-                "Name the column of this joint's setpoint.",
                 name,
-                place,
+                "Name the column of this joint's setpoint.",
+                place=place,
             )
             return
     far = [j for j in range(q.shape[1]) if distance[j] > CLOSE and np.ptp(q[:, j]) > MOTION]
@@ -72,14 +73,15 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
         apart = moving * np.abs(np.mean(q_ref - q, axis=0)) / np.maximum(np.ptp(q, axis=0), MOTION)
         for j in np.flatnonzero(apart > 0.1).tolist():
             yield Remark(
-                "look",
+                "warning",
                 "reference",
                 "offset",
                 f"The reference of {names[j]} lies {np.mean(q_ref - q, axis=0)[j]:.4g} rad (or "
                 "m) away from the position all the time.",
-                "The two have another zero; correct one of them in the log.",
                 names[j],
-                place,
+                "The two have another zero; correct one of them in the log.",
+                evidence={"offset": Quantity(float(np.mean(q_ref - q, axis=0)[j]), "rad (or m)")},
+                place=place,
             )
         return
     fit = np.abs(_correlations(q, q_ref))
@@ -88,13 +90,13 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
     if swapped:
         pairs = ", ".join(f"{names[j]} follows the reference of {names[best[j]]}" for j in swapped)
         yield Remark(
-            "wrong",
+            "error",
             "reference",
             "order",
             f"The columns of q and q_ref are in different order: {pairs}.",
-            "List both in the order of the robot's joints.",
             names[swapped[0]],
-            place,
+            "List both in the order of the robot's joints.",
+            place=place,
         )
         return
     for j in far:
@@ -109,34 +111,41 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
             elif 0.9 < factor * 180 / np.pi < 1.1:
                 step = 'The positions seem to be in degrees: set units = {q = "deg"}.'
             yield Remark(
-                "wrong", "reference", "unit", f"The reference of {names[j]} is {cause}.", step,
-                names[j], units,
-            )  # fmt: skip
+                "error",
+                "reference",
+                "unit",
+                f"The reference of {names[j]} is {cause}.",
+                names[j],
+                step,
+                {"factor": Quantity(factor)},
+                place=units,
+            )
             continue
         speed_of_ref = abs(_correlations(q[:, [j]], np.gradient(q_ref[:, [j]], axis=0))[0, 0])
         speed_of_q = abs(_correlations(q_ref[:, [j]], np.gradient(q[:, [j]], axis=0))[0, 0])
         if max(speed_of_ref, speed_of_q) ** 2 > 0.9:
             which, other = ("q", "q_ref") if speed_of_ref > speed_of_q else ("q_ref", "q")
             yield Remark(
-                "wrong",
+                "error",
                 "reference",
                 "speed",
                 f"{which} of {names[j]} is the derivative of {other}: it holds a speed.",
-                f"Name the column of the position for {which}.",
                 names[j],
-                (*place[:-1], which),
+                f"Name the column of the position for {which}.",
+                place=(*place[:-1], which),
             )
             continue
         yield Remark(
-            "look",
+            "warning",
             "reference",
             "far",
             f"{names[j]} does not follow its reference: they are {100 * distance[j]:.3g} % of the "
             "motion apart.",
+            names[j],
             "Another column, another joint, or a reference in another frame; IV and PIV simulate "
             "the loop along it.",
-            names[j],
-            place,
+            evidence={"distance": Quantity(100 * float(distance[j]), "%", digits=3)},
+            place=place,
         )
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
-from pivident.audit.finding import SEVERITIES, Finding, Severity, alike, merged
 from pivident.errors import FileFormatError, UnknownColumn
-from pivident.text.plain_values import plain
+from pivident.text.finding import SEVERITIES, Finding
 
 #: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
 Place = tuple[int | str, ...]
@@ -63,32 +62,18 @@ _CHANNEL = re.compile(r"\b(q|tau|q_ref|dq_ref|ddq_ref|q_link|t)\b")
 
 
 @dataclass(frozen=True)
-class Remark:
-    """One statement about an experiment.
+class Remark(Finding):
+    """A finding about an experiment, with its place in the file.
 
     Attributes:
-        severity: ``fine``, ``look`` or ``wrong``, as of an audit's `Finding`.
-        check: what was looked at (``file``, ``robot``, ``columns``, ``timing`` …).
-        kind: what was found, one word or two for programs.
-        sentence: what was seen, with numbers and units.
-        step: the probable cause, and what to change.
-        where: joint, channel or column, empty for the whole.
         place: tables and keys of the experiment file where it is changed.
         line: its line in the file, counted from 1, or None.
         refused: whether an identification would stop at it.
-        amount: the number that differs between joints of which the same is said, with its unit.
     """
 
-    severity: Severity
-    check: str
-    kind: str
-    sentence: str
-    step: str = ""
-    where: str = ""
     place: Place = ()
     line: int | None = None
     refused: bool = False
-    amount: str = ""
 
     @property
     def heading(self) -> str:
@@ -100,9 +85,10 @@ class Remark:
             named += f" {'.'.join(parts[1:])}"
         return ", ".join(filter(None, ("" if self.line is None else f"line {self.line}", named)))
 
-    def as_json(self) -> dict[str, Any]:
-        """Plain values."""
-        return plain(asdict(self) | {"place": list(self.place)})
+    @property
+    def group(self) -> tuple[object, ...]:
+        """As of every finding; what is changed elsewhere is another remark."""
+        return *super().group, self.place, self.refused
 
 
 def of_finding(finding: Finding, table: Place) -> Remark:
@@ -112,24 +98,14 @@ def of_finding(finding: Finding, table: Place) -> Remark:
         finding: what an audit has found in one log.
         table: the table of that log, such as ``("recording", 0)``.
     """
-    kind = (finding.check, finding.kind)
+    kind = (finding.topic, finding.kind)
     if kind in IN_ROBOT:
         place: Place = ("robot", IN_ROBOT[kind])
-    elif finding.check in ELSEWHERE:
-        place = ELSEWHERE[finding.check]
+    elif finding.topic in ELSEWHERE:
+        place = ELSEWHERE[finding.topic]
     else:
         place = (*table, *KEYS.get(kind, ("files",)))
-    sentence, step = finding.sentence, finding.step
-    return Remark(
-        finding.severity,
-        finding.check,
-        finding.kind,
-        sentence,
-        step,
-        finding.where,
-        place,
-        amount=finding.amount,
-    )
+    return Remark(**vars(finding), place=place)
 
 
 def of_error(
@@ -158,7 +134,7 @@ def of_error(
         place = (*table, *_channel(text))
     if isinstance(error, FileFormatError) and place == table:
         place = (*table, "columns" if isinstance(error, UnknownColumn) else "files")
-    return Remark("wrong", check, kind, sentence, step, "", place, refused=True)
+    return Remark("error", check, kind, sentence, next_step=step, place=place, refused=True)
 
 
 def without_table(text: str) -> str:
@@ -237,14 +213,6 @@ def _channel(message: str) -> Place:
         return ()
     is_unit = message.startswith(f"{channel[1]} has") and " units for " in message
     return ("units" if is_unit else "columns", channel[1])
-
-
-def grouped(remarks: Iterable[Remark]) -> list[Remark]:
-    """Remarks, with what holds of several joints or channels said once."""
-    return [
-        replace(group[0], sentence=merged(group), refused=any(r.refused for r in group))
-        for group in alike(remarks)
-    ]
 
 
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:

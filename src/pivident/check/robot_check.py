@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
-from pivident.audit.finding import Severity
 from pivident.check.remark import Remark
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.inertia import Body
+from pivident.text.finding import Quantity, Severity
 
 #: Limits beyond these are degrees or millimetres that nobody converted.
 MAX_ANGLE, MAX_TRAVEL = 30.0, 50.0
@@ -50,7 +50,7 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
             text = f"These links have no mass in {file}: {', '.join(massless)}."
         remarks.append(
             _robot_remark(
-                "look",
+                "warning",
                 "no masses",
                 text,
                 "Least squares does not need them. IV and PIV start from them: give rough values "
@@ -62,7 +62,7 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
     if unrated:
         remarks.append(
             _robot_remark(
-                "look",
+                "warning",
                 "rated speed",
                 f"No rated speed is known of {', '.join(unrated)}.",
                 "The fastest motion of the record and 5 rad/s take its place in the mask and in "
@@ -73,17 +73,24 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
 
 
 def _robot_remark(
-    severity: Severity, kind: str, sentence: str, step: str, where: str = "", key: str = "model"
+    severity: Severity,
+    kind: str,
+    message: str,
+    next_step: str,
+    joint: str = "",
+    numbers: Mapping[str, Quantity] | None = None,
+    key: str = "model",
 ) -> Remark:
     """A remark about the table ``[robot]``."""
-    return Remark(severity, "robot", kind, sentence, step, where, ("robot", key))
+    place = ("robot", key)
+    return Remark(severity, "robot", kind, message, joint, next_step, numbers or {}, place=place)
 
 
 def _gravity(robot: Robot) -> Iterator[Remark]:
     size = float(np.linalg.norm(robot.gravity))
     if size == 0.0:
         yield _robot_remark(
-            "look",
+            "warning",
             "no gravity",
             "Gravity is zero in the description.",
             "That is right only if no joint feels its weight; say gravity = [0, 0, -9.81] "
@@ -93,7 +100,7 @@ def _gravity(robot: Robot) -> Iterator[Remark]:
     elif abs(size - EARTH) > TOLERANCE:
         cause = "in units of g" if abs(size - 1.0) < 0.1 else "in another unit"
         yield _robot_remark(
-            "wrong",
+            "error",
             "gravity",
             f"Gravity is {size:.4g} m/s² in the description, 9.81 m/s² on Earth.",
             f"It may have been given {cause}; it is a vector in m/s² in the base frame.",
@@ -109,22 +116,24 @@ def _limits(joint: Joint, file: str) -> Iterator[Remark]:
         farthest = max(abs(low), abs(high))
         if math.isfinite(farthest) and farthest > (MAX_ANGLE if turning else MAX_TRAVEL):
             yield _robot_remark(
-                "wrong",
+                "error",
                 "position limits",
                 f"The limits of {joint.name} are {low:.4g} to {high:.4g} {unit} in {file}.",
                 f"They may be {other}; URDF limits are in {unit}. Positions in a wrong unit "
-                "cannot be told with them.",
+                "cannot be recognised with them.",
                 joint.name,
+                {"lower": Quantity(low, unit), "upper": Quantity(high, unit)},
             )
     speed = joint.rated_speed
     if speed is not None and speed > (FASTEST_TURN if turning else FASTEST_SLIDE):
         yield _robot_remark(
-            "wrong",
+            "error",
             "rated speed",
             f"The rated speed of {joint.name} is {speed:.4g} {unit}/s in {file}.",
-            f"It may be {other} per second; rows below 1 % of the rated speed do not vote, so "
-            "that most of the record would be left out.",
+            f"It may be {other} per second; rows below 1 % of the rated speed are excluded, which "
+            "here is most of the record.",
             joint.name,
+            {"speed": Quantity(speed, f"{unit}/s")},
         )
 
 
@@ -132,11 +141,12 @@ def _distance(joint: Joint, file: str) -> Iterator[Remark]:
     far = float(np.linalg.norm(joint.translation))
     if far > MAX_DISTANCE:
         yield _robot_remark(
-            "wrong",
+            "error",
             "lengths",
             f"The axis of {joint.name} is {far:.4g} m from its parent's in {file}.",
             "Its origin may be in millimetres; lengths are in metres.",
             joint.name,
+            {"distance": Quantity(far, "m")},
         )
 
 
@@ -148,7 +158,7 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
     place = f"of link {link.name} in {file}"
     if body.mass == 0.0:
         yield _robot_remark(
-            "wrong",
+            "error",
             "no mass",
             f"The mass {place} is 0 kg, but it has an inertia.",
             "Give the mass in kg, or leave the inertia out too.",
@@ -158,49 +168,63 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
     away = float(np.linalg.norm(body.center_of_mass))
     if away > MAX_DISTANCE:
         yield _robot_remark(
-            "wrong",
+            "error",
             "centre of mass",
             f"The centre of mass {place} is {away:.4g} m from its joint.",
             "It may be in millimetres; lengths are in metres.",
             joint.name,
+            {"distance": Quantity(away, "m")},
         )
         return
     moments = body.principal[0]
     numbers = ", ".join(f"{moment:.3g}" for moment in moments)
+    principal = {
+        f"J{k}": Quantity(float(x), "kg m²", digits=3) for k, x in enumerate(moments, start=1)
+    }
     scale = float(np.abs(moments).max())
     if moments[0] < -ROUNDING * scale:
         yield _robot_remark(
-            "wrong",
+            "error",
             "inertia",
             f"The inertia {place} is not positive definite: its principal moments are {numbers} "
             "kg m².",
             "Check the signs, and that it is taken about the centre of mass, not the joint.",
             joint.name,
+            principal,
         )
     elif moments[2] > (moments[0] + moments[1]) * (1 + ROUNDING) + ROUNDING * scale:
         yield _robot_remark(
-            "look",
+            "warning",
             "inertia",
             f"No body has the inertia {place}: of its principal moments, {numbers} kg m², one is "
             "larger than the two others together.",
             "Check the elements; a CAD program may give them about another point.",
             joint.name,
+            principal,
         )
     elif body.mass > HEAVY and 0 < scale < body.mass * SMALLEST**2:
         yield _robot_remark(
-            "wrong",
+            "error",
             "mass",
             f"The mass {place} is {body.mass:.4g} kg within "
             f"{1e3 * math.sqrt(scale / body.mass):.3g} mm, more than any metal weighs.",
             "It may be in grams; masses are in kg.",
             joint.name,
+            {
+                "mass": Quantity(body.mass, "kg"),
+                "radius": Quantity(1e3 * math.sqrt(scale / body.mass), "mm", digits=3),
+            },
         )
     elif scale > body.mass * 3.0**2:
         radius = math.sqrt(scale / body.mass)
         yield _robot_remark(
-            "wrong",
+            "error",
             "inertia",
             f"The inertia {place} is that of {body.mass:.3g} kg spread over {radius:.3g} m.",
             "It may be in kg mm² or g mm²; it is in kg m².",
             joint.name,
+            {
+                "mass": Quantity(body.mass, "kg", digits=3),
+                "radius": Quantity(radius, "m", digits=3),
+            },
         )

@@ -64,13 +64,13 @@ def check_stability(
         causes += "rotor_inertia under [robot]. Else check the units of kp and kd."
     return [
         Remark(
-            "look" if bare else "wrong",
+            "warning" if bare else "error",
             "controller",
             "unstable",
             f"The loop of {worst} is unstable with these gains at {rate:.5g} Hz: errors grow by a "
             f"factor of {growth:.3g} in each control period.",
-            causes,
             worst,
-            ("controller", "kd" if entry.type != "cascade" else "kv"),
+            causes,
+            place=("controller", "kd" if entry.type != "cascade" else "kv"),
         )
     ]

@@ -19,7 +19,7 @@ from cyclopts import App, CycloptsError, Parameter
 
 from pivident.cli.check import check
 from pivident.cli.compare import compare
-from pivident.cli.completion import completion
+from pivident.cli.completion import Shell, completion_script
 from pivident.cli.consistent import consistent
 from pivident.cli.console import error_line, note
 from pivident.cli.export import export
@@ -61,7 +61,6 @@ app.command(consistent)
 app.command(payload)
 app.command(export)
 app.command(symbolic)
-app.command(completion)
 
 
 @app.command
@@ -156,7 +155,7 @@ def init(
     yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
-    """Write a first experiment file for a log, every guess in it with its reason.
+    """Write a first experiment file for a log, every assumption in it with its reason.
 
     Parameters
     ----------
@@ -169,7 +168,7 @@ def init(
     joints
         Joints of a URDF to identify, with commas. Default: all that move and have a torque.
     yes
-        Ask nothing; write the best guess and mark it.
+        Ask nothing; write the best assumption and mark it.
     force
         Replace a file that exists.
     """
@@ -243,6 +242,19 @@ def fetch(name: str, /) -> int:
     return DONE
 
 
+@app.command
+def completion(shell: Shell, /) -> int:
+    """Print the script that completes commands and options in bash, zsh or fish.
+
+    Parameters
+    ----------
+    shell
+        The shell that is to read it.
+    """
+    print(completion_script(app, shell))
+    return DONE
+
+
 class UsageError(PividentError):
     """A command line that cannot be understood."""
 
@@ -271,6 +283,8 @@ def main(tokens: Sequence[str] | None = None) -> int:
     Returns:
         The exit code.
     """
+    # Matrices are small: threads of the linear algebra would wait for each other, not work.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):  # a σ must not stop a terminal without it
             stream.reconfigure(errors="replace")

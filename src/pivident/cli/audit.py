@@ -7,13 +7,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pivident.cli.console import Progress
+from pivident.cli.findings import print_findings
 from pivident.cli.workflow import check_output
+from pivident.text.finding import counted, serious
 
 if TYPE_CHECKING:
-    from pivident.audit import Audit
-
-#: How severities look on a terminal with colours.
-STYLES = {"wrong": "bold red", "look": "yellow", "fine": "green"}
+    from pivident.audit.audit import Audit
 
 
 def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path | None) -> bool:
@@ -26,14 +25,14 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
         out: folder for the results; NAME-audit for NAME.csv where it is not given.
 
     Returns:
-        Whether nothing is wrong.
+        Whether there are no errors.
 
     Raises:
         PividentError: the log cannot be read at all, or the folder cannot be written.
     """
-    from pivident.audit import audit_file
+    from pivident.audit.audit_file import audit_file
     from pivident.report.audit.audit_files import write_audit
-    from pivident.robot import load_robot
+    from pivident.robot.gallery import load_robot
 
     folder = out or Path(f"{path.name.removesuffix('.gz').rpartition('.')[0] or path.name}-audit")
     check_output(folder)
@@ -44,7 +43,7 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
         page = write_audit(audits, folder)
     print_audits(audits)
     print(f"\nPage: {page}")
-    return all(audit.severity != "wrong" for audit in audits)
+    return all(audit.severity != "error" for audit in audits)
 
 
 def print_audits(audits: Sequence[Audit]) -> None:
@@ -53,26 +52,8 @@ def print_audits(audits: Sequence[Audit]) -> None:
     Args:
         audits: of one log or several.
     """
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    from pivident.audit.finding import grouped
-
-    console = Console(highlight=False)
     for audit in audits:
         rate = f" at {audit.timing.rate:.6g} Hz" if audit.timing.rate else ""
-        table = Table.grid(padding=(0, 2))
-        for severity, sentence, step in grouped(audit.findings):
-            table.add_row(Text(f"  {severity}", STYLES[severity]), Text(sentence), Text(step))
-        heading = f"{audit.log.name}: {audit.log.samples} samples{rate}"
-        counts = (
-            f"  {audit.count('wrong')} wrong, {audit.count('look')} to look at, "
-            f"{audit.count('fine')} fine"
-        )
-        if console.is_terminal:
-            console.print(Text(heading, style="bold"), table, Text(counts), sep="\n")
-        else:  # lines of a file or a pipe are not broken
-            rows = grouped(audit.findings)
-            lines = [" ".join(filter(None, (f"  {row[0]:<6}", *row[1:]))) for row in rows]
-            print("\n".join([heading, *lines, counts]))
+        print(f"{audit.log.name}: {audit.log.samples} samples{rate}")
+        print_findings(serious(audit.findings))
+        print(f"  {counted(audit.findings)}, {audit.count('ok')} ok")

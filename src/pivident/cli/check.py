@@ -3,22 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
-from textwrap import wrap
 from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from pivident.cli.console import Progress
+from pivident.cli.findings import print_findings
+from pivident.text.finding import counted
+from pivident.text.printable import escaped
 
 if TYPE_CHECKING:
-    from pivident.check import ExperimentCheck, Remark
+    from pivident.check.experiment_check import ExperimentCheck
 
 DONE, WRONG_INPUT, FAULTY_LOG = 0, 1, 4
-
-#: Width of a line on a terminal; lines of a file or a pipe are not broken.
-WIDTH = 96
 
 
 def check(
@@ -39,7 +37,7 @@ def check(
     as_json
         Print everything as JSON, for programs.
     """
-    from pivident.check import check_experiment
+    from pivident.check.experiment_check import check_experiment
 
     with Progress() as progress:
         found = check_experiment(experiment, robot, progress.say)
@@ -49,7 +47,7 @@ def check(
         print_check(found)
     if found.refused:
         return WRONG_INPUT
-    return FAULTY_LOG if found.severity == "wrong" else DONE
+    return FAULTY_LOG if found.severity == "error" else DONE
 
 
 def print_check(found: ExperimentCheck) -> None:
@@ -58,47 +56,19 @@ def print_check(found: ExperimentCheck) -> None:
     Args:
         found: what the check has found.
     """
-    import sys
-
-    from rich.console import Console
-    from rich.text import Text
-
-    from pivident.cli.audit import STYLES
-    from pivident.text.printable import escaped
-
-    console = Console(highlight=False)
-    counts = {s: sum(r.severity == s for r in found.remarks) for s in ("wrong", "look")}
-    print(escaped(f"{found.path}: {_headline(found, counts)}"))
-    for remark in found.remarks:
-        lines = [escaped(line) for line in _lines(remark)]
-        if sys.stdout.isatty():
-            indent = " " * 9
-            broken = [part for line in lines for part in wrap(line, WIDTH - len(indent))]
-            console.print(Text(f"  {remark.severity:<6} ", STYLES[remark.severity]), end="")
-            console.print(Text(f"\n{indent}".join(broken)))
-        else:
-            print(f"  {remark.severity:<6} {' '.join(lines)}")
+    print(escaped(f"{found.path}: {_headline(found)}"))
+    print_findings(found.remarks)
     print("Checked: " + escaped("; ".join(found.looked_at)) + ".")
     if found.plan is not None:
-        when = " once the gaps are seen to as said above" if found.refused else ""
+        when = " once the gaps are fixed as said above" if found.refused else ""
         print(escaped(f"To be estimated{when}:\n{found.plan}"))
 
 
-def _headline(found: ExperimentCheck, counts: dict[str, int]) -> str:
+def _headline(found: ExperimentCheck) -> str:
     if not found.remarks:
-        return "looks fine"
-    listed = f"{counts['wrong']} wrong, {counts['look']} to look at"
+        return "no errors, no warnings"
     if found.refused:
-        return f"{listed}; an identification would stop"
-    if counts["wrong"]:
-        return f"{listed}; an identification would run, and mislead"
-    return f"{listed}; nothing is wrong"
-
-
-def _lines(remark: Remark) -> Iterator[str]:
-    """Place, sentence and step."""
-    if remark.heading:
-        yield f"{remark.heading}:"
-    yield remark.sentence
-    if remark.step:
-        yield remark.step
+        return f"{counted(found.remarks)}; an identification would stop"
+    if found.severity == "error":
+        return f"{counted(found.remarks)}; an identification would run, with wrong results"
+    return counted(found.remarks)

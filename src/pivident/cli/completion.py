@@ -1,4 +1,4 @@
-"""``pivident completion``: the script that lets a shell complete commands, options and files."""
+"""The script that lets a shell complete commands, options and files."""
 
 from __future__ import annotations
 
@@ -8,20 +8,6 @@ if TYPE_CHECKING:
     from cyclopts import App
 
 Shell = Literal["bash", "zsh", "fish"]
-
-
-def completion(shell: Shell, /) -> int:
-    """Print the script that completes commands and options in bash, zsh or fish.
-
-    Parameters
-    ----------
-    shell
-        The shell that is to read it.
-    """
-    from pivident.cli.app import app
-
-    print(completion_script(app, shell))
-    return 0
 
 
 def completion_script(app: App, shell: Shell) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from importlib.util import find_spec
 from types import TracebackType
 from typing import TYPE_CHECKING
 
@@ -27,10 +28,25 @@ def error_line(error: BaseException) -> str:
     notes = "".join(f" ({n})" for n in getattr(error, "__notes__", ()))
     if isinstance(error, PividentError):
         return f"error: {text}{notes}"
+    if package := missing_package(error):
+        return (
+            f"error: this installation has no {package!r}: pivident.{package} was left out of it; "
+            "install the whole of pivident to use this command"
+        )
     return (
         f"error: unexpected {type(error).__name__}: {text or 'no message'}{notes}; this is a "
         "mistake in pivident, PIVIDENT_DEBUG=1 shows where"
     )
+
+
+def missing_package(error: BaseException) -> str | None:
+    """Name of the package of pivident that an import did not find because it was left out."""
+    if not isinstance(error, ModuleNotFoundError):
+        return None
+    parts = (error.name or "").split(".")
+    if parts[0] != "pivident" or len(parts) < 2 or find_spec(".".join(parts[:2])) is not None:
+        return None
+    return parts[1]
 
 
 class Progress:

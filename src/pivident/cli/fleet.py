@@ -54,7 +54,7 @@ def fleet(
     """
     from pivident.cli.workflow import check_output
     from pivident.errors import ExperimentError
-    from pivident.many.fleet.conclusion import conclude
+    from pivident.many.fleet.conclusion import conclude_fleet
     from pivident.many.fleet.identify_fleet import default_out, identify_fleet, template_of
 
     if level is not None and not 0.0 < level < 1.0:
@@ -74,7 +74,7 @@ def fleet(
         except KeyboardInterrupt:
             note(f"the logs that have finished are in {place}; the same command goes on there")
             raise
-        judgement = conclude(found, progress.say)
+        judgement = conclude_fleet(found, progress.say)
     _print(judgement, place)
     if len(found.failures) < len(found.logs):
         return 0

@@ -26,7 +26,7 @@ def flexibility(
         Folder for flexibility.json and flexibility.html. Default: NAME-flexibility for NAME.toml.
     """
     from pivident.cli.workflow import check_output
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
     from pivident.flexibility.flexibility_page import write_study
     from pivident.flexibility.flexibility_text import agreement_lines, flexibility_lines
     from pivident.flexibility.joint_study import study_flexibility

@@ -66,7 +66,7 @@ def run_friction(
     """
     from pivident.cli.workflow import check_output
     from pivident.estimation.identify import identify
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
     from pivident.friction.friction_study import study_friction
     from pivident.friction.ripple.ripple_search import find_ripple
     from pivident.report.friction.friction_files import write_friction
@@ -104,12 +104,13 @@ def print_friction(study: FrictionStudy) -> None:
         study: the friction of a record.
     """
     from pivident.friction.friction_findings import headline
+    from pivident.text.finding import MARKS
 
     for joint in study.joints:
         print(f"{joint.name}: {headline(joint.findings)}")
         for finding in joint.findings:
             terms = f" [{finding.terms}]" if finding.clear and finding.terms else ""
-            print(f"  {'!' if finding.clear and finding.brief else '·'} {finding.sentence}{terms}")
+            print(f"  {MARKS[finding.severity]} {finding.message}{terms}")
     for name, reason in study.left_out.items():
         print(f"{name}: left out: {reason}")
     if study.ripple is not None:

@@ -12,7 +12,7 @@ from pivident.errors import ExperimentError
 if TYPE_CHECKING:
     from pivident.drives.gain_ratios import GainGroup
     from pivident.drives.log_units import MotorInLogUnits
-    from pivident.experiment import Experiment
+    from pivident.experiment.experiment import Experiment
     from pivident.experiment.gains_table import GainsOfExperiment
 
 
@@ -38,7 +38,7 @@ def gains(
         Also show the gains by weighted and total least squares, as in the literature.
     """
     from pivident.cli.workflow import check_output
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
     from pivident.experiment.gains_table import gains_of, lines_for_file
 
     if out is not None and out.exists():
@@ -240,7 +240,7 @@ def _temperature_table(found: GainsOfExperiment) -> str:
             ("±2σ", ".", [spread for _, spread in texts]),
             ("F", ".", [f"{r.f_statistic:.1f}" for r in rows]),
             ("p", ">", [f"{r.p_value:.2g}" for r in rows]),
-            ("taken", "<", ["yes" if r.worth else "no, not told from zero" for r in rows]),
+            ("taken", "<", ["yes" if r.is_significant else "no, not significant" for r in rows]),
         ]
     )
     return f"Motor constants k = k₀ (1 + a (T - T₀)), gains are those at T₀:\n{table}"

@@ -1,4 +1,4 @@
-"""``pivident init`` on the command line: questions, the file, and what was guessed."""
+"""``pivident init`` on the command line: questions, the file, and what was assumed."""
 
 from __future__ import annotations
 
@@ -10,11 +10,15 @@ from typing import TYPE_CHECKING
 from pivident.cli.console import Progress, note
 
 if TYPE_CHECKING:
-    from pivident.init import Draft
-    from pivident.init.guess import Answers, Question
+    from pivident.init.assumption import Answers, Question
+    from pivident.init.draft import Draft
 
-#: How sure a guess is, as the summary shows it, and its colour on a terminal.
-SURE = {"certain": ("seen", "green"), "likely": ("likely", "cyan"), "guess": ("GUESS", "yellow")}
+#: How sure an assumption is, as the summary shows it, and its colour on a terminal.
+SURE = {
+    "certain": ("seen", "green"),
+    "likely": ("likely", "cyan"),
+    "assumed": ("ASSUMED", "yellow"),
+}
 
 #: Longest value in the summary, in characters.
 MAX_VALUE = 60
@@ -29,7 +33,7 @@ def run_init(
     ask: bool = False,
     force: bool = False,
 ) -> bool:
-    """Draft an experiment file, write it, and print what was guessed.
+    """Draft an experiment file, write it, and print what was assumed.
 
     Args:
         logs: files of the log.
@@ -46,7 +50,7 @@ def run_init(
         PividentError: the log or the robot cannot be used, or the file must not be written.
     """
     from pivident.files import atomic_folder
-    from pivident.init import draft_experiment
+    from pivident.init.draft import draft_experiment
 
     check_target(out, logs, robot, force)
     answers: Answers = {}
@@ -88,7 +92,7 @@ def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool
 
 
 def print_draft(draft: Draft, out: Path) -> None:
-    """Every guess with how sure it is, and the next step.
+    """Every assumption with how sure it is, and the next step.
 
     Args:
         draft: what was written.
@@ -103,13 +107,13 @@ def print_draft(draft: Draft, out: Path) -> None:
 
     console = Console(highlight=False)
     rows = []
-    for guess in draft.guesses:
-        if guess.value is None:
+    for line in draft.assumptions:
+        if line.value is None:
             continue
-        value = " ".join(value_text(guess.value, 10**9).split())
+        value = " ".join(value_text(line.value, 10**9).split())
         if len(value) > MAX_VALUE:
             value = f"{value[: MAX_VALUE - 1]}…"
-        rows.append((guess.sure, f"{guess.table}.{guess.key}", escaped(value), escaped(guess.seen)))
+        rows.append((line.sure, f"{line.table}.{line.key}", escaped(value), escaped(line.seen)))
     if console.is_terminal:
         table = Table.grid(padding=(0, 2))
         for sure, key, value, seen in rows:
@@ -118,14 +122,14 @@ def print_draft(draft: Draft, out: Path) -> None:
         console.print(table)
     else:
         for sure, key, value, seen in rows:
-            print(f"{SURE[sure][0]:<6}  {key} = {value}  ({seen})")
+            print(f"{SURE[sure][0]:<7}  {key} = {value}  ({seen})")
     if draft.explained:
         errors = ", ".join(f"{joint} {100 * e:.2g} %" for joint, e in draft.explained.items())
         print(f"\nA first least squares leaves this share of the torque: {escaped(errors)}")
     for trouble in draft.troubles:
         note(f"to do: {trouble}")
-    guessed = sum(row[0] == "guess" for row in rows)
-    print(f"\nWritten: {escaped(str(out))}, {guessed} line(s) of it are guesses to be checked.")
+    assumed = sum(row[0] == "assumed" for row in rows)
+    print(f"\nWritten: {escaped(str(out))}, {assumed} line(s) of it are assumptions; check them.")
     print(f"Next:    pivident check {escaped(str(out))}")
     print(f"         pivident identify {escaped(str(out))}")
 

@@ -46,7 +46,7 @@ def laws(
     depth
         How many terms a law may be changed by, at most.
     """
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
     from pivident.friction.laws.law_choice import choose_laws
 
     if depth < 1:

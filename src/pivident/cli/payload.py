@@ -34,7 +34,7 @@ def payload(
         Folder for payload.json, payload.csv and payload.txt. Default: NAME-payload for NAME.toml.
     """
     from pivident.cli.workflow import check_output
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
     from pivident.payload.payload_files import save_payload
     from pivident.payload.payload_table import default_folder, load_of
 
@@ -62,6 +62,6 @@ def payload(
 def _arm(file: Path, robot: str | None):
     """The arm without load, from its file."""
     from pivident.estimation.stored_identification import load_identification
-    from pivident.robot import load_robot
+    from pivident.robot.gallery import load_robot
 
     return load_identification(file, None if robot is None else load_robot(robot))

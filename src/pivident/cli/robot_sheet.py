@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.robot import Joint, Robot, gallery_names, load_robot
+from pivident.robot.description import Joint, Robot
+from pivident.robot.gallery import gallery_names, load_robot
 from pivident.text.printable import escaped
 
 

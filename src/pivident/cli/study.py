@@ -71,7 +71,7 @@ def _compute(
     chosen: Scenario, conditions: Sequence[Scenario], folder: Path, pool: Pool
 ) -> dict[str, Summary]:
     """Runs, summaries and pages of all conditions."""
-    from pivident.many.study.conclusion import PAGE, SUMMARY, conclude, write_index
+    from pivident.many.study.conclusion import PAGE, SUMMARY, conclude_study, write_index
     from pivident.many.study.monte_carlo import run_study
     from pivident.many.study.study_text import summary_text
 
@@ -85,7 +85,7 @@ def _compute(
             except KeyboardInterrupt:
                 note(f"the runs that have finished are in {place}; the same command goes on there")
                 raise
-            summaries[one.condition] = conclude(one, place, progress.say)
+            summaries[one.condition] = conclude_study(one, place, progress.say)
         if varied:
             write_index(summaries, folder)
     print("\n\n".join(summary_text(summary) for summary in summaries.values()))

@@ -12,7 +12,7 @@ from pivident.cli.console import note
 from pivident.errors import PividentError
 
 if TYPE_CHECKING:
-    from pivident.robot import Robot
+    from pivident.robot.description import Robot
     from pivident.symbolic.program import Program
 
 Names = Annotated[tuple[str, ...], Parameter(negative=(), show_default=False)]
@@ -51,7 +51,7 @@ def symbolic(
     """
     from pivident.cli.workflow import check_output
     from pivident.files import atomic_folder
-    from pivident.robot import load_robot
+    from pivident.robot.gallery import load_robot
     from pivident.symbolic.robot_models import LANGUAGES, MODELS, model_files
 
     models = _chosen("--what", what, MODELS)

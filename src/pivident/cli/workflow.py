@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from pivident.cli.compile_ahead import ESTIMATORS, LOOP, compile_ahead
 from pivident.cli.console import Progress, error_line, note
 from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
@@ -88,7 +89,7 @@ def run_experiment(
         PividentError: the file, its data or the output folder cannot be used, or no method
             came to a result.
     """
-    from pivident.experiment import load_experiment
+    from pivident.experiment.experiment import load_experiment
 
     with Progress() as progress:
         experiment = load_experiment(path)
@@ -97,6 +98,7 @@ def run_experiment(
         options = experiment.consistency()
         folder = out or experiment.output or Path(f"{path.stem}-results")
         check_output(folder)
+        compile_ahead(LOOP)
         problem, validation = experiment.problem(progress.say), experiment.content.validation
         unseen = experiment.unseen_recordings()
         essential, shaped = None, None
@@ -153,9 +155,10 @@ def run_demo(out: Path, seed: int = 0) -> bool:
     Returns:
         Whether all methods converged.
     """
-    from pivident.simulation.scenarios import tx40_fine
+    from pivident.experiment.simulated_tx40 import tx40_fine
 
     check_output(out)
+    compile_ahead(ESTIMATORS)
     with Progress() as progress:
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_fine(seed)
@@ -231,8 +234,6 @@ def write_results(
         truth: known values by parameter name.
         report: whether to write ``report.html``.
     """
-    from pivident.report.builder import write_report
-
     found = results.identifications
     several = len(found) > 1
     with atomic_folder(folder) as build:
@@ -247,6 +248,8 @@ def write_results(
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
         if report:
+            from pivident.report.builder import write_report
+
             write_report(
                 list(found.values()),
                 build / "report.html",
@@ -308,7 +311,7 @@ def _print_results(
             print(f"\n{truth_lines(found, truth)}")
         for result in found:
             for warning in result.warnings:
-                note(f"{result.method}: {warning}")
+                note(f"{result.method}: {warning.advised}")
     if results.diagnostics.out_of_sample is not None:
         print(f"\n{results.diagnostics.out_of_sample.table()}")
     for estimate in results.diagnostics.consistent.values():

@@ -10,23 +10,25 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from os import PathLike
 from typing import Any
 
 import numpy as np
 
 from pivident.comparison.aligned import aligned_by_group, aligned_by_name
+from pivident.comparison.compared_results import ComparedParameter, ComparedResults
 from pivident.comparison.comparison_errors import ComparisonError
-from pivident.comparison.cross_torque import CrossTorque, cross_torques
+from pivident.comparison.comparison_text import comparison_text
+from pivident.comparison.cross_torque import cross_torques
 from pivident.comparison.differences import Difference, Estimate, difference, share_a_record
 from pivident.comparison.entry import Entry, entry_of
-from pivident.comparison.friction_curves import JointFriction, friction_curves
+from pivident.comparison.friction_curves import friction_curves
 from pivident.comparison.groups import difference_of_geometry
 from pivident.comparison.load import distinct_labels, load_entries, relabelled
 from pivident.comparison.multiple_tests import holm
+from pivident.comparison.remarks import remarks
 from pivident.estimation.identification import Identification
-from pivident.text import display
 
 #: Probability of one false mark or more in a comparison.
 LEVEL = 0.05
@@ -35,33 +37,7 @@ LEVEL = 0.05
 MOST = 24
 
 
-@dataclass(frozen=True)
-class ComparedParameter:
-    """One quantity in all results.
-
-    Attributes:
-        name: base parameter, as the first result that estimates it calls it.
-        unit: its unit.
-        expression: its group written out.
-        estimates: what each result says about it, None where it says nothing.
-        differences: of each result from the first, None for the first itself and where one of both
-            says nothing.
-    """
-
-    name: str
-    unit: str
-    expression: str
-    estimates: tuple[Estimate | None, ...]
-    differences: tuple[Difference | None, ...]
-
-    @property
-    def shared(self) -> bool:
-        """Whether all results have it."""
-        return all(estimate is not None for estimate in self.estimates)
-
-
-@dataclass(frozen=True, eq=False)
-class Comparison:
+class Comparison(ComparedResults):
     """Several results side by side.
 
     Attributes:
@@ -75,58 +51,8 @@ class Comparison:
         notes: what must be known to read the rest, whole sentences.
     """
 
-    entries: tuple[Entry, ...]
-    parameters: tuple[ComparedParameter, ...]
-    level: float
-    same_record: tuple[bool, ...]
-    one_machine: bool
-    torques: tuple[CrossTorque, ...]
-    friction: tuple[JointFriction, ...]
-    notes: tuple[str, ...]
-
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """Names of the results."""
-        return tuple(entry.label for entry in self.entries)
-
-    @property
-    def tests(self) -> int:
-        """Number of differences that were tested."""
-        return sum(
-            d is not None and not math.isnan(d.p_value)
-            for p in self.parameters
-            for d in p.differences
-        )
-
-    def is_marked(self, found: Difference | None) -> bool:
-        """Whether a difference is significant at the level, among all that were tested.
-
-        Args:
-            found: a difference of this comparison.
-        """
-        return found is not None and found.p_adjusted <= self.level
-
-    def marked(self, entry: int) -> tuple[str, ...]:
-        """Names of the parameters of a result that differ significantly from the first's.
-
-        Args:
-            entry: index of the result.
-        """
-        return tuple(p.name for p in self.parameters if self.is_marked(p.differences[entry]))
-
     def __str__(self) -> str:
-        from pivident.comparison.comparison_text import comparison_text
-
         return comparison_text(self)
-
-    def __repr__(self) -> str:
-        return (
-            f"<Comparison of {', '.join(self.labels)}: {len(self.parameters)} parameters, "
-            f"{sum(len(self.marked(k)) for k in range(len(self.entries)))} significant differences>"
-        )
-
-    def _repr_html_(self) -> str:
-        return display.html_of(self)
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write comparison.html, .csv, .json and .tex into a folder, all or nothing.
@@ -192,8 +118,6 @@ def compare(
         friction=friction_curves(entries) if one_machine else (),
         notes=(),
     )
-    from pivident.comparison.remarks import remarks
-
     return replace(comparison, notes=tuple(remarks(comparison, geometry)))
 
 

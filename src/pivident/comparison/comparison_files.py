@@ -7,7 +7,7 @@ import io
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
-from pivident.comparison.compare import ComparedParameter, Comparison
+from pivident.comparison.compared_results import ComparedParameter, ComparedResults
 from pivident.comparison.comparison_page import render_page
 from pivident.comparison.comparison_text import (
     condition_text,
@@ -46,7 +46,7 @@ CSV_COLUMNS = (
 )  # fmt: skip
 
 
-def save_comparison(comparison: Comparison, folder: str | PathLike[str]) -> None:
+def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) -> None:
     """Write page, table, JSON and LaTeX into a folder, all or nothing.
 
     Args:
@@ -67,7 +67,7 @@ def save_comparison(comparison: Comparison, folder: str | PathLike[str]) -> None
             (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
-def rows(comparison: Comparison) -> list[dict[str, Any]]:
+def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
     """One row for each parameter and result that has it, by `CSV_COLUMNS`.
 
     Args:
@@ -86,7 +86,7 @@ def rows(comparison: Comparison) -> list[dict[str, Any]]:
     return made
 
 
-def to_csv(comparison: Comparison) -> str:
+def to_csv(comparison: ComparedResults) -> str:
     """The rows as text; numbers that are not finite are left empty.
 
     Args:
@@ -100,7 +100,7 @@ def to_csv(comparison: Comparison) -> str:
     return stream.getvalue()
 
 
-def to_values(comparison: Comparison) -> dict[str, Any]:
+def to_values(comparison: ComparedResults) -> dict[str, Any]:
     """The comparison as plain values, ready for JSON.
 
     Args:
@@ -151,7 +151,7 @@ def to_values(comparison: Comparison) -> dict[str, Any]:
     return {key: plain(value) for key, value in content.items()}
 
 
-def to_latex(comparison: Comparison) -> str:
+def to_latex(comparison: ComparedResults) -> str:
     r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``.
 
     Args:
@@ -202,7 +202,7 @@ def _percent(error: float) -> str:
     return rf"{latex_number(format_significant(100.0 * error, 2))}\,\%"
 
 
-def _mark(comparison: Comparison, found: Difference | None) -> str:
+def _mark(comparison: ComparedResults, found: Difference | None) -> str:
     return r"\rlap{*}" if comparison.is_marked(found) else ""
 
 
@@ -241,7 +241,7 @@ def _entry_values(entry: Entry, same_record: bool) -> dict[str, Any]:
     }
 
 
-def _parameter_values(comparison: Comparison, p: ComparedParameter) -> dict[str, Any]:
+def _parameter_values(comparison: ComparedResults, p: ComparedParameter) -> dict[str, Any]:
     return {
         "name": p.name,
         "unit": p.unit,
@@ -266,7 +266,7 @@ def _estimate_values(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _difference_values(comparison: Comparison, found: Difference | None) -> dict[str, Any]:
+def _difference_values(comparison: ComparedResults, found: Difference | None) -> dict[str, Any]:
     if found is None:
         return dict.fromkeys(_OF_DIFFERENCE)
     values = (found.value, found.low, found.high, found.relative, found.z, found.p_value)

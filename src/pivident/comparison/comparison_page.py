@@ -10,7 +10,7 @@ import numpy as np
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
-from pivident.comparison.compare import ComparedParameter, Comparison
+from pivident.comparison.compared_results import ComparedParameter, ComparedResults
 from pivident.comparison.comparison_text import deviations, difference_text, estimate_text
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
@@ -37,7 +37,7 @@ _MARGIN = 6.0
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 
-def render_page(comparison: Comparison) -> str:
+def render_page(comparison: ComparedResults) -> str:
     """The page as text.
 
     Args:
@@ -80,7 +80,7 @@ def render_page(comparison: Comparison) -> str:
     )
 
 
-def friction_figure(comparison: Comparison, joint: JointFriction) -> Figure:
+def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure:
     """Friction against speed of one joint by all results, each with its ±2σ band.
 
     Args:
@@ -110,7 +110,7 @@ def friction_figure(comparison: Comparison, joint: JointFriction) -> Figure:
 
 
 def _band_and_line(
-    comparison: Comparison, joint: JointFriction, curve: FrictionCurve
+    comparison: ComparedResults, joint: JointFriction, curve: FrictionCurve
 ) -> list[go.Scatter]:
     """One result's curve over its band; the band stays out where there is none."""
     own, traces = colour(curve.entry), []
@@ -140,7 +140,7 @@ def _band_and_line(
     return traces
 
 
-def interval_drawing(comparison: Comparison, p: ComparedParameter) -> IntervalDrawing:
+def interval_drawing(comparison: ComparedResults, p: ComparedParameter) -> IntervalDrawing:
     """The intervals of one parameter on a common scale; ends that nothing bounds reach its edge.
 
     Args:

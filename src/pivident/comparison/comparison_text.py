@@ -11,7 +11,7 @@ from rich.console import Console, Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
-from pivident.comparison.compare import ComparedParameter, Comparison
+from pivident.comparison.compared_results import ComparedParameter, ComparedResults
 from pivident.comparison.differences import Difference, Estimate
 from pivident.comparison.remarks import MAX_PERCENT, findings, level_sentence, share_text
 from pivident.text.numbers import format_significant, with_spread
@@ -33,7 +33,7 @@ _MOST_LISTED = 40
 HASH = 10
 
 
-def comparison_text(comparison: Comparison, width: int = WIDTH) -> str:
+def comparison_text(comparison: ComparedResults, width: int = WIDTH) -> str:
     """The comparison as plain text.
 
     Args:
@@ -46,7 +46,7 @@ def comparison_text(comparison: Comparison, width: int = WIDTH) -> str:
     return "\n".join(line.rstrip() for line in stream.getvalue().splitlines())
 
 
-def comparison_tables(comparison: Comparison, width: int = WIDTH) -> RenderableType:
+def comparison_tables(comparison: ComparedResults, width: int = WIDTH) -> RenderableType:
     """The comparison for a terminal.
 
     Args:
@@ -106,7 +106,7 @@ def deviations(z: float) -> str:
     return f"{round(z, 1) + 0.0:.1f}" if abs(z) < 1e4 else format_significant(z, 2)
 
 
-def z_text(comparison: Comparison, found: Difference | None) -> str:
+def z_text(comparison: ComparedResults, found: Difference | None) -> str:
     """The difference in deviations, with a mark where it is significant.
 
     Args:
@@ -158,7 +158,7 @@ def _add(table: Table, cells: Sequence[str], style: str = "") -> None:
     table.add_row(*(Text(escaped(cell)) for cell in cells), style=style or None)
 
 
-def _fit_table(comparison: Comparison) -> RenderableType:
+def _fit_table(comparison: ComparedResults) -> RenderableType:
     """How well each result fits its own record."""
     titles = ("parameters", "torque error", "condition", "rows", "converged")
     table = _table([("result", "left"), *((t, "right") for t in titles)])
@@ -176,7 +176,7 @@ def _fit_table(comparison: Comparison) -> RenderableType:
     return _titled("Results", table)
 
 
-def _source_table(comparison: Comparison) -> RenderableType:
+def _source_table(comparison: ComparedResults) -> RenderableType:
     """What each result came from."""
     titles = ("result", "method", "record", "pivident", "file", "written")
     table = _table([(t, "left") for t in titles])
@@ -188,7 +188,7 @@ def _source_table(comparison: Comparison) -> RenderableType:
     return _titled("Where they come from (hashes shortened)", table)
 
 
-def _pair_table(comparison: Comparison, width: int) -> RenderableType:
+def _pair_table(comparison: ComparedResults, width: int) -> RenderableType:
     """Two results: values, their difference where there is room for it, and how sure it is."""
     heads = ["", "unit", *comparison.labels, "difference", "z"]
     lines = []
@@ -213,7 +213,7 @@ def _narrow(text: str) -> str:
     return text.replace(" ± ", "±")
 
 
-def _value_tables(comparison: Comparison, width: int) -> list[RenderableType]:
+def _value_tables(comparison: ComparedResults, width: int) -> list[RenderableType]:
     """Three results or more: values with marks, in as many tables as the width asks for."""
     cells = [_value_cells(comparison, p) for p in comparison.parameters]
     widths = [
@@ -234,7 +234,7 @@ def _value_tables(comparison: Comparison, width: int) -> list[RenderableType]:
     return tables[:-1]
 
 
-def _value_cells(comparison: Comparison, p: ComparedParameter) -> list[str]:
+def _value_cells(comparison: ComparedResults, p: ComparedParameter) -> list[str]:
     """The estimates of one parameter, marked where they differ from the first."""
     return [
         f"{_narrow(estimate_text(e))}{' *' if comparison.is_marked(d) else '  '}"
@@ -254,7 +254,7 @@ def _fitting(widths: Sequence[int], room: int) -> list[list[int]]:
     return groups
 
 
-def _difference_table(comparison: Comparison) -> RenderableType | None:
+def _difference_table(comparison: ComparedResults) -> RenderableType | None:
     """The significant differences of three results or more, the clearest first."""
     found = [
         (abs(d.z), k, p, d)
@@ -278,7 +278,7 @@ def _difference_table(comparison: Comparison) -> RenderableType | None:
     return _titled(title, table)
 
 
-def _torque_tables(comparison: Comparison, width: int) -> list[RenderableType]:
+def _torque_tables(comparison: ComparedResults, width: int) -> list[RenderableType]:
     """Torque errors of all results on the records of those that hold them."""
     records = comparison.torques
     names = [comparison.labels[t.record] for t in records]

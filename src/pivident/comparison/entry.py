@@ -104,7 +104,7 @@ class Entry:
 
     @property
     def samples(self) -> int | None:
-        """Rows that voted, all joints together; None where it is not known."""
+        """Rows in use, all joints together; None where it is not known."""
         if self.identification is None:
             return None
         return sum(fit.rows for fit in self.identification.joints)

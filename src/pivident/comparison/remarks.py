@@ -6,11 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from pivident.estimation.summary_tables import error_rows, is_decimated
+from pivident.estimation.summary_tables import error_rows
 from pivident.text.numbers import format_significant, with_spread
 
 if TYPE_CHECKING:
-    from pivident.comparison.compare import Comparison
+    from pivident.comparison.compared_results import ComparedResults
     from pivident.comparison.entry import Entry
 
 #: Names that are listed in one sentence.
@@ -20,7 +20,7 @@ LISTED = 12
 MAX_PERCENT = 1000.0
 
 
-def remarks(comparison: Comparison, geometry: Sequence[str]) -> Iterator[str]:
+def remarks(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[str]:
     """The sentences below a comparison.
 
     Args:
@@ -36,7 +36,7 @@ def remarks(comparison: Comparison, geometry: Sequence[str]) -> Iterator[str]:
         yield from entry.notes
 
 
-def level_sentence(comparison: Comparison) -> str:
+def level_sentence(comparison: ComparedResults) -> str:
     """How often a mark is false.
 
     Args:
@@ -52,7 +52,7 @@ def level_sentence(comparison: Comparison) -> str:
     )
 
 
-def findings(comparison: Comparison) -> list[str]:
+def findings(comparison: ComparedResults) -> list[str]:
     """Result by result, which parameters differ from the first.
 
     Args:
@@ -79,7 +79,7 @@ def findings(comparison: Comparison) -> list[str]:
     return found
 
 
-def _changes(comparison: Comparison, k: int, names: Sequence[str]) -> list[str]:
+def _changes(comparison: ComparedResults, k: int, names: Sequence[str]) -> list[str]:
     """Each parameter with its difference ± 2σ, in percent of the first where that says anything."""
     by_name = {p.name: p for p in comparison.parameters}
     changes = []
@@ -107,7 +107,7 @@ def listed(names: Sequence[str]) -> str:
     return f"{shown} and {more} more" if more > 0 else shown
 
 
-def _correlation(comparison: Comparison) -> Iterator[str]:
+def _correlation(comparison: ComparedResults) -> Iterator[str]:
     """Which results share their record."""
     first, *others = comparison.entries
     same = [
@@ -131,7 +131,7 @@ def _correlation(comparison: Comparison) -> Iterator[str]:
         )
 
 
-def _robots(comparison: Comparison, geometry: Sequence[str]) -> Iterator[str]:
+def _robots(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[str]:
     """How the robots differ."""
     first, *others = comparison.entries
     for entry, apart in zip(others, geometry[1:], strict=True):
@@ -152,7 +152,7 @@ def _robots(comparison: Comparison, geometry: Sequence[str]) -> Iterator[str]:
             yield f"{entry.label} was taken with another direction or size of gravity."
 
 
-def _groups(comparison: Comparison) -> Iterator[str]:
+def _groups(comparison: ComparedResults) -> Iterator[str]:
     """Quantities that are sums of another result's parameters."""
     for k, label in enumerate(comparison.labels):
         mapped = [
@@ -164,7 +164,7 @@ def _groups(comparison: Comparison) -> Iterator[str]:
             yield f"{label} has other groups; from them: {listed(mapped)}."
 
 
-def _not_shared(comparison: Comparison) -> Iterator[str]:
+def _not_shared(comparison: ComparedResults) -> Iterator[str]:
     """Parameters that a result does not have."""
     for k, entry in enumerate(comparison.entries):
         if comparison.one_machine:
@@ -182,10 +182,10 @@ def _not_shared(comparison: Comparison) -> Iterator[str]:
                 yield f"Not in all results, hence not compared, of {entry.label}: {listed(alone)}."
 
 
-def _rows(comparison: Comparison) -> Iterator[str]:
+def _rows(comparison: ComparedResults) -> Iterator[str]:
     """Relative errors over rows that are not alike."""
     decimated = {
-        e.label: is_decimated(e.identification)
+        e.label: e.identification.is_decimated
         for e in comparison.entries
         if e.identification is not None
     }

@@ -36,6 +36,7 @@ from pivident.control_law.law_gravity import (
     gravity_models,
     gravity_notes,
 )
+from pivident.control_law.law_table import controller_table
 from pivident.control_law.speed_setpoint import (
     EXPLAINED,
     SpeedSetpoint,
@@ -66,7 +67,7 @@ class ControllerIdentification:
         recordings: names of the recordings.
         output: recorded output of the first recording, shape (samples, joints) [u]; of a drive
             with a speed setpoint: its position error q_ref - q [rad or m], NaN where not used.
-        model: what the law makes of it.
+        model: output of the identified law, shape (samples, joints), in the same unit.
         rate: sampling rate [Hz].
         warnings: whole sentences.
         signals: the recordings as the law sees them: those given, or with the reference as it
@@ -89,7 +90,14 @@ class ControllerIdentification:
     setpoints: tuple[SpeedSetpoint, ...] = ()
 
     def seen(self, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
-        """Recordings as the law sees them: ``signals``, for any runs under the same law."""
+        """Recordings as the law sees them: ``signals``, for any runs under the same law.
+
+        Args:
+            recordings: runs under the same law.
+
+        Returns:
+            The runs, with the reference as it arrives at a drive with a speed setpoint.
+        """
         if not self.setpoints:
             return tuple(recordings)
         return tuple(as_seen_by_the_drive(r, self.setpoints) for r in recordings)
@@ -100,8 +108,6 @@ class ControllerIdentification:
         return gravity_notes([j.name for j in self.joints], [j.gravity for j in self.joints])
 
     def __str__(self) -> str:
-        from pivident.estimation.summary_tables import controller_table
-
         return controller_table(self)
 
 

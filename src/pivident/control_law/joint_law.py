@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -84,6 +85,28 @@ class JointLaw:
         ratio = kp / kv
         relative = np.hypot(std["kp"] / kp, std["kd"] / kv)
         return ratio, abs(ratio) * float(relative), kv, float(std["kd"])
+
+    def to_values(self) -> dict[str, Any]:
+        """The law as plain values, for the file of a result."""
+        return {
+            "joint": self.name,
+            "terms": self.terms,
+            "gains": self.gains,
+            "std": self.std,
+            "differentiator": differentiator_values(
+                self.averaged, self.derivative_time, self.derivative_time_std
+            ),
+            "relative_error": self.relative_error,
+            "saturated": self.saturated,
+            "f_tests": self.f_tests,
+            "gravity": None if self.gravity is None else self.gravity.to_values(),
+        }
+
+
+def differentiator_values(averaged: bool, time: float = 0.0, std: float = 0.0) -> dict[str, Any]:
+    """How a law differentiates the position, as plain values; ``time`` is its lag T [s]."""
+    kind = "two_sample_means" if averaged else "lag" if time else "backward_difference"
+    return {"kind": kind, "time": time, "std": std}
 
 
 def joint_law(

@@ -16,7 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -82,6 +82,17 @@ class JointGravity:
     std: np.ndarray
     statistic: float
     taken: float
+
+    def to_values(self) -> dict[str, Any]:
+        """The model as plain values, for the file of a result."""
+        return {
+            "at": "q" if self.place == "gravity" else "q_ref",
+            "parameters": [p.name for p in self.parameters],
+            "values": self.values,
+            "std": self.std,
+            "units": [p.unit for p in self.parameters],
+            "f_test": self.statistic,
+        }
 
     @property
     def told(self) -> bool:

@@ -10,6 +10,7 @@ identification that uses it says so.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +48,16 @@ class ReconstructedReference:
     rms: np.ndarray
     relative: np.ndarray
     freedom: float
+
+    def to_values(self) -> dict[str, Any]:
+        """Kind and fit as plain values, for the file of a result."""
+        return {
+            "kind": self.kind,
+            "moves": None if self.moves is None else len(self.moves.moves),
+            "rms": self.rms,
+            "relative": self.relative,
+            "freedom": self.freedom,
+        }
 
     def __str__(self) -> str:
         worst = int(np.argmax(self.relative))

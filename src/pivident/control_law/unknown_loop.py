@@ -16,19 +16,21 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from pivident.control_law.identified_law import (
     identify_controller,
 )
+from pivident.control_law.joint_law import differentiator_values
 from pivident.control_law.reference_reconstruction import (
     reconstruct_reference,
 )
 from pivident.errors import IdentificationError
-from pivident.estimation.problem import Loop
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
 from pivident.simulation.linear_law import LinearLaw, differentiated
 from pivident.simulation.virtual_pd import virtual_pd
@@ -70,6 +72,20 @@ class Feedback:
         """Whether the law can be believed."""
         return self.explained > EXPLAINED and self.kp > 0.0 and self.kd > 0.0
 
+    def to_values(self) -> dict[str, Any]:
+        """The law as plain values; one found from noise has no fit and no saturated samples."""
+        return {
+            "joint": self.name,
+            "terms": ("kp", "kd"),
+            "gains": (self.kp, self.kd),
+            "std": (self.kp_std, self.kd_std),
+            "differentiator": differentiator_values(self.averaged),
+            "relative_error": None,
+            "saturated": None,
+            "f_tests": {},
+            "gravity": None,
+        }
+
 
 def feedback_from_noise(recording: Recording, drive_gain: np.ndarray) -> tuple[Feedback, ...]:
     """Feedback gains of all joints, without a reference.
@@ -77,6 +93,12 @@ def feedback_from_noise(recording: Recording, drive_gain: np.ndarray) -> tuple[F
     Args:
         recording: one run.
         drive_gain: joint torque per controller output, shape (joints,).
+
+    Returns:
+        The gains of each joint and the share of the output that they explain.
+
+    Raises:
+        IdentificationError: the recording is sampled too slowly.
     """
     known_inputs = sum(recording.inputs.values(), np.zeros(recording.tau.shape))
     u = recording.tau / drive_gain - known_inputs

@@ -8,60 +8,69 @@ from collections.abc import Iterator
 from pivident.consistency.consistent_estimate import NoConsistentEstimate
 from pivident.consistency.significance import NOTABLE_COST
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.statement import Statement
+from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant
 
 #: A step to consistent parameters that is less probable lies outside the intervals.
 IMPROBABLE = 0.01
 
 
-def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
+def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Whether a real machine can have these parameters."""
     made = diagnostics.consistent
     found = made.get(name) or next(reversed(list(made.values())), None)
     if found is None:
         return
     if isinstance(found, NoConsistentEstimate):
-        yield Statement("physics", "caution", f"{found.label}: {found.reason}.")
+        message = f"{found.label}: {found.reason}."
+        yield Finding("warning", "physics", "no consistent estimate", message)
         return
     model, prediction = found.model, found.prediction
     cost = model.torque_cost if prediction is None else prediction.cost
     if model.was_consistent:
         text = "A real machine can have exactly these parameters."
-        yield Statement("physics", "good", text, f"{found.label} has the same torques")
+        basis = f"{found.label} has the same torques"
+        yield Finding("ok", "physics", "consistent", text, basis=basis)
         return
-    evidence = (
+    basis = (
         f"least distance {format_significant(model.least_distance, 2)} σ, p = {model.p_value:.2g}; "
         f"distance of those taken {format_significant(model.distance, 2)} σ"
     )
     if prediction is not None:
-        evidence += f"; {prediction}"
+        basis += f"; {prediction}"
     elif math.isfinite(cost):
-        evidence += f"; torque error on the fitted record, relative change {100 * cost:+.2g} %"
+        basis += f"; torque error on the fitted record, relative change {100 * cost:+.2g} %"
     if held_back := found.held_back():
-        evidence += f"; held back most by {held_back[0]}"
+        basis += f"; held back most by {held_back[0]}"
+    evidence = {
+        "least distance": Quantity(model.least_distance, "σ"),
+        "p": Quantity(model.p_value),
+        "distance": Quantity(model.distance, "σ"),
+    }
     take = f"take {found.label} for simulation and export"
+    severity: Severity
     near, cheap = model.p_value > IMPROBABLE, cost <= NOTABLE_COST
     if not math.isfinite(cost):
         where = "within" if near else "outside"
         text = (
-            f"Parameters that a real machine can have lie {where} the intervals; what they cost in "
+            f"Parameters that a real machine can have lie {where} the intervals; their cost in "
             "torque is not known without torque sums or held-out motion: identify again to have "
             "them."
         )
-        yield Statement("physics", "note" if near else "caution", text, evidence)
+        severity, kind = ("note" if near else "warning"), "consistent, cost unknown"
     elif near and cheap:
         text = f"Parameters that a real machine can have lie within the intervals: {take}."
-        yield Statement("physics", "good", text, evidence)
+        severity, kind = "ok", "consistent within the intervals"
     elif cheap:
         text = (
             "The nearest parameters that a real machine can have lie outside the intervals, which "
-            f"do not know all model error, but predict as well: {take}."
+            f"do not include all model error, but predict as well: {take}."
         )
-        yield Statement("physics", "note", text, evidence)
+        severity, kind = "note", "consistent outside the intervals"
     else:
         text = (
             "The nearest parameters that a real machine can have predict worse than the estimate: "
             "geometry, friction law or a bound is not the machine's."
         )
-        yield Statement("physics", "caution", text, evidence)
+        severity, kind = "warning", "consistent parameters predict worse"
+    yield Finding(severity, "physics", kind, text, evidence=evidence, basis=basis)

@@ -5,22 +5,26 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.statement import Grade, Statement
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.recording.torque_scale import scale_sentences
+from pivident.estimation.signs import negative_parameters
+from pivident.logs.torque_scale import scale_sentences
+from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
-from pivident.text.numbers import format_significant, percent, plus_minus
+from pivident.text.numbers import format_significant, percent
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].
 WELL = 10.0
 
-#: Most doubts about an identified law that are told one by one.
-DOUBTS = 3
+#: Most warnings about an identified law that are reported one by one.
+MAX_OF_LAW = 3
+
+#: Topics of an estimator's warnings that have a statement of their own in the verdict.
+REPEATED = ("iteration", "exogeneity", "torque scale")
 
 
-def choice(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
+def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Which method to use for this record and why."""
     result, compared = diagnostics.identifications[name], diagnostics.out_of_sample
     if compared is None:
@@ -29,38 +33,43 @@ def choice(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
             if len(diagnostics.identifications) == 1
             else "it is the last that converged; nothing was held out to compare them on"
         )
-        yield Statement("estimate", "note", f"Take that of {result.method}: {why}.")
+        yield Finding("note", "estimate", "chosen", f"Take that of {result.method}: {why}.")
         return
-    sentences = compared.sentences()
     contradicted = compared.undecided and compared.apart
     errors = ", ".join(
         f"{r.method} {percent(r.prediction.total_in_band)}" for r in compared.results.values()
     )
-    ratio = next((s for s in sentences if s.startswith("Held-out")), "")
-    yield Statement(
+    yield Finding(
+        "warning" if compared.piv_is_worse or contradicted else "ok",
         "estimate",
-        "caution" if compared.piv_is_worse or contradicted else "good",
-        " ".join(s for s in sentences if not s.startswith("Held-out")),
-        f"torque error on held-out motion: {errors}. {ratio}".strip(),
+        "compared",
+        " ".join(compared.advice()),
+        evidence={
+            r.method: Quantity(r.prediction.total_in_band, "%") for r in compared.results.values()
+        },
+        basis=" ".join([f"torque error on held-out motion: {errors}.", *compared.ratio_lines()]),
     )
 
 
-def convergence(result: Identification) -> Iterator[Statement]:
+def convergence(result: Identification) -> Iterator[Finding]:
     """Whether the iteration came to an end; a single solution has nothing to say."""
     if result.iterations < 2:
         return
+    evidence = {"last change": Quantity(100.0 * result.history[-1].change, "%")}
+    severity: Severity
     last = f"last change {percent(100.0 * result.history[-1].change)}"
     if result.converged:
         text = f"It converged in {result.iterations} iterations."
-        yield Statement("iteration", "good", text, last)
+        severity, kind = "ok", "converged"
     else:
         text = (
             f"It did not converge in {result.iterations} iterations; this is not an estimate yet."
         )
-        yield Statement("iteration", "bad", text, last)
+        severity, kind = "error", "not converged"
+    yield Finding(severity, "iteration", kind, text, evidence=evidence, basis=last)
 
 
-def determined(result: Identification) -> Iterator[Statement]:
+def determined(result: Identification) -> Iterator[Finding]:
     """What is well determined, what is not, and which motion would determine it."""
     rows = parameter_rows(result)
     well = [r for r in rows if 2.0 * r.relative_std <= WELL]
@@ -68,57 +77,58 @@ def determined(result: Identification) -> Iterator[Statement]:
     middle = tuple(r.name for r in rows if 2.0 * r.relative_std > WELL and not r.includes_zero)
     best = min(rows, key=lambda r: r.relative_std)
     worst = max(rows, key=lambda r: r.relative_std)
-    evidence = (
+    evidence = {
+        "well known": Quantity(len(well)),
+        "parameters": Quantity(len(rows)),
+        "condition number": Quantity(result.condition),
+    }
+    basis = (
         f"2σ from {percent(2 * best.relative_std)} ({best.name}) to "
         f"{percent(2 * worst.relative_std)} ({worst.name}); condition number "
         f"{format_significant(result.condition)}"
     )
-    text = f"{len(well)} of {len(rows)} parameters are known to {WELL:g} % or better (2σ)"
+    known = f"{len(rows)} parameters are known to {WELL:g} % or better (2σ)"
     if not (zero or middle):
-        yield Statement("parameters", "good", f"All {text.split(' of ')[1]}.", evidence)
+        text = f"All {known}."
+        yield Finding("ok", "parameters", "known", text, evidence=evidence, basis=basis)
         return
-    parts = [text]
+    parts = [f"{len(well)} of {known}"]
     if middle:
         parts.append(f"less well {listed(middle)}")
     if zero:
-        parts.append(f"not told apart from zero, which they may be: {listed(zero)}")
-    grade: Grade = "caution" if len(zero) > len(rows) // 4 else "note"
-    yield Statement("parameters", grade, "; ".join(parts) + ".", evidence)
+        parts.append(f"not significantly different from zero: {listed(zero)}")
+    severity: Severity = "warning" if len(zero) > len(rows) // 4 else "note"
+    text = "; ".join(parts) + "."
+    yield Finding(severity, "parameters", "partly known", text, evidence=evidence, basis=basis)
     for sentence in wanted_motions(result, zero or middle):
-        yield Statement("motion", "note", sentence)
+        yield Finding("note", "motion", "wanted", sentence)
 
 
-def torque_scale(result: Identification) -> Iterator[Statement]:
+def torque_scale(result: Identification) -> Iterator[Finding]:
     """Where the scale of the torque is an assumption, so are all parameters."""
     for sentence in scale_sentences(result.torque_scale):
-        yield Statement("torque scale", "caution", sentence)
+        yield Finding("warning", "torque scale", "assumed", sentence)
 
 
-def signs(result: Identification) -> Iterator[Statement]:
+def signs(result: Identification) -> Iterator[Finding]:
     """Friction and rotor inertias cannot be negative."""
-    negative = [
-        f"{row.name} = {plus_minus(row.value, 2 * row.std)} {row.unit}"
-        for row, parameter in zip(parameter_rows(result), result.parameters, strict=True)
-        if parameter.is_dissipative and row.value < 0
-    ]
-    certain = [
-        row.name
-        for row, parameter in zip(parameter_rows(result), result.parameters, strict=True)
-        if parameter.is_dissipative and row.value + 2.0 * row.std < 0
-    ]
+    negative = negative_parameters(result.parameters, result.names, result.theta, result.std)
     if not negative:
         return
-    text = "Negative, as no friction or rotor inertia can be"
-    if certain:
-        yield Statement("physics", "bad", f"{text}: {', '.join(certain)}.", "; ".join(negative))
+    evidence = {p.name: p.quantity for p in negative}
+    if certain := [p.name for p in negative if p.is_certain]:
+        text = f"Negative, as no friction or rotor inertia can be: {', '.join(certain)}."
+        basis = "; ".join(map(str, negative))
+        yield Finding("error", "physics", "negative", text, evidence=evidence, basis=basis)
     else:
-        text = "Negative, but not told apart from zero"
-        yield Statement("physics", "note", f"{text}: {listed(negative)} (2σ).")
+        values = listed([str(p) for p in negative])
+        text = f"Negative, but not significantly different from zero: {values} (2σ)."
+        yield Finding("note", "physics", "negative within 2σ", text, evidence=evidence)
 
 
-def identified_law(result: Identification) -> list[Statement]:
+def identified_law(result: Identification) -> list[Finding]:
     """What was found in the control law beside its gains; no reservation."""
-    return [Statement("law", "note", text) for text in _law_notes(result)]
+    return [Finding("note", "law", "found", text) for text in _law_notes(result)]
 
 
 def _law_notes(result: Identification) -> tuple[str, ...]:
@@ -126,19 +136,18 @@ def _law_notes(result: Identification) -> tuple[str, ...]:
     return () if found is None else found.notes
 
 
-def further_warnings(result: Identification) -> Iterator[str]:
+def further_warnings(result: Identification) -> Iterator[Finding]:
     """The estimator's warnings that no statement above repeats; many of one law are one."""
-    told = scale_sentences(result.torque_scale)
-    found = None if result.loop is None else result.loop.identified
-    of_law = () if found is None or len(found.warnings) <= DOUBTS else tuple(found.warnings)
-    elsewhere = (*of_law, *told, *_law_notes(result))
-    for text in result.warnings:
-        if text in elsewhere or text.startswith(("Not converged", "Exogeneity")):
-            continue
-        yield text
+    further = [w for w in result.warnings if w.topic not in REPEATED and w.severity != "note"]
+    of_law = [w for w in further if w.topic == "law"]
+    if len(of_law) <= MAX_OF_LAW:
+        of_law = []
+    yield from (w for w in further if w not in of_law)
     if of_law:
-        yield (
-            f"The control law found from the record leaves {len(of_law)} doubts (all of them in "
-            f"the summary of the report), and the instruments rest on it. The first: {of_law[0]} "
-            'Give the law where it is known, or compare with type = "virtual_pd".'
+        text = (
+            f"The control law found from the record has {len(of_law)} uncertainties (all of them "
+            "in the summary of the report), and the instruments depend on it. The first: "
+            f"{of_law[0].message}"
         )
+        step = 'Give the law where it is known, or compare with type = "virtual_pd".'
+        yield Finding("warning", "law", "uncertain", text, next_step=step)

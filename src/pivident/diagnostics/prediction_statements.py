@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.statement import Statement
+from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 
@@ -13,36 +13,49 @@ from pivident.validation.held_out.cross_validation import CrossValidation
 #: quarters of its power (1 - 0.5²) and is a reservation [%].
 LOOP_MISSES = 50.0
 
+#: Ratio of the errors on held-out and on fitted motion above which it is a reservation.
+WORSE = 1.5
 
-def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
+
+def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """How well unseen motion is predicted."""
     compared = diagnostics.out_of_sample
     if compared is None or name not in compared.results:
-        yield Statement(
+        misses = 100.0 * float(diagnostics.identifications[name].relative_error)
+        yield Finding(
+            "warning",
             "prediction",
-            "caution",
-            "Judged on the motion that was fitted only: hold blocks out, or give a second "
-            "recording.",
-            f"torque error {percent(100 * diagnostics.identifications[name].relative_error)}",
+            "nothing held out",
+            "Judged on the motion that was fitted only.",
+            next_step="Hold blocks out, or give a second recording.",
+            evidence={"torque error": Quantity(misses, "%")},
+            basis=f"torque error {percent(misses)}",
         )
         return
     judged = compared.results[name]
     error, fitted = judged.prediction, judged.training
-    evidence = (
+    basis = (
         f"below {error.band:g} Hz {percent(error.total_in_band)} on {len(judged.held_out)} "
         f"held-out blocks, {percent(fitted.total_in_band)} on the fitted motion"
     )
     grows = error.total_in_band / max(fitted.total_in_band, 1e-300)
     if judged.replay is not None and judged.replay.total <= LOOP_MISSES:
-        evidence += f"; simulated loop {percent(judged.replay.total)}"
-    text = f"Torque of motion that was not fitted is predicted to {percent(error.total_in_band)}"
-    if grows > 1.5:
-        text += f", {grows:.1f} times worse than that of the fitted motion: fewer parameters, or "
-        text += "more motion"
-    yield Statement("prediction", "caution" if grows > 1.5 else "good", f"{text}.", evidence)
+        basis += f"; simulated loop {percent(judged.replay.total)}"
+    text = f"The torque error on held-out motion is {percent(error.total_in_band)}"
+    severity: Severity = "ok"
+    kind, step = "predicts", ""
+    if grows > WORSE:
+        severity, kind = "warning", "predicts worse"
+        text += f", {grows:.1f} times that on the fitted motion"
+        step = "Estimate fewer parameters, or record more motion."
+    evidence = {
+        "torque error": Quantity(error.total_in_band, "%"),
+        "fitted motion": Quantity(fitted.total_in_band, "%"),
+    }
+    yield Finding(severity, "prediction", kind, f"{text}.", "", step, evidence, basis)
 
 
-def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
+def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Whether the loop that makes the instruments is far from the machine's, and why."""
     compared = diagnostics.out_of_sample
     judged = None if compared is None else compared.results.get(name)
@@ -50,19 +63,25 @@ def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
         return
     diverged = [h.failure for h in judged.held_out if h.prediction is not None and h.failure]
     if diverged:
-        yield Statement(
+        yield Finding(
+            "warning",
             "simulated loop",
-            "caution",
+            "diverged",
             f"On {len(diverged)} of {len(judged.held_out)} stretches {diverged[0].rstrip('.')}.",
         )
     if judged.replay is None or judged.replay.total <= LOOP_MISSES:
         return
     loop, direct = judged.replay.total, judged.prediction.total
-    evidence = (
+    basis = (
         f"all frequencies: simulated loop {percent(loop)}, measured motion {percent(direct)}; a "
         f"reservation above {LOOP_MISSES:g} %"
     )
-    yield Statement("simulated loop", "caution", _why_it_misses(judged, loop, direct), evidence)
+    evidence = {
+        "simulated loop": Quantity(loop, "%", bound=LOOP_MISSES),
+        "measured motion": Quantity(direct, "%"),
+    }
+    text = _why_it_misses(judged, loop, direct)
+    yield Finding("warning", "simulated loop", "misses", text, evidence=evidence, basis=basis)
 
 
 def _why_it_misses(judged: CrossValidation, loop: float, direct: float) -> str:
@@ -72,7 +91,7 @@ def _why_it_misses(judged: CrossValidation, loop: float, direct: float) -> str:
         return (
             f"{text}, and so does that of the measured motion ({percent(direct)}): most of the "
             "measured torque is noise, as a loop makes it of its encoder's. Friction may be biased "
-            "by more than its deviations: move faster, measure better, or filter less."
+            "by more than its standard errors: move faster, measure better, or filter less."
         )
     own = judged.identification.loop
     if own is not None and own.reference == "smoothed":

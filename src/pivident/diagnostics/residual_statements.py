@@ -5,16 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
-from pivident.diagnostics.statement import Grade, Statement
-from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
+from pivident.estimation.methods import AutoRegressive, PrefilteredIV
+from pivident.text.finding import Finding, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.validation.residuals.residual_tests import ResidualTests
 
 
-def noise(result: Identification, tests: ResidualTests) -> Iterator[Statement]:
-    """Whether the noise model whitens, and what else the residual tells."""
+def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
+    """Whether the noise model whitens, and what else the residual shows."""
     whiteness = tests.of("whiteness")
     worst = tests.worst("whiteness")
     if worst is None:
@@ -22,15 +22,15 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Statement]:
     coloured = tuple(joint for joint, test in whiteness if test.matters)
     modelled = any(j.ar_order for j in result.joints)
     what = "The noise model whitens the residual" if modelled else "The residual is white"
-    evidence = f"{worst[0]}: {worst[1]}"
+    basis = f"{worst[0]}: {worst[1]}"
     own = result.covariance is result.robust_covariance
     if not coloured:
-        yield Statement("noise", "good", f"{what} on all joints.", evidence)
+        yield Finding("ok", "noise", "white", f"{what} on all joints.", basis=basis)
     else:
         rest = (
-            "the deviations allow for that"
+            "the standard errors account for that"
             if own
-            else "the method's own deviations do not allow for that: look at the robust ones"
+            else "the method's own standard errors do not account for that; use the robust ones"
         )
         if modelled and _continues_level(result):
             rest += (
@@ -39,7 +39,8 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Statement]:
             )
         what = "The noise model does not whiten" if modelled else "The residual is coloured"
         text = f"{what}{' the residual' if modelled else ''} on {listed(coloured)}; {rest}."
-        yield Statement("noise", "note" if own else "caution", text, evidence)
+        severity: Severity = "note" if own else "warning"
+        yield Finding(severity, "noise", "coloured", text, basis=basis)
     for topic, sentence in (
         ("variance", "The residual's variance changes with the motion on {joints}"),
         ("motion", "The motion explains part of what the model left on {joints}"),
@@ -48,20 +49,22 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Statement]:
         most = tests.worst(topic)
         if matter and most is not None:
             text = sentence.format(joints=listed(matter)) + "."
-            yield Statement("noise", "note", text, f"{most[0]}: {most[1]}")
+            basis = f"{most[0]}: {most[1]}"
+            yield Finding("note", "noise", topic, text, basis=basis)
 
 
 def _continues_level(result: Identification) -> bool:
     """Whether the noise level beyond the motion's band was continued into it."""
     equations = result.equations
-    noise = result.options.get("noise")
-    if equations is None or not isinstance(noise, dict) or noise.get("motion_band") is None:
+    method = result.method_used
+    if equations is None or not isinstance(method, PrefilteredIV):
         return False
-    records = [r for r in equations.records if isinstance(r, FullRateRecord)]
-    return any(not r.kinematics.recording.simulated for r in records)
+    if not isinstance(method.noise, AutoRegressive) or method.noise.motion_band is None:
+        return False
+    return any(not r.kinematics.recording.simulated for r in equations.records)
 
 
-def spectral_lines(result: Identification) -> Iterator[Statement]:
+def spectral_lines(result: Identification) -> Iterator[Finding]:
     """Spectral lines of the encoders, which the smoother has taken into account."""
     records = () if result.equations is None else result.equations.records
     units = dict(zip((j.name for j in result.joints), _position_units(result), strict=True))
@@ -69,21 +72,21 @@ def spectral_lines(result: Identification) -> Iterator[Statement]:
         f"{joint} at {format_significant(line.frequency)} Hz, {format_significant(line.std, 2)} "
         f"{units[joint]}"
         for r in records
-        if isinstance(r, FullRateRecord)
         for joint, lines in zip(units, r.kinematics.lines, strict=False)
         for line in lines
     }
     if found:
         text = "The encoders' noise has spectral lines, which the smoother has taken into account"
-        yield Statement("encoders", "note", f"{text}: {listed(sorted(found))}.")
+        message = f"{text}: {listed(sorted(found))}."
+        yield Finding("note", "encoders", "spectral lines", message)
 
 
 def _position_units(result: Identification) -> list[str]:
     return ["rad" if joint.kind == "revolute" else "m" for joint in result.robot.joints]
 
 
-def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
-    """What the intervals of friction parameters presume, and whether the residual objects.
+def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
+    """What the intervals of friction parameters assume, and whether the residual contradicts it.
 
     A covariance knows the noise. It does not know that another law of friction would give these
     parameters other values, whatever kind of covariance it is. A residual that goes with the motion
@@ -118,7 +121,8 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Statement]:
             f" It may not quite be the machine's: {signs}, as with another law or with noise of "
             "the speed. Look at `pivident friction`."
         )
-    yield Statement("friction", "caution" if doubtful else "note", text)
+    severity: Severity = "warning" if doubtful else "note"
+    yield Finding(severity, "friction", "assumed law", text)
 
 
 def _signs_of_another_law(tests: ResidualTests, concerned: set[str]) -> str:
@@ -133,11 +137,12 @@ def _signs_of_another_law(tests: ResidualTests, concerned: set[str]) -> str:
     return " and ".join(found)
 
 
-def model_or_noise(diagnostics: Diagnostics) -> Iterator[Statement]:
-    """Model error told apart from noise."""
+def model_or_noise(diagnostics: Diagnostics) -> Iterator[Finding]:
+    """Whether the residual is model error or noise."""
     split = diagnostics.model_error
     if split is None:
         return
     sentences = split.sentences()
-    grade: Grade = "note" if split.mostly_model_error else "good"
-    yield Statement("residual", grade, " ".join(sentences))
+    severity: Severity = "note" if split.mostly_model_error else "ok"
+    kind = "model error" if split.mostly_model_error else "noise"
+    yield Finding(severity, "residual", kind, " ".join(sentences))

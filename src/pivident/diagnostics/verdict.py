@@ -3,12 +3,12 @@
 A verdict is made of statements in a fixed order: which estimate to take; what is well determined
 and what is not; whether the feedback biases least squares; whether the noise model whitens; whether
 the instruments are fit for use; how well unseen motion is predicted; and what the residual is made
-of. Each statement has a grade and names the test that it stands on.
+of. Each statement is a finding with its severity and the test that it is based on.
 """
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from pathlib import Path
 
 from pivident.diagnostics.consistency_statements import consistency
@@ -30,13 +30,13 @@ from pivident.diagnostics.residual_statements import (
     noise,
     spectral_lines,
 )
-from pivident.diagnostics.statement import Grade, Statement
 from pivident.estimation.identification import Identification
-from pivident.recording.torque_scale import scale_headline
+from pivident.logs.torque_scale import scale_headline
 from pivident.text import display
+from pivident.text.finding import Finding, Severity, worst
 
 #: Number of the layout of ``verdict.json``.
-SCHEMA = 1
+SCHEMA = 2
 
 
 @dataclass(frozen=True)
@@ -52,14 +52,14 @@ class Verdict:
 
     method: str
     name: str
-    statements: tuple[Statement, ...]
+    statements: tuple[Finding, ...]
     scale: str = ""
 
     @property
-    def grade(self) -> Grade:
-        """The worst grade of all statements."""
-        grades = {s.grade for s in self.statements}
-        return next((g for g in ("bad", "caution") if g in grades), "good")
+    def severity(self) -> Severity:
+        """The gravest of all statements; a note is no reservation."""
+        gravest = worst(self.statements)
+        return "ok" if gravest == "note" else gravest
 
     @property
     def headline(self) -> str:
@@ -68,14 +68,15 @@ class Verdict:
 
     def _advice(self) -> str:
         """Whether to take the estimate."""
-        reservations = sum(s.grade == "caution" for s in self.statements)
-        if self.grade == "bad":
-            topics = ", ".join(dict.fromkeys(s.topic for s in self.statements if s.grade == "bad"))
+        reservations = sum(s.severity == "warning" for s in self.statements)
+        if self.severity == "error":
+            wrong = (s.topic for s in self.statements if s.severity == "error")
+            topics = ", ".join(dict.fromkeys(wrong))
             return f"Do not use this result as it is: {topics} (marked ×)."
-        if self.grade == "caution":
+        if self.severity == "warning":
             many = "one reservation" if reservations == 1 else f"{reservations} reservations"
             return f"Take the estimate of {self.method}, with {many} (marked !)."
-        return f"Take the estimate of {self.method}: nothing speaks against it."
+        return f"Take the estimate of {self.method}: no reservations."
 
     def __str__(self) -> str:
         return "\n".join(["Verdict: " + self.headline, *(f"  {s}" for s in self.statements)])
@@ -94,7 +95,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         diagnostics: tests and comparisons; for a result alone the tests that need nothing else.
 
     Returns:
-        Statements in a fixed order, each with a grade and its numbers.
+        Statements in a fixed order, each with a severity and its numbers.
     """
     if isinstance(diagnostics, Identification):
         diagnostics = diagnose_one({diagnostics.method: diagnostics})
@@ -116,8 +117,8 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         *friction_law(diagnostics, name),
         *consistency(diagnostics, name),
         *identified_law(result),
-        *(Statement("warning", "caution", text) for text in further_warnings(result)),
-        *(Statement("not tested", "note", text) for text in diagnostics.notes),
+        *further_warnings(result),
+        *(Finding("note", "not tested", "not tested", text) for text in diagnostics.notes),
     ]
     return Verdict(result.method, name, tuple(statements), scale_headline(result.torque_scale))
 
@@ -134,8 +135,8 @@ def save_verdict(found: Verdict, path: Path) -> None:
     content = {
         "schema": SCHEMA,
         "method": found.method,
-        "grade": found.grade,
+        "severity": found.severity,
         "headline": found.headline,
-        "statements": [asdict(s) for s in found.statements],
+        "statements": [s.as_json() for s in found.statements],
     }
     path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")

@@ -8,8 +8,8 @@ coupling of motors B (identity without couplings) and one unknown gain κ_m for 
 so that a row belongs to one motor, and a gain to one row. Where the log is in N m already, κ is
 the ratio of the true gain to the declared one.
 
-The sums over samples that `pivident.estimation.normal_equations` keeps of each row are all that
-every estimator of the gains needs.
+The sums over samples that `pivident.estimation.normal_equations` computes for each row are
+sufficient for every estimator of the gains.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import Windows
-from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums
@@ -31,43 +31,30 @@ from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
 
 #: Windows of time of each record for the sandwich. All drives together have many more unknowns than
-#: one identification, and windows that are fewer than these let deviations come out too small.
+#: one identification, and with fewer windows the standard errors are too small.
 WINDOWS = 60
 
 
 @dataclass(frozen=True, eq=False)
 class DriveRecord:
-    """One recording as the drive equations see it.
+    """One recording in the drive equations."""
 
-    Attributes:
-        kinematics: estimated motion, and commands (as torques) on the same instants.
-        limits: speeds below which a joint's samples do not vote, shape (joints,).
-        load: number of the load that the robot carried: 0 none, 1 the payload.
-        motion: simulated motion that makes the instruments; None: least squares.
-    """
-
-    kinematics: Kinematics
-    limits: np.ndarray
-    load: int = 0
-    motion: SimulatedMotion | None = None
+    kinematics: Kinematics  # motion, and commands (as torques) at the same instants
+    limits: np.ndarray  # speeds below which a joint's samples are excluded, (joints,)
+    load: int = 0  # carried by the robot: 0 none, 1 the payload
+    motion: SimulatedMotion | None = None  # simulated, for instruments; None: least squares
 
 
 def motor_coupling(transmission: Transmission) -> np.ndarray:
-    """B: joint torques of commands that each motor's own reduction refers to its joint.
+    """B (joints, joints): joint torques of commands referred to each motor's own joint.
 
     From tau = Nᵀ tau_motor, B = Nᵀ diag(N)⁻¹; the identity where no motor drives a second joint.
-
-    Args:
-        transmission: gives the reduction matrix N.
-
-    Returns:
-        B, shape (joints, joints).
     """
     return transmission.reduction.T / np.diag(transmission.reduction)
 
 
 def drive_columns(robot: Robot, regressor: Regressor) -> list[np.ndarray]:
-    """Parameters that act on each motor: those of all joints that its row is made of."""
+    """Parameters that act on each motor: those of all joints in its row."""
     rows = np.linalg.inv(motor_coupling(robot.transmission))
     return [
         np.unique(np.concatenate([regressor.columns_of(int(j)) for j in np.flatnonzero(rows[m])]))
@@ -78,16 +65,7 @@ def drive_columns(robot: Robot, regressor: Regressor) -> list[np.ndarray]:
 def drive_sums(
     robot: Robot, regressor: Regressor, records: Sequence[DriveRecord]
 ) -> list[list[JointSums]]:
-    """Sums of each motor's rows, for each load.
-
-    Args:
-        robot: gives the coupling of the motors.
-        regressor: columns of all parameters.
-        records: all recordings; windows of time are numbered through them.
-
-    Returns:
-        ``sums[load][motor]``; ``tau`` of the sums is the command c.
-    """
+    """Sums of each motor's rows, ``sums[load][motor]``; ``tau`` of the sums is the command c."""
     columns = drive_columns(robot, regressor)
     rows = np.linalg.inv(motor_coupling(robot.transmission))
     windows = [
@@ -105,7 +83,7 @@ def drive_sums(
     for record, own in zip(records, windows, strict=True):
         k = with_inner(regressor, record.kinematics)
         motion = None if record.motion is None else with_inner(regressor, record.motion)
-        votes = voting(k, k.dq if motion is None else motion.dq, record.limits)
+        valid = valid_samples(k, k.dq if motion is None else motion.dq, record.limits)
         commands = rows @ k.tau
         for start in range(0, own.samples, BLOCK):
             span = slice(start, min(start + BLOCK, own.samples))
@@ -119,7 +97,7 @@ def drive_sums(
                     motor_rows(regressor, rows[m], columns[m], phi),
                     None if motion is None else motor_rows(regressor, rows[m], columns[m], z),
                     commands[m, span],
-                    motor_votes(rows[m], votes[:, span]),
+                    motor_valid_samples(rows[m], valid[:, span]),
                     shares,
                 )
     return sums
@@ -128,14 +106,7 @@ def drive_sums(
 def motor_rows(
     regressor: Regressor, row: np.ndarray, columns: np.ndarray, packed: np.ndarray
 ) -> np.ndarray:
-    """Rows of one motor, Σ_j (B⁻¹)_mj Φ_j, shape (columns, samples).
-
-    Args:
-        regressor: says which entry is where.
-        row: row m of B⁻¹, shape (joints,).
-        columns: the motor's parameters.
-        packed: non-zero entries of Φ, shape (entries, samples).
-    """
+    """Rows of one motor, Σ_j (B⁻¹)_mj Φ_j, shape (columns, samples)."""
     joints = np.flatnonzero(row)
     offsets = regressor.offsets
     if joints.size == 1 and row[joints[0]] == 1.0:
@@ -147,20 +118,16 @@ def motor_rows(
     return made
 
 
-def motor_votes(row: np.ndarray, votes: np.ndarray) -> np.ndarray:
-    """A motor's sample counts where those of all its joints do, shape (samples,)."""
-    return np.all(votes[np.flatnonzero(row)], axis=0, out=np.empty(votes.shape[1], dtype=bool))
+def motor_valid_samples(row: np.ndarray, valid: np.ndarray) -> np.ndarray:
+    """Samples of a motor that are valid for all its joints, True = used, shape (samples,)."""
+    return np.all(valid[np.flatnonzero(row)], axis=0, out=np.empty(valid.shape[1], dtype=bool))
 
 
 def refuse_load_friction(regressor: Regressor) -> None:
-    """Refuse laws whose columns depend on the torque, which is what the gains are sought for.
-
-    Raises:
-        IdentificationError: names the parameters.
-    """
+    """Refuse laws whose columns depend on the torque, which the gains are to determine."""
     if regressor.depends_on_load:
         names = [p.name for p in regressor.parameters if p.friction and p.friction.depends_on_load]
         raise IdentificationError(
-            f"friction that grows with the load ({', '.join(names)}) needs the torque in N m, and "
-            "its gain is what is sought; find the gains with a law without load first"
+            f"load-dependent friction ({', '.join(names)}) needs the torque in N m, whose gain is "
+            "unknown here; identify the gains with a law without load first"
         )

@@ -1,11 +1,11 @@
-"""Drive gains of all joints, as far as a record knows them.
+"""Drive gains of all joints, as far as a record determines them.
 
     two records, without and with a known payload      the gains
     a trusted gain, or a trusted parameter             the gains of everything connected to it
-    one record and nothing else                        ratios of gains, and where a scale is free
+    one record alone                                   ratios of gains, and free scales
 
-The estimate is that of `pivident.drives.gain_equations`: commands are what is explained, not
-what explains, with instruments from the simulated loop where the control law is known.
+The estimate is that of `pivident.drives.gain_equations`: commands are the regressand, not
+regressors, with instruments from the simulated loop where the control law is known.
 """
 
 from __future__ import annotations
@@ -23,11 +23,7 @@ from pivident.drives.gain_unknowns import GainUnknowns, Trusted, gain_unknowns
 from pivident.drives.known_payload import Payload
 from pivident.drives.total_least_squares import gains_by, homogeneous_start
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import (
-    IdentificationError,
-    MassMatrixNotPositiveDefinite,
-    SimulationDiverged,
-)
+from pivident.errors import IdentificationError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
@@ -35,45 +31,35 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 
-#: Rounds of simulation; gains that change by less than this share of their deviation stand still.
-MAX_ROUNDS, STILL = 8, 0.05
+#: Rounds of simulation; gains that change by less than this many standard errors have converged.
+MAX_ROUNDS, CONVERGED = 8, 0.05
 
 
 @dataclass(frozen=True, eq=False)
 class DriveGains:
-    """Gains of all motors with what is known of them.
+    """Gains of all motors with their accuracy.
 
-    Attributes:
-        joints: names of the joints.
-        kappa: N m (or N) on the joint side per unit of the log, shape (joints,); where a motor's
-            group is not anchored, only ratios within its group mean anything.
-        log_covariance: covariance of log |κ|, shape (joints, joints).
-        groups: which gains are known relative to which; the anchored group first.
-        known_within: half width of the 2σ interval below which a gain or ratio is called known.
-        literature: gains by weighted and total least squares and their deviations, by name; empty
-            without a payload or a trusted parameter.
-        residual: ‖c - model‖/‖c‖ of each motor with common parameters, shape (joints,).
-        own_residual: the same with parameters of each motor's own, shape (joints,).
-        method: ``instrumental variables`` (with the simulated loop) or ``least squares``.
-        rounds: rounds of simulation.
-        warnings: what the estimator noticed, whole sentences.
+    ``kappa`` is in N m (or N) on the joint side per unit of the log; where a motor's group is not
+    anchored, only ratios within its group are meaningful. ``literature`` has gains by weighted and
+    total least squares and their standard errors, empty without a payload or a trusted parameter.
+    ``method`` is ``instrumental variables`` (with the simulated loop) or ``least squares``.
     """
 
     joints: tuple[str, ...]
     kappa: np.ndarray
-    log_covariance: np.ndarray
-    groups: tuple[GainGroup, ...]
-    known_within: float
+    log_covariance: np.ndarray  # of log |κ|, (joints, joints)
+    groups: tuple[GainGroup, ...]  # gains known relative to each other; the anchored group first
+    known_within: float  # half width of the 2σ interval of a known gain or ratio
     literature: Mapping[str, tuple[np.ndarray, np.ndarray]]
-    residual: np.ndarray
-    own_residual: np.ndarray
+    residual: np.ndarray  # ‖c - model‖/‖c‖ with common parameters, (joints,)
+    own_residual: np.ndarray  # the same with each motor's own parameters, (joints,)
     method: str
-    rounds: int = 0
-    warnings: tuple[str, ...] = ()
+    rounds: int = 0  # of simulation
+    warnings: tuple[str, ...] = ()  # complete sentences
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations of κ, shape (joints,); without meaning outside the anchored group."""
+        """Standard errors of κ, shape (joints,); meaningless outside the anchored group."""
         return np.abs(self.kappa) * np.sqrt(np.diag(self.log_covariance))
 
     @property
@@ -85,7 +71,12 @@ class DriveGains:
         return known
 
     def ratio(self, joint: int, reference: int) -> tuple[float, float]:
-        """κ_joint/κ_reference and its standard deviation."""
+        """κ_joint/κ_reference and its standard error, of the joints with these indices.
+
+        Args:
+            joint: index of the joint above the bar.
+            reference: index of the joint below it.
+        """
         return ratio(self.kappa, self.log_covariance, joint, reference)
 
 
@@ -103,25 +94,11 @@ def identify_drive_gains(
 ) -> DriveGains:
     """Gains κ of tau = B (κ ∘ c), see the module's docstring.
 
-    Args:
-        problem: robot, recordings without payload, loop, parameters. ``tau`` of the recordings is
-            the command in the unit of the log. With a loop, its law acts on that command: the
-            simulated torque is κ times the loop's drive gain times the law's output.
-        payload: the body that the loaded recordings were taken with.
-        loaded: recordings with the payload.
-        trusted_gains: κ of joints that is believed, by name.
-        trusted_parameters: base parameters that are believed, by name [SI].
-        friction_under_load: whether friction may be another one with the payload.
-        known_within: half width of the 2σ interval below which a gain or ratio is called known.
-        signals: the smoother; default: random walk with the torque aligned.
-        progress: called with one line at each stage.
-
-    Returns:
-        Gains, covariance, groups.
-
-    Raises:
-        ExperimentError: payload and recordings that do not go together, unknown names.
-        IdentificationError: a motor with too few rows, or gains that do not settle.
+    ``tau`` of the recordings is the command in the unit of the log. With a loop, its law acts on
+    that command: the simulated torque is κ times the loop's drive gain times the law's output. The
+    ``loaded`` recordings carry the payload, with which friction may differ
+    (``friction_under_load``). Trusted gains are named by joint, trusted base parameters by name
+    [SI].
     """
     say = progress or (lambda line: None)
     refuse_load_friction(problem.regressor)
@@ -170,7 +147,7 @@ def identify_drive_gains(
 
 
 def _check_rows(sums: Sequence[Sequence[JointSums]]) -> None:
-    """Refuse a motor that hardly has any rows that vote."""
+    """Refuse a motor with too few valid rows."""
     for loaded in sums:
         for own in loaded:
             if own.rows <= own.columns.size:
@@ -191,7 +168,7 @@ def _equations(
     centre, trusted = np.zeros(robot.size), np.full(robot.size, np.inf)
     for m, number in setting.trusted_gains.items():
         centre[m], signs[m] = np.log(abs(number.value)), np.sign(number.value)
-        # a gain that is exact counts as known to a millionth
+        # an exact gain counts as known to a millionth
         trusted[m] = max(number.std / abs(number.value), 1e-6)
     return GainEquations(sums, setting.maps, setting.offsets, signs, variances, centre, trusted)
 
@@ -260,8 +237,8 @@ def _with_instruments(
         before, (ell, x) = ell, bilinear.instrumental_variables(equations, ell, x)
         spread = bilinear.covariance(equations, ell, x)[: ell.size, : ell.size]
         change = float((np.abs(ell - before) / np.sqrt(np.diag(spread))).max())
-        say(f"drive gains: round {k + 1}, gains change by {change:.2g} standard deviations")
-        if change < STILL:
+        say(f"drive gains: round {k + 1}, gains change by {change:.2g} standard errors")
+        if change < CONVERGED:
             break
     return equations, ell, x, k + 1
 
@@ -297,7 +274,7 @@ def _simulated(
 def _covariance(
     setting: GainUnknowns, equations: GainEquations, ell: np.ndarray, x: np.ndarray
 ) -> np.ndarray:
-    """Covariance of the log gains with the uncertainty of what was trusted."""
+    """Covariance of the log gains, uncertainty of the trusted values included."""
     n = ell.size
     spread = bilinear.covariance(equations, ell, x)[:n, :n]
     for std, directions in setting.directions:
@@ -328,7 +305,7 @@ def _residuals(equations: GainEquations, ell: np.ndarray, x: np.ndarray) -> np.n
 
 
 def _own_residuals(equations: GainEquations) -> np.ndarray:
-    """The same with parameters of each row's own."""
+    """The same with separate parameters for each row."""
     left, total = np.zeros((2, equations.motors))
     for g, m, own, _, _ in equations.rows():
         left[m] += equations.variances[g, m] * max(own.rows - own.columns.size, 1)

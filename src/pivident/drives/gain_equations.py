@@ -4,18 +4,18 @@ With ℓ_m = log |κ_m| and signs s_m, the command of motor m under load g is
 
     c_m = ν_m Φ_m θ_g + e_m,     ν_m = s_m exp(-ℓ_m),     θ_g = M_g x + b_g,
 
-x everything linear that is unknown (base parameters, friction under load, unknown parts of the
-payload), b_g what is known (payload, trusted parameters). The error e_m belongs to the command and
-stays on its side of the equation. Written the other way round, κ_m c_m = Φ_m θ_g, commands become
-regressors, and least squares makes every gain too small.
+x all linear unknowns (base parameters, friction under load, unknown parts of the payload), b_g the
+known part (payload, trusted parameters). The error e_m belongs to the command and stays on its side
+of the equation. In the form κ_m c_m = Φ_m θ_g commands become regressors, and least squares makes
+every gain too small.
 
-Given ℓ the model is linear in x, so that least squares search in as many dimensions as there are
+Given ℓ the model is linear in x, so that least squares searches in as many dimensions as there are
 motors (variable projection; Golub and Pereyra 1973, Kaufman 1975). Instrumental variables solve
 
     Σ_m Pᵀ Z_mᵀ (c_m - ν_m Φ_m θ_g) / σ²_m = 0,     P = ∂(ν_m θ_g)/∂(ℓ, x),
 
-which with Z = Φ is the same point. A prior on ℓ, five units wide, keeps scales finite that no row
-knows; it has no weight against anything that a row does know.
+which with Z = Φ is the same point. A prior on ℓ, five units wide, keeps undetermined scales finite;
+it is negligible against the information of any row.
 """
 
 from __future__ import annotations
@@ -35,31 +35,21 @@ PRIOR_STD = 5.0
 #: Longest step in log gains.
 MAX_STEP = 1.0
 
-#: Iterations of the search, and how little its last step may be, in standard deviations.
+#: Iterations of the search, and the largest last step at convergence, in standard errors.
 MAX_STEPS, SETTLED = 100, 1e-4
 
 
 @dataclass(frozen=True, eq=False)
 class GainEquations:
-    """Sums, known and unknown parts of the bilinear model.
+    """Sums, known and unknown parts of the bilinear model."""
 
-    Attributes:
-        sums: ``sums[load][motor]``, see `drive_sums`.
-        maps: M_g of each load, shape (parameters, unknowns).
-        offsets: b_g of each load, shape (parameters,).
-        signs: s_m, shape (motors,).
-        variances: σ² of each row, shape (loads, motors) [unit of the log, squared].
-        centre: mean of the prior on ℓ, shape (motors,).
-        trusted: standard deviation of ℓ where the gain is trusted, inf elsewhere, shape (motors,).
-    """
-
-    sums: Sequence[Sequence[JointSums]]
-    maps: Sequence[np.ndarray]
-    offsets: Sequence[np.ndarray]
-    signs: np.ndarray
-    variances: np.ndarray
-    centre: np.ndarray
-    trusted: np.ndarray
+    sums: Sequence[Sequence[JointSums]]  # sums[load][motor], see drive_sums
+    maps: Sequence[np.ndarray]  # M_g of each load, (parameters, unknowns)
+    offsets: Sequence[np.ndarray]  # b_g of each load, (parameters,)
+    signs: np.ndarray  # s_m, (motors,)
+    variances: np.ndarray  # σ² of each row, (loads, motors) [squared unit of the log]
+    centre: np.ndarray  # mean of the prior on ℓ, (motors,)
+    trusted: np.ndarray  # standard deviation of ℓ of trusted gains, inf elsewhere, (motors,)
 
     @property
     def motors(self) -> int:
@@ -77,7 +67,7 @@ class GainEquations:
         return np.minimum(PRIOR_STD, self.trusted) ** -2.0
 
     def rows(self) -> Iterator[tuple[int, int, JointSums, np.ndarray, np.ndarray]]:
-        """Every row's sums with its place: load, motor, sums, map on its columns, known part."""
+        """Load, motor, sums, map on its columns and known part of every row."""
         for g, loaded in enumerate(self.sums):
             for m, own in enumerate(loaded):
                 if own.rows:
@@ -89,15 +79,7 @@ class GainEquations:
 
 
 def linear_part(equations: GainEquations, ell: np.ndarray) -> tuple[np.ndarray, float]:
-    """Least squares of x for given gains, and the weighted sum of squares that remains.
-
-    Args:
-        equations: the model.
-        ell: log gains, shape (motors,).
-
-    Returns:
-        x, shape (unknowns,), and the cost, prior included.
-    """
+    """Least-squares x for given gains, and the cost that remains, prior included."""
     nu = equations.rate(ell)
     gram = np.zeros((equations.unknowns, equations.unknowns))
     right = np.zeros(equations.unknowns)
@@ -129,16 +111,10 @@ def residual_sum(own: JointSums, coefficients: np.ndarray) -> float:
 def instrumented(
     equations: GainEquations, ell: np.ndarray, x: np.ndarray, by_window: bool = False
 ) -> list[JointSums]:
-    """Linearised equations in the steps of (ℓ, x), as sums that can be solved and judged.
+    """Linearised equations in the steps of (ℓ, x), as sums.
 
-    With P = ∂(νθ)/∂(ℓ, x) on a row's columns, the step Δ obeys PᵀZᵀΦP Δ = PᵀZᵀ(c - νΦθ). The
-    prior comes last, as a row of its own.
-
-    Args:
-        equations: the model.
-        ell: log gains of the linearisation, shape (motors,).
-        x: linear unknowns likewise, shape (unknowns,).
-        by_window: whether the sums of each window of time are wanted too.
+    With P = ∂(νθ)/∂(ℓ, x) on a row's columns, the step Δ obeys PᵀZᵀΦP Δ = PᵀZᵀ(c - νΦθ). The prior
+    comes last, as an additional row. ``by_window``: with the sums of each window of time.
     """
     n, size = equations.motors, equations.motors + equations.unknowns
     windows = len(equations.sums[0][0].window_zf) if by_window else 0
@@ -175,15 +151,7 @@ def instrumented(
 
 
 def least_squares(equations: GainEquations, ell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Variable projection by Levenberg–Marquardt steps in the log gains.
-
-    Args:
-        equations: the model.
-        ell: where the search starts, shape (motors,).
-
-    Returns:
-        ℓ and x of the minimum.
-    """
+    """Variable projection by Levenberg–Marquardt steps in the log gains."""
     n, damping = equations.motors, 1e-3
     x, least = linear_part(equations, ell)
     for _ in range(MAX_STEPS):
@@ -210,16 +178,7 @@ def least_squares(equations: GainEquations, ell: np.ndarray) -> tuple[np.ndarray
 def instrumental_variables(
     equations: GainEquations, ell: np.ndarray, x: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Newton's iteration on the equations with instruments, from a point nearby.
-
-    Args:
-        equations: the model, its sums with instruments.
-        ell: log gains of the start, shape (motors,).
-        x: linear unknowns of the start, shape (unknowns,).
-
-    Raises:
-        IdentificationError: the iteration does not settle.
-    """
+    """Newton's iteration on the equations with instruments, from a nearby point."""
     n = equations.motors
     for _ in range(MAX_STEPS):
         steps = instrumented(equations, ell, x)
@@ -231,20 +190,15 @@ def instrumental_variables(
         if abs(step @ error) < SETTLED**2:
             return ell, x
     raise IdentificationError(
-        "the gains do not settle with these instruments; check the controller's gains and units, "
+        "the gains do not converge with these instruments; check the controller's gains and units, "
         "or leave [controller] out to estimate without simulated instruments"
     )
 
 
 def covariance(equations: GainEquations, ell: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Covariance of (ℓ, x): the sandwich over windows of time, and what only the prior knows.
+    """Covariance of (ℓ, x): the sandwich over windows of time, and the prior where it is alone.
 
-    The sandwich holds for residuals that are correlated in time and of changing variance.
-
-    Args:
-        equations: the model.
-        ell: log gains, shape (motors,).
-        x: linear unknowns, shape (unknowns,).
+    The sandwich is valid for residuals that are correlated in time and heteroscedastic.
     """
     steps = instrumented(equations, ell, x, by_window=True)
     robust = sandwich(steps, np.zeros(ell.size + x.size), np.ones(len(steps)))
@@ -258,14 +212,7 @@ def sensitivity(
     x: np.ndarray,
     directions: Sequence[np.ndarray],
 ) -> np.ndarray:
-    """How (ℓ, x) changes with something known, d(ℓ, x)/dη with ∂b_g/∂η given.
-
-    Args:
-        equations: the model.
-        ell: log gains, shape (motors,).
-        x: linear unknowns, shape (unknowns,).
-        directions: ∂b_g/∂η for each load, shape (parameters,).
-    """
+    """Derivative of (ℓ, x) with respect to a known number η, from ∂b_g/∂η of each load."""
     n, nu = equations.motors, equations.rate(ell)
     right = np.zeros(n + equations.unknowns)
     for g, m, own, M, b in equations.rows():

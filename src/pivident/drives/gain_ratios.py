@@ -1,13 +1,13 @@
-"""Which gains are known, which ratios of gains, and which scale is not.
+"""Known gains, known ratios of gains, and undetermined scales.
 
-Rows of several motors share inertial parameters: a mass on the forearm is felt by shoulder and
-elbow. Written in the units of their logs the rows know such a parameter each in its own unit, and
-its size in one row over that in another is the ratio of two gains. A known payload, a trusted gain
-or a trusted parameter is felt in N m, and is a node of its own, *ground*.
+Rows of several motors share inertial parameters: a mass on the forearm acts on shoulder and elbow.
+In the units of their logs each row determines such a parameter in its own unit, and its value in
+one row over that in another is the ratio of two gains. A known payload, a trusted gain or a trusted
+parameter is given in N m, and is an additional node, *ground*.
 
 Motors (and ground) are nodes of a graph; two are connected where the ratio of their gains is known
-to within a stated share at 2σ. Within a connected component all ratios are known. Each component
-without ground has exactly one scale that the record cannot know.
+to within a given fraction at 2σ. Within a connected component all ratios are known. Each component
+without ground has exactly one scale that the record does not determine.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: A ratio is called known from this half width of its 2σ interval on, as a share of it.
+#: Largest relative half width of the 2σ interval of a known ratio.
 KNOWN_WITHIN = 0.25
 
 
@@ -25,28 +25,17 @@ KNOWN_WITHIN = 0.25
 class GainGroup:
     """Motors whose gains are known relative to each other.
 
-    Attributes:
-        motors: indices of the motors, ascending.
-        anchored: whether the gains themselves are known, and not only their ratios.
-        reference: the motor that the ratios of a group without anchor are relative to: the one
-            that the others are known best against.
+    Ratios of a group without anchor are relative to ``reference``, the motor against which the
+    others are known best.
     """
 
-    motors: tuple[int, ...]
-    anchored: bool
+    motors: tuple[int, ...]  # indices, ascending
+    anchored: bool  # whether the gains themselves are known, not only their ratios
     reference: int
 
 
 def gain_groups(log_covariance: np.ndarray, known_within: float = KNOWN_WITHIN) -> list[GainGroup]:
-    """Connected components of the graph of known ratios, the anchored one first.
-
-    Args:
-        log_covariance: covariance of the log gains, shape (motors, motors).
-        known_within: half width of the 2σ interval from which on a ratio is known, relative.
-
-    Returns:
-        The groups; every motor is in one.
-    """
+    """Connected components of the graph of known ratios, the anchored one first."""
     n = len(log_covariance)
     own = np.diag(log_covariance)
     spread = np.full((n + 1, n + 1), np.inf)
@@ -75,14 +64,7 @@ def gain_groups(log_covariance: np.ndarray, known_within: float = KNOWN_WITHIN) 
 def ratio(
     kappa: np.ndarray, log_covariance: np.ndarray, motor: int, reference: int
 ) -> tuple[float, float]:
-    """κ_motor/κ_reference and its standard deviation.
-
-    Args:
-        kappa: gains, shape (motors,).
-        log_covariance: covariance of their logarithms, shape (motors, motors).
-        motor: index of the motor.
-        reference: index of the motor it is compared with.
-    """
+    """κ_motor/κ_reference and its standard error."""
     value = float(kappa[motor] / kappa[reference])
     pair: Sequence[int] = (motor, reference)
     block = log_covariance[np.ix_(pair, pair)]

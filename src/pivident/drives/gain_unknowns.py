@@ -1,4 +1,4 @@
-"""What is unknown beside the gains, and what is known: payload, trusted gains and parameters.
+"""Unknowns besides the gains, and known quantities: payload, trusted gains and parameters.
 
     θ_g = M_g x + b_g
 
@@ -24,38 +24,27 @@ from pivident.robot.naming import nearest
 
 @dataclass(frozen=True)
 class Trusted:
-    """A number that is believed: a gain, or a parameter from a drawing.
+    """A number that is assumed known: a gain, or a parameter from a drawing."""
 
-    Attributes:
-        value: the number, a gain in N m per unit of the log or a base parameter in SI.
-        std: its standard deviation; zero: exact.
-    """
-
-    value: float
-    std: float = 0.0
+    value: float  # gain in N m per unit of the log, or base parameter in SI
+    std: float = 0.0  # standard deviation; zero: exact
 
 
 @dataclass(frozen=True, eq=False)
 class GainUnknowns:
-    """Maps from the unknowns to the parameters of each load, and what is known of these.
+    """Maps from the unknowns to the parameters of each load, and their known parts.
 
-    Attributes:
-        wide: the problem with the recordings under load, and with the parameters that a payload
-            changes beside those that are estimated.
-        loads: load of each of its recordings: 0 none, 1 the payload.
-        maps: M_g of each load, shape (parameters, unknowns).
-        offsets: b_g of each load, shape (parameters,).
-        directions: for each number that is known with a deviation, that deviation and the
-            derivative of b_g of each load with respect to the number.
-        trusted_gains: gains that are believed, by index of the joint.
+    ``wide`` is the problem with the recordings under load, and with the parameters that a payload
+    changes besides the estimated ones. ``directions`` has for each number that is known with an
+    uncertainty its standard deviation and the derivative of b_g of each load.
     """
 
     wide: Problem
-    loads: tuple[int, ...]
-    maps: tuple[np.ndarray, ...]
-    offsets: tuple[np.ndarray, ...]
+    loads: tuple[int, ...]  # of each recording: 0 none, 1 the payload
+    maps: tuple[np.ndarray, ...]  # M_g of each load, (parameters, unknowns)
+    offsets: tuple[np.ndarray, ...]  # b_g of each load, (parameters,)
     directions: tuple[tuple[float, tuple[np.ndarray, ...]], ...]
-    trusted_gains: Mapping[int, Trusted] = field(default_factory=dict)
+    trusted_gains: Mapping[int, Trusted] = field(default_factory=dict)  # by index of the joint
 
 
 def gain_unknowns(
@@ -66,19 +55,7 @@ def gain_unknowns(
     trusted_parameters: Mapping[str, Trusted | float],
     friction_under_load: bool,
 ) -> GainUnknowns:
-    """Sort what is known from what is not.
-
-    Args:
-        problem: robot, recordings without payload, parameters to estimate.
-        payload: the payload, or None.
-        loaded: recordings with it.
-        trusted_gains: gains that are believed, by name of the joint.
-        trusted_parameters: base parameters that are believed, by name.
-        friction_under_load: whether friction is another one with the payload.
-
-    Raises:
-        ExperimentError: payload and recordings that do not go together, unknown names.
-    """
+    """Separate known from unknown quantities; names are of joints and of base parameters."""
     if (payload is None) != (not loaded):
         raise ExperimentError(
             "a payload and the recordings taken with it belong together; give both or neither"
@@ -104,7 +81,7 @@ def gain_unknowns(
     maps, offsets = [unloaded], [known]
     if payload is not None:
         columns = columns[kept]
-        # friction under load: what it is more than without
+        # friction under load: the change with respect to no load
         friction = [
             i for i in free if friction_under_load and not wide.regressor.parameters[i].carries_load
         ]
@@ -146,7 +123,7 @@ def _as_trusted(number: Trusted | float) -> Trusted:
 
 
 def _independent(columns: np.ndarray) -> np.ndarray:
-    """A basis of the columns: parts of a payload that no torque tells apart are one unknown."""
+    """A basis of the columns: indistinguishable parts of a payload are one unknown."""
     if columns.shape[1] == 0:
         return columns
     left, values, _ = np.linalg.svd(columns, full_matrices=False)

@@ -1,14 +1,14 @@
 """A payload of known mass on a link, and what it adds to the base parameters.
 
 The ten inertial parameters π of a body fixed to link n add to those of the link, so that the base
-parameters change by B π with B the columns of the regrouping of Khalil and Gautier. What is not
-known of the payload is estimated along with everything else:
+parameters change by B π with B the columns of the regrouping of Khalil and Gautier. The unknown
+parts of the payload are estimated with everything else:
 
     θ_loaded = θ + B (π_known + unknown parts).
 
-The mass alone is enough: the first moments follow from the motion in the unit of each joint, and
-the mass is what gives that unit its size. With a known centre of mass and inertia the same record
-tells more.
+The mass alone suffices: the first moments follow from the motion in the unit of each joint, and the
+mass fixes the scale of that unit. A known centre of mass and inertia make the result more
+accurate.
 """
 
 from __future__ import annotations
@@ -26,23 +26,16 @@ from pivident.robot.inertia import from_center_of_mass, tensor
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A body of known mass fixed to a link.
+    """A body of known mass fixed to a link; None where centre of mass or inertia is unknown.
 
-    Attributes:
-        mass: m [kg].
-        center_of_mass: c in the frame of the link (modified Denavit-Hartenberg, or the frame rule
-            for URDF links) [m], shape (3,); None: unknown.
-        inertia: xx, xy, xz, yy, yz, zz about the centre of mass, in axes parallel to that frame
-            [kg m²], shape (6,); None: unknown.
-        mass_std: standard deviation of the mass [kg]; zero: exact.
-        link: index of the link that carries it; -1: the last one.
+    The frame is that of the link (modified Denavit-Hartenberg, or the frame rule for URDF links).
     """
 
-    mass: float
-    center_of_mass: Sequence[float] | None = None
-    inertia: Sequence[float] | None = None
-    mass_std: float = 0.0
-    link: int = -1
+    mass: float  # [kg]
+    center_of_mass: Sequence[float] | None = None  # [m], (3,)
+    inertia: Sequence[float] | None = None  # xx xy xz yy yz zz about it [kg m²], (6,)
+    mass_std: float = 0.0  # standard deviation of the mass [kg]; zero: exact
+    link: int = -1  # index of the link that carries it
 
     def __post_init__(self) -> None:
         check_body("payload", self.mass, self.center_of_mass, self.inertia)
@@ -52,13 +45,13 @@ class Payload:
             )
 
     def known(self) -> np.ndarray:
-        """Ten inertial parameters as far as they are known, zeros elsewhere, shape (10,)."""
+        """Known inertial parameters, zeros elsewhere, shape (10,)."""
         centre = np.zeros(3) if self.center_of_mass is None else np.asarray(self.center_of_mass)
         inertia = np.zeros(6) if self.inertia is None else np.asarray(self.inertia)
         return from_center_of_mass(self.mass, centre, tensor(inertia))
 
     def per_mass(self) -> np.ndarray:
-        """Derivative of `known` with respect to the mass, its inertia about c held, shape (10,)."""
+        """Derivative of `known` with respect to the mass, inertia about c constant, shape (10,)."""
         return replace(self, mass=1.0, mass_std=0.0, inertia=None).known()
 
     def unknown(self) -> list[str]:
@@ -67,11 +60,7 @@ class Payload:
         return names + ([] if self.center_of_mass is not None else list(INERTIAL[6:9]))
 
     def base_columns(self, base: BaseParameters) -> np.ndarray:
-        """B: change of the base parameters per inertial parameter of the link, (base, 10).
-
-        Args:
-            base: base parameters of the robot.
-        """
+        """B: change of the base parameters per inertial parameter of the link, (base, 10)."""
         joint = range(base.robot.size)[self.link]
         columns = np.zeros((len(base), len(INERTIAL)))
         for k, p in enumerate(base.standard):
@@ -88,17 +77,7 @@ def check_body(
     center_of_mass: Sequence[float] | None,
     inertia: Sequence[float] | None,
 ) -> None:
-    """Refuse numbers that no body has.
-
-    Args:
-        what: the body in a word, for the message.
-        mass: m [kg]; None: unknown.
-        center_of_mass: c [m], shape (3,); None: unknown.
-        inertia: xx xy xz yy yz zz about c [kg m²], shape (6,); None: unknown.
-
-    Raises:
-        ExperimentError: names the number and says what is wrong with it.
-    """
+    """Refuse physically impossible mass, centre of mass (3,) or inertia (6,); None: unknown."""
     if mass is not None and not (np.isfinite(mass) and mass > 0):
         raise ExperimentError(f"mass of the {what} is {mass} kg; give a positive number")
     for key, value, size in (("center_of_mass", center_of_mass, 3), ("inertia", inertia, 6)):
@@ -110,7 +89,7 @@ def check_body(
         return
     if center_of_mass is None:
         raise ExperimentError(
-            f"the {what}'s inertia is given without its center_of_mass, about which it is; give "
+            f"the {what}'s inertia is given without the center_of_mass that it refers to; give "
             "that too, or leave both out to have them estimated"
         )
     smallest = np.linalg.eigvalsh(tensor(np.asarray(inertia, float)))[0]

@@ -1,12 +1,12 @@
-"""A record in amperes, volts or counts identified as it is: every motor in a unit of its own.
+"""Identification of a record in amperes, volts or counts: every motor in its own unit.
 
-Without gains the row of motor m still tells Φ_m θ/κ_m = c_m: each of its parameters divided by the
-motor's gain. No row needs another one for that, and no scale has to be guessed; the price is that
-a mass has one number in the row of the shoulder and another in that of the elbow. Their ratio is
-the ratio of the gains (`pivident.drives.gain_ratios`).
+Without gains the row of motor m determines Φ_m θ/κ_m = c_m: each of its parameters divided by the
+motor's gain. Rows are independent of each other, and no scale has to be assumed; but a mass has one
+value in the row of the shoulder and another in that of the elbow. Their ratio is the ratio of the
+gains (`pivident.drives.gain_ratios`).
 
-In one row alone fewer parameters are separate than in all rows together. A column that depends on
-the columns before it is left out, and its parameter is in the others.
+One row alone separates fewer parameters than all rows together. A column that depends on the
+columns before it is left out, and its parameter is grouped with theirs.
 """
 
 from __future__ import annotations
@@ -23,31 +23,21 @@ from pivident.estimation.methods import RandomWalk
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 
-#: Share of a column's length that must be its own for it to count as separate.
+#: Smallest relative remainder of an independent column.
 SEPARATE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class MotorInLogUnits:
-    """Parameters of one motor's row, each divided by the motor's gain.
-
-    Attributes:
-        joint: name of the joint.
-        names: base parameters that the row separates.
-        units: unit of each, such as ``kg m²/(N m/A)``.
-        values: θ/κ, shape (parameters,).
-        std: standard deviations by the sandwich, likewise.
-        left_out: parameters that this row alone does not separate from those above.
-        relative_error: ‖c - Φθ/κ‖/‖c‖.
-    """
+    """Parameters of one motor's row, each divided by the motor's gain."""
 
     joint: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    values: np.ndarray
-    std: np.ndarray
-    left_out: tuple[str, ...]
-    relative_error: float
+    names: tuple[str, ...]  # base parameters that the row separates
+    units: tuple[str, ...]  # of each, such as ``kg m²/(N m/A)``
+    values: np.ndarray  # θ/κ, (parameters,)
+    std: np.ndarray  # standard errors by the sandwich, (parameters,)
+    left_out: tuple[str, ...]  # parameters that this row alone does not separate
+    relative_error: float  # ‖c - Φθ/κ‖/‖c‖
 
 
 def identify_in_log_units(
@@ -55,16 +45,7 @@ def identify_in_log_units(
     unit: str | Sequence[str] = "unit of the log",
     signals: RandomWalk | None = None,
 ) -> tuple[MotorInLogUnits, ...]:
-    """Least squares of every motor's row on its own, in the unit of its command.
-
-    Args:
-        problem: robot, recordings with commands as ``tau``, parameters.
-        unit: unit of the command, the same for all joints or one for each.
-        signals: the smoother; default: random walk with the command aligned.
-
-    Returns:
-        One answer for each motor.
-    """
+    """Least squares of every motor's row on its own, in the ``unit`` of its command."""
     units = (unit,) * problem.robot.size if isinstance(unit, str) else tuple(unit)
     records = [
         DriveRecord(estimate_kinematics(r, signals or RandomWalk()), problem.speed_limits(r))
@@ -94,15 +75,7 @@ def identify_in_log_units(
 
 
 def independent_columns(gram: np.ndarray, separate: float = SEPARATE) -> np.ndarray:
-    """Columns that keep a part of their own when those before them are taken out.
-
-    Args:
-        gram: ΦᵀΦ, shape (columns, columns).
-        separate: smallest part, relative to the column's length.
-
-    Returns:
-        Indices, ascending.
-    """
+    """Indices of columns that are independent of those before them, from ΦᵀΦ."""
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     left = gram / np.outer(scale, scale)
     kept = []
@@ -114,12 +87,7 @@ def independent_columns(gram: np.ndarray, separate: float = SEPARATE) -> np.ndar
 
 
 def restricted(sums: JointSums, kept: np.ndarray) -> JointSums:
-    """The sums of some of a row's columns, numbered anew.
-
-    Args:
-        sums: sums of one row.
-        kept: which of its columns.
-    """
+    """The sums of some of a row's columns, renumbered."""
     grid = np.ix_(kept, kept)
     return JointSums(
         sums.name, np.arange(kept.size), sums.zf[grid], sums.zz[grid], sums.ff[grid],
@@ -129,11 +97,7 @@ def restricted(sums: JointSums, kept: np.ndarray) -> JointSums:
 
 
 def solved_row(sums: JointSums) -> tuple[np.ndarray, np.ndarray]:
-    """Solution of one row's normal equations, and its deviations by the sandwich.
-
-    Args:
-        sums: sums of independent columns, numbered from zero.
-    """
+    """Solution of one row's normal equations, and its standard errors by the sandwich."""
     scale = np.sqrt(np.maximum(np.diag(sums.ff), 1e-300))
     values = np.linalg.solve(sums.zf / np.outer(scale, scale), sums.zt / scale) / scale
     return values, np.sqrt(np.diag(sandwich([sums], values, np.ones(1))))

@@ -1,13 +1,13 @@
 """Temperature of the motor constant: k(T) = k₀ (1 + a (T - T₀)), for each motor.
 
 Magnets lose strength as they warm, about 0.1 % (neodymium) to 0.2 % (ferrite) per kelvin. With the
-temperature logged, or the time since the start in its place,
+temperature logged, or the time since the start instead of it,
 
     c = (Φ θ + ΔT Φ_f β) / (1 + a ΔT),      ΔT = T - T₀,
 
 where β is the change of friction. Friction changes far more with temperature than magnets do, and
-takes all of it on itself unless it has a β of its own. So a comes from gravity and inertia alone.
-Each motor stands for itself, in the unit of its log: no gain has to be known.
+would bias a without a β of its own. So a follows from gravity and inertia alone. Each motor is
+identified separately, in the unit of its log: no gain has to be known.
 """
 
 from __future__ import annotations
@@ -22,13 +22,13 @@ from pivident.drives.drive_equations import (
     drive_columns,
     motor_coupling,
     motor_rows,
-    motor_votes,
+    motor_valid_samples,
     refuse_load_friction,
 )
 from pivident.drives.log_units import independent_columns, restricted, solved_row
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.covariance.sandwich import Windows
-from pivident.estimation.full_rate import BLOCK, voting
+from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import RandomWalk
@@ -37,45 +37,33 @@ from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.transmission import Transmission
 
-#: Probability from which on a temperature coefficient is not worth its parameter.
+#: Significance level of a temperature coefficient.
 LEVEL = 0.05
 
-#: Passes of the Gauss–Newton iteration; a ΔT is small, and three are plenty.
+#: Passes of the Gauss–Newton iteration; a ΔT is small, and three suffice.
 PASSES = 4
 
-#: Largest relative change of a motor constant over the record that is believed.
+#: Largest plausible relative change of a motor constant over the record.
 MAX_CHANGE = 0.5
 
 
 @dataclass(frozen=True)
 class MotorTemperature:
-    """Temperature coefficient of one motor constant.
-
-    Attributes:
-        joint: name of the joint.
-        coefficient: a [per unit of T].
-        std: its standard deviation by the sandwich.
-        unit: ``1/K``, or ``1/s`` where time stands for temperature.
-        reference: T₀ [K, °C or s].
-        span: range of T in the records.
-        f_statistic: (a/σ)², which holds for correlated residuals.
-        degrees: its degrees of freedom below, those that the windows of time leave.
-        p_value: probability of so large a value if a = 0.
-    """
+    """Temperature coefficient of one motor constant."""
 
     joint: str
-    coefficient: float
-    std: float
-    unit: str
-    reference: float
-    span: float
-    f_statistic: float
-    degrees: int
-    p_value: float
+    coefficient: float  # a [per unit of T]
+    std: float  # standard error by the sandwich
+    unit: str  # ``1/K``, or ``1/s`` where time replaces temperature
+    reference: float  # T₀ [K, °C or s]
+    span: float  # range of T in the records
+    f_statistic: float  # (a/σ)², valid for correlated residuals
+    degrees: int  # denominator degrees of freedom, from the windows of time
+    p_value: float  # probability of so large a value if a = 0
 
     @property
-    def worth(self) -> bool:
-        """Whether the coefficient tells itself from zero."""
+    def is_significant(self) -> bool:
+        """Whether the coefficient is significantly different from zero."""
         return self.p_value < LEVEL
 
 
@@ -86,19 +74,10 @@ def identify_motor_temperature(
     friction_drift: bool = True,
     signals: RandomWalk | None = None,
 ) -> tuple[MotorTemperature, ...]:
-    """Temperature coefficient of every motor constant.
+    """Temperature coefficient of every motor constant; commands in any unit.
 
-    Args:
-        problem: robot, recordings, parameters; commands in any unit.
-        temperatures: of the motors for each recording, shape (samples, joints) or (samples,);
-            None: time stands for them, and the drift is linear in it.
-        reference: T₀; None: the mean.
-        friction_drift: whether friction may change with temperature too.
-        signals: the smoother; default: random walk with the command aligned.
-
-    Raises:
-        ExperimentError: temperatures of the wrong shape.
-        IdentificationError: the temperature does not change.
+    ``temperatures`` of each recording have shape (samples, joints) or (samples,); None: time
+    replaces them, and the drift is linear in it. T₀ is their mean if not given.
     """
     recipe = signals or RandomWalk()
     timed = temperatures is None
@@ -127,18 +106,18 @@ def identify_motor_temperature(
     for k in range(PASSES):
         sums = _sums(problem, kinematics, limits, scaled, rate, state, friction_drift)
         for m, own in enumerate(sums):
-            # the first pass finds a model, from which the next ones take the slope
+            # the first pass finds a model, which gives the slope of the next ones
             found, std[m], degrees[m], state[m] = _step(own, with_slope=k > 0)
             rate[m] = np.clip(found, -MAX_CHANGE, MAX_CHANGE)
     from scipy.stats import f
 
     answers = []
     for m, name in enumerate(problem.robot.joint_names):
-        a, deviation = rate[m] / span[m], std[m] / span[m]
-        statistic = float((a / deviation) ** 2)
+        a, standard_error = rate[m] / span[m], std[m] / span[m]
+        statistic = float((a / standard_error) ** 2)
         answers.append(
             MotorTemperature(
-                name, float(a), float(deviation), "1/s" if timed else "1/K", float(zero[m]),
+                name, float(a), float(standard_error), "1/s" if timed else "1/K", float(zero[m]),
                 float(span[m]), statistic, int(degrees[m]),
                 float(f.sf(statistic, 1, degrees[m])),
             )
@@ -153,14 +132,9 @@ def at_reference_temperature(
     temperature: np.ndarray,
     reference: Sequence[float],
 ) -> Recording:
-    """The record as it would read with all motors at their reference temperature.
+    """The record with all motors at their reference temperature T₀ (joints,).
 
-    Args:
-        recording: the run.
-        transmission: gives the coupling of the motors.
-        coefficients: a of each motor, shape (joints,); zero: as it is.
-        temperature: of the motors, shape (samples, joints) or (samples,).
-        reference: T₀ of each motor, shape (joints,).
+    Coefficients a of each motor, zero: unchanged; temperature (samples, joints) or (samples,).
     """
     warmth = _per_motor(temperature, recording) - np.asarray(reference, float)[:, None]
     coupling = motor_coupling(transmission)
@@ -212,7 +186,7 @@ def _sums(
     ]
     for r, (k, limit, warm) in enumerate(zip(kinematics, limits, warmth, strict=True)):
         windows = Windows(k.q.shape[1], WINDOWS, r * WINDOWS)
-        votes, commands = voting(k, k.dq, limit), rows @ k.tau
+        valid, commands = valid_samples(k, k.dq, limit), rows @ k.tau
         for start in range(0, windows.samples, BLOCK):
             span = slice(start, min(start + BLOCK, windows.samples))
             packed = packed_stretch(regressor, k, span)
@@ -223,17 +197,17 @@ def _sums(
                 linear = np.vstack([phi, warm[m, span] * phi[friction[m]]]) / growth
                 model = np.zeros(phi.shape[1]) if state[m] is None else state[m] @ linear
                 slope = -warm[m, span] * model / growth
-                # linearised at the present rate: what is explained includes its slope
+                # linearised at the present rate: the regressand includes its slope
                 target = commands[m, span] + rate[m] * slope
                 sums[m].add(
                     np.vstack([linear, slope]), None, target,
-                    motor_votes(rows[m], votes[:, span]), shares,
+                    motor_valid_samples(rows[m], valid[:, span]), shares,
                 )  # fmt: skip
     return sums
 
 
 def _step(own: JointSums, with_slope: bool) -> tuple[float, float, int, np.ndarray]:
-    """New rate, its deviation, degrees of freedom, and the coefficients of the linear columns."""
+    """New rate and its standard error, degrees of freedom, coefficients of linear columns."""
     last = len(own.ff) - 1
     kept = independent_columns(own.ff[:last, :last])
     if with_slope:
@@ -241,5 +215,5 @@ def _step(own: JointSums, with_slope: bool) -> tuple[float, float, int, np.ndarr
     values, std = solved_row(restricted(own, kept))
     linear = np.zeros(last)
     linear[kept[kept < last]] = values[kept < last]
-    rate, deviation = (float(values[-1]), float(std[-1])) if with_slope else (0.0, np.inf)
-    return rate, deviation, len(own.window_zt) - 1, linear
+    rate, standard_error = (float(values[-1]), float(std[-1])) if with_slope else (0.0, np.inf)
+    return rate, standard_error, len(own.window_zt) - 1, linear

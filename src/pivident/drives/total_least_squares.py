@@ -6,10 +6,10 @@ regressors, one column for each motor's gain, and the known payload as the last 
 
     [ diag(c)  -Φ  -Φ_unknown ] (κ, x) = Φ_known π_known,       rows weighted by 1/σ_m.
 
-Weighted least squares takes the noise of the commands for signal: gains come out too small, by the
-share of the noise in what the known load alone explains. Total least squares (the last right
-singular vector of [ columns, right-hand side ]) takes all columns for equally noisy; with only the
-commands noisy (mixed total least squares) it is consistent. All of them follow from the same sums.
+Weighted least squares treats the noise of the commands as signal: gains are too small, by the
+fraction of noise in what the known load alone explains. Total least squares (the last right
+singular vector of [ columns, right-hand side ]) assumes equal noise in all columns; with noise in
+the commands only (mixed total least squares) it is consistent. All follow from the same sums.
 """
 
 from __future__ import annotations
@@ -28,18 +28,9 @@ Estimator = Literal["wls", "tls", "mixed-tls"]
 def gains_by(
     estimator: Estimator, equations: GainEquations, kappa: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Gains of all motors and their standard deviations as the literature computes them.
+    """κ and its standard errors by the formulas for white residuals, each (motors,).
 
-    Args:
-        estimator: ``wls``, ``tls`` (all columns noisy) or ``mixed-tls`` (commands noisy).
-        equations: the model.
-        kappa: gains that the weights of the rows are made with, shape (motors,).
-
-    Returns:
-        κ and its standard deviations, by the formulas for white residuals, each (motors,).
-
-    Raises:
-        IdentificationError: nothing is known that could fix the scale.
+    ``tls``: all columns are noisy, ``mixed-tls``: the commands are. ``kappa`` weights the rows.
     """
     gram, noise, rows = _gram(equations, kappa)
     n = equations.motors
@@ -69,15 +60,9 @@ def gains_by(
 
 
 def homogeneous_start(equations: GainEquations) -> np.ndarray:
-    """Gains up to a scale without any known load: mixed total least squares on [diag(c), -Φ].
+    """Gains log |κ| up to a scale, without a known load: mixed TLS on [diag(c), -Φ].
 
-    The command of each motor counts with unit power, so that no motor is favoured.
-
-    Args:
-        equations: the model; its known parts are left out.
-
-    Returns:
-        log |κ|, shape (motors,).
+    The command of each motor has unit power, so that no motor is favoured.
     """
     n = equations.motors
     gram, _, _ = _gram(equations, np.ones(n), equally=True)

@@ -1,1 +1,5 @@
-"""The dynamic model that is linear in its parameters: regressor, base parameters, accelerations."""
+"""The model that is linear in its parameters: regressor, base parameters, forward dynamics."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -9,8 +9,8 @@ kept ones (Gautier 1991, by orthogonal projection instead of symbolic rules). Wi
 The order of preference reproduces the rules of Khalil and Gautier: everything before ``yy mz m``
 of revolute links, the inertia of prismatic links and the rotor inertias ``ia``; within each class
 links from the base outwards, so that groups gather on the link nearest to the base. Ripple,
-springs and struts come last: where one of them cannot be told from gravity (a ripple of order
-one, the weight of a pendulum), it is added to the first moments that everything else needs.
+springs and struts come last: where one of them is indistinguishable from gravity (a ripple of
+order one, the weight of a pendulum), it is added to the first moments, which head the group.
 """
 
 from __future__ import annotations
@@ -21,7 +21,9 @@ import numpy as np
 
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
+from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Relative length of a column's remainder below which it depends on the columns before it.
 DEPENDENCE = 1e-9
@@ -150,7 +152,7 @@ def base_parameters(robot: Robot) -> BaseParameters:
 def _probe(robot: Robot, standard: tuple[Parameter, ...]) -> np.ndarray:
     """Φ at random states, stacked: more than twice as many rows as columns.
 
-    Friction that no combination of other columns can make stands there as a random column: random
+    Friction that no combination of other columns can reproduce enters as a random column: random
     states would not show a Stribeck curve of low speed, nor a state that remembers a path.
     """
     samples = max(40, 3 * len(standard) // robot.size)
@@ -184,7 +186,7 @@ def _independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], 
     """Columns that are not combinations of those before them in ``order``, and a basis of them.
 
     Gram–Schmidt with a second pass (twice is enough), so that a remainder of rounding errors
-    stays at rounding level and cannot pass for an independent direction.
+    stays at rounding level and is not mistaken for an independent direction.
     """
     basis = np.empty((phi.shape[0], len(order)))
     kept: list[int] = []
@@ -201,7 +203,25 @@ def _independent_columns(phi: np.ndarray, order: list[int]) -> tuple[list[int], 
 
 
 def _cleaned(regrouping: np.ndarray) -> np.ndarray:
-    """Rounding noise removed: zeros, and integers that are integers."""
+    """Elements within rounding of zero or of an integer are set to it."""
     cleaned = np.where(np.abs(regrouping) < 1e-9, 0.0, regrouping)
     nearest = np.round(cleaned)
     return np.where(np.abs(cleaned - nearest) < 1e-9, nearest, cleaned)
+
+
+def parameter_index(base: BaseParameters, name: str) -> int:
+    """Index of a base parameter by its name.
+
+    Args:
+        base: the base parameters.
+        name: with or without the trailing ``r``.
+
+    Raises:
+        ExperimentError: names the nearest ones that there are.
+    """
+    try:
+        return base.index(name)
+    except KeyError:
+        bare = name.lower().removesuffix("r")
+        heads = [p.name for p in base.parameters]
+        raise ExperimentError(f"no base parameter {name!r}; {nearest(bare, heads)}") from None

@@ -1,8 +1,8 @@
-"""Sine, cosine and arctangent without branches: to rounding, and fit for vector instructions.
+"""Sine, cosine and arctangent without branches, accurate to rounding, for vector instructions.
 
-They take the polynomials of Cephes (Moshier, Methods and Programs for Mathematical Functions,
-1989). Compilers turn a loop over them into vector instructions; a loop over the library's
-functions stays a loop of calls.
+They use the polynomials of Cephes (Moshier, Methods and Programs for Mathematical Functions,
+1989). Compilers vectorise a loop over them; a loop over the library's functions stays a loop of
+calls.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def sine_and_cosine(x):
 
 @njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 def arctangent(x):
-    r"""atan(x); even one at a time five times as fast as the library's."""
+    r"""atan(x); five times as fast as the library's even for a single value."""
     a = abs(x)
     large, middle = a > 2.414213562373095, a > 0.66
     numerator = -1.0 if large else (a - 1.0 if middle else a)

@@ -1,4 +1,4 @@
-"""What the compiled loops of the observation matrix compute: a plan made once per regressor."""
+"""What the compiled loops of the observation matrix compute: a plan built once per regressor."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from pivident.dynamics.kernels import Tree, tree_of
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
-from pivident.robot.friction import FrictionColumn, SignFunction
-from pivident.robot.friction_term import MAX_SHAPES
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import MAX_SHAPES, SignFunction
 
-#: What the screw of a joint, seen from a link, is wanted for: for the links further out, for the
-#: columns of the inertias, for those of first moments and mass.
+#: Uses of the screw of a joint, seen from a link: for the links further out, for the columns of
+#: the inertias, for those of first moments and mass.
 CARRY, INERTIAS, MOMENTS = 1, 2, 4
 
 #: Functions of entries that are an acceleration or an inner signal; the others have the codes of
@@ -30,41 +30,27 @@ class EntryPlan(NamedTuple):
     """Which entries of the observation matrix are computed, as arrays for the kernels.
 
     A *block* is the ten columns of one link in the row of one of its ancestors. Blocks are
-    computed in the order of links and ancestors; the entries without inertial parameter follow.
-
-    Attributes:
-        tree: the robot's geometry.
-        moved: 1 for links whose motion is needed, shape (links,).
-        work: what the screw of each link's k-th ancestor (0: its own joint) is wanted for, sum
-            of ``CARRY INERTIAS MOMENTS``, shape (links, depth).
-        joint_index: for each entry without inertial parameter its function, its sign function
-            and the joints a and b it depends on, shape (joint entries, 4); of an inner signal
-            (memory, load) a is its number.
-        joint_value: its factor, c in the speed dq_a + c dq_b, γ and the constants of a friction
-            term, shape (joint entries, 3 + ``MAX_SHAPES``).
-        source: column in which each entry is computed, shape (entries,).
-        columns: number of columns computed.
+    computed in the order of links and ancestors; the *joint entries*, those without inertial
+    parameter, follow. ``work`` says what the screw of each link's k-th ancestor (0: its own joint)
+    is used for, a sum of ``CARRY INERTIAS MOMENTS``. A row of ``joint_index`` holds the function,
+    the sign function and the joints a and b that a joint entry depends on (of an inner signal,
+    memory or load, a is its number); a row of ``joint_value`` its factor, c in the speed
+    dq_a + c dq_b, γ and the constants of a friction term.
     """
 
     tree: Tree
-    moved: np.ndarray
-    work: np.ndarray
-    joint_index: np.ndarray
-    joint_value: np.ndarray
-    source: np.ndarray
-    columns: int
+    moved: np.ndarray  # 1 for links whose motion is needed, (links,)
+    work: np.ndarray  # (links, depth)
+    joint_index: np.ndarray  # (joint entries, 4)
+    joint_value: np.ndarray  # (joint entries, 3 + MAX_SHAPES)
+    source: np.ndarray  # computed column of each entry, (entries,)
+    columns: int  # number of columns computed
 
 
 def make_entry_plan(
     robot: Robot, parameters: Sequence[Parameter], entries: Sequence[tuple[int, int]]
 ) -> EntryPlan:
-    """Plan the computation of given entries.
-
-    Args:
-        robot: the robot.
-        parameters: columns of the observation matrix.
-        entries: (joint, index of the parameter) of each entry.
-    """
+    """Plan the computation of entries (joint, index of the parameter)."""
     chains = [robot.ancestors(i) for i in range(robot.size)]
     moved = np.zeros(robot.size, dtype=np.int64)
     work = np.zeros((robot.size, max(len(chain) for chain in chains)), dtype=np.int64)
@@ -137,15 +123,10 @@ def _joint_entry(
 
 
 def coupling_sign(robot: Robot, motor: int, simulated: bool = False) -> tuple[int, float]:
-    """Sign function of a coupling's Coulomb term: that of the motor's own joint.
+    """Code and γ of a coupling's Coulomb term: the sign function of the motor's own joint.
 
     Where the joint's Coulomb friction has no sign function, because it has a state, the joint's
-    default arctangent is taken.
-
-    Args:
-        robot: the robot.
-        motor: index of the coupled motor's joint.
-        simulated: replace the hard sign by the arctangent, as the simulator needs.
+    default arctangent is used. ``simulated`` replaces the hard sign by the arctangent.
     """
     for term in robot.joints[motor].friction.terms:
         if term.has_sign and term.stem.startswith("fc"):

@@ -2,8 +2,8 @@
 
     M(q) ddq + h(q, dq) + friction(dq, q, z, load) = tau
 
-Base parameters are enough: they are lifted to links some of which have no mass, and the kernels
-work on the linear ten-parameter form, where that is allowed.
+Base parameters suffice: assigned to the heads of their groups they leave some links without mass,
+which the linear ten-parameter form of the kernels allows.
 """
 
 from __future__ import annotations
@@ -40,36 +40,22 @@ from pivident.robot.description import INERTIAL, Robot
 
 
 class Model(NamedTuple):
-    """A robot with parameter values, as arrays for the compiled loops.
-
-    Attributes:
-        tree: geometry.
-        inertia: ten inertial parameters of every link, shape (joints, 10).
-        rotor: rotor inertias with couplings, shape (joints, joints).
-        friction: friction terms and their values.
-    """
+    """A robot with parameter values, as arrays for the compiled loops."""
 
     tree: Tree
-    inertia: np.ndarray
-    rotor: np.ndarray
+    inertia: np.ndarray  # ten inertial parameters of every link, (joints, 10)
+    rotor: np.ndarray  # rotor inertias with couplings, (joints, joints)
     friction: FrictionTable
 
 
 def make_model(
     robot: Robot, parameters: tuple[Parameter, ...], theta: np.ndarray, clip: bool = False
 ) -> Model:
-    """Arrange parameter values for the compiled loops; parameters not given are zero.
+    """Values of standard parameters or heads of base groups for the loops; others are zero.
 
-    Args:
-        robot: the robot.
-        parameters: standard parameters (or heads of base groups).
-        theta: their values, shape (parameters,).
-        clip: replace negative friction levels by zero, and friction that grows as fast as the
-            load by nine tenths of that. A friction that feeds energy in makes the simulated loop
-            diverge; an estimator on its way may pass there.
-
-    Raises:
-        ValueError: load-dependent friction fl of 1 or more, unless clipped.
+    ``clip`` replaces negative friction levels by zero, and |fl| by at most MAX_LOAD_SHARE: friction
+    that feeds energy in makes the simulated loop diverge, and an iteration may pass through such
+    values. Unclipped, load-dependent friction fl >= 1 is a ValueError.
     """
     n = robot.size
     inertia, rotor = np.zeros((n, 10)), np.zeros((n, n))
@@ -145,17 +131,7 @@ def _mass_matrices(model, q, out):
 def mass_matrix(
     robot: Robot, parameters: tuple[Parameter, ...], theta: np.ndarray, q: np.ndarray
 ) -> np.ndarray:
-    """M(q), shape (samples, joints, joints) [kg m², kg m or kg].
-
-    Args:
-        robot: the robot.
-        parameters: standard parameters or heads of base groups.
-        theta: their values, shape (parameters,).
-        q: joint positions [rad or m], shape (samples, joints).
-
-    Raises:
-        ValueError: positions of another number of joints.
-    """
+    """M(q) [kg m², kg m or kg], shape (samples, joints, joints), at positions (samples, joints)."""
     (q,) = _states(robot, q)
     out = np.zeros((len(q), robot.size, robot.size))
     _mass_matrices(make_model(robot, parameters, theta), q, out)
@@ -163,13 +139,9 @@ def mass_matrix(
 
 
 def friction_states(robot: Robot, parameters: tuple[Parameter, ...]) -> tuple[str, ...]:
-    """Whose friction has a state: parameters that name the states z, in their order.
+    """Names of the parameters whose friction has a state z, in the order of the states.
 
     Terms that share a state, fc and fd of LuGre friction, have one name, that of the first.
-
-    Args:
-        robot: the robot.
-        parameters: standard parameters or heads of base groups.
     """
     entries = path_entries(parameters, np.zeros(len(parameters)))
     table = make_friction_table(robot, parameters, np.zeros(len(parameters)))
@@ -185,23 +157,11 @@ def acceleration(
     tau: np.ndarray,
     state: Literal["relaxed", "sliding"] | np.ndarray | None = None,
 ) -> np.ndarray:
-    """Ddq = M(q)⁻¹ (tau - h(q, dq) - friction), shape (samples, joints) [rad/s² or m/s²].
+    """M(q)⁻¹ (tau - h(q, dq) - friction) [rad/s² or m/s²], all of shape (samples, joints).
 
-    Args:
-        robot: the robot; a friction law with the hard sign is used in its smooth form.
-        parameters: standard parameters or heads of base groups.
-        theta: their values, shape (parameters,).
-        q: joint positions [rad or m], shape (samples, joints); ``dq tau`` likewise.
-        dq: joint speeds.
-        tau: joint torques or forces [N m or N].
-        state: of friction that remembers its path, needed where a law has such terms: "relaxed"
-            (z = 0, as a record starts), "sliding" (z = ±g(dq), after a long way in the
-            direction of the speed), or the states z themselves, shape (samples, states), in
-            the order of ``friction_states``.
-
-    Raises:
-        MassMatrixNotPositiveDefinite: names the joint; its time is the sample's index.
-        ValueError: arrays that do not belong together, or a missing state.
+    Hard signs are smoothed. Friction with memory needs its ``state``: "relaxed" (z = 0, as a record
+    starts), "sliding" (z = ±g(dq), after a long way in the direction of the speed), or the states z
+    in the order of ``friction_states``, shape (samples, states).
     """
     q, dq, tau = _states(robot, q, dq, tau)
     model = make_model(robot, parameters, theta)
@@ -221,8 +181,8 @@ def _memory(friction: FrictionTable, dq: np.ndarray, state: str | np.ndarray | N
         return states
     if state is None:
         raise ValueError(
-            "friction remembers the path here, so its state must be given: state='sliding' for "
-            "a joint that has gone some way, state='relaxed', or the states z"
+            "this friction has a memory, so its state must be given: state='sliding' for a joint "
+            "that has moved some way, state='relaxed', or the states z"
         )
     if isinstance(state, str):
         if state not in ("relaxed", "sliding"):
@@ -241,7 +201,7 @@ def _memory(friction: FrictionTable, dq: np.ndarray, state: str | np.ndarray | N
 
 
 def _states(robot: Robot, *signals: np.ndarray) -> list[np.ndarray]:
-    """Signals (samples, joints) as the compiled loops want them; those do not look at shapes."""
+    """Signals (samples, joints) as C arrays, shapes checked: the compiled loops do not."""
     wanted = (len(signals[0]), robot.size)
     if any(np.shape(x) != wanted for x in signals):
         shapes = ", ".join(str(np.shape(x)) for x in signals)

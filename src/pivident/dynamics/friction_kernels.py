@@ -1,16 +1,16 @@
-"""Friction of single joints as the simulator sees it: values, slopes and stiffnesses, scalars.
+"""Friction of single joints in the simulator: values, slopes and stiffnesses, scalars.
 
 In a step that starts at the position q₀ with the states z₀, friction is a function of the speed v
 and of the travel x in the step: F(x, v). Terms of speed alone have the slope D = ∂F/∂v; ripple and
-presliding also have a stiffness K = ∂F/∂x. The state is no unknown of its own, because on a way in
-one direction it is an explicit function of the travel:
+presliding also have a stiffness K = ∂F/∂x. The state is not an unknown of its own, because for
+travel in one direction it is an explicit function of the travel:
 
-    presliding    dz/dx = (1 - s z/g)/d, with g(x) taken to be linear along the way:
+    presliding    dz/dx = (1 - s z/g)/d, with g(x) linear in the travel:
                   z = s g₁ + (z₀ - s g₀) exp(-u) - s (g₁ - g₀) (1 - exp(-u))/u,   u = |x|/(d ḡ)
     Maxwell slip  z = min(max(z₀ + x/d, -g₁), g₁)
 
-with s = sign(x), g₀ and g₁ the levels at both ends and ḡ their mean. A way with a reversal on it is
-two such ways; one on which g changes much is cut into pieces, with v² linear in the travel. The
+with s = sign(x), g₀ and g₁ the levels at both ends and ḡ their mean. Travel with a reversal is
+split there; travel on which g changes much is cut into pieces, with v² linear in the travel. The
 codes are those of ``pivident.robot.friction``.
 """
 
@@ -18,10 +18,11 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from pivident.compiled import inlined as _inline
+from pivident.compiled import shared
 from pivident.dynamics.elementary import arctangent
-from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import SignFunction
 
 _COULOMB = int(FrictionColumn.COULOMB)
 _POSITIVE = int(FrictionColumn.COULOMB_POSITIVE)
@@ -32,19 +33,17 @@ _FORWARDS = int(FrictionColumn.VISCOUS_POSITIVE)
 _PRESLIDING = int(FrictionColumn.PRESLIDING)
 _ATAN = int(SignFunction.ATAN)
 
-#: Exponents below which exp(-x) is nothing beside 1.
+#: Exponents beyond which exp(-x) is negligible beside 1.
 _NOTHING = 40.0
 
-#: Change of the level g that a way may have before it is cut into pieces …
+#: Change of the level g above which travel is cut into pieces …
 LEVEL_PER_PIECE = 0.02
 
-#: … and most pieces.
+#: … and the maximum number of pieces.
 MAX_PIECES = 32
 
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
-
-@_inline
+@shared
 def smooth_sign_and_slope(sign, gamma, v):
     """Smoothed sign at one speed and its slope there (the hard sign is not simulated)."""
     x = gamma * v
@@ -54,18 +53,9 @@ def smooth_sign_and_slope(sign, gamma, v):
     return s, gamma * (1.0 - s * s)
 
 
-@_inline
+@shared
 def friction_value_and_slope(column, sign, gamma, first, second, v):
-    """f(v) of one nonlinear term of speed and df/dv.
-
-    Args:
-        column: code of the term's function.
-        sign: code of its smoothed sign.
-        gamma: slope of that [s/rad or s/m].
-        first: first constant of its shape: Stribeck speed or exponent of the speed.
-        second: second one: Stribeck exponent.
-        v: speed [rad/s or m/s].
-    """
+    """f(v) of one nonlinear term of speed and df/dv; v_s and δ, or p, are ``first second``."""
     s, slope = smooth_sign_and_slope(sign, gamma, v)
     if column == _COULOMB:
         return s, slope
@@ -95,7 +85,7 @@ def _power_and_slope(s, slope, exponent, v):
     return s * power, slope * power + s * exponent * power / v
 
 
-@_inline
+@shared
 def level_and_slope(excess, inverse_speed, exponent, v):
     """Level g = 1 + ρ exp(-|v/v_s|^δ) of friction with a state, and dg/dv."""
     if excess == 0.0 or v == 0.0:
@@ -110,13 +100,13 @@ def level_and_slope(excess, inverse_speed, exponent, v):
 
 @_inline
 def travel_to_reversal(v_start, v, elapsed):
-    """Travel until the joint turned, the speed having gone linearly from ``v_start`` to ``v``."""
+    """Travel until the reversal, the speed changing linearly from ``v_start`` to ``v``."""
     return 0.5 * v_start * v_start * elapsed / (v_start - v)
 
 
 @_inline
 def presliding_state(z, level, level_ahead, x, inverse_distance):
-    """State z after the travel ``x``, the level going from ``level`` to ``level_ahead``."""
+    """State z after the travel ``x``, the level changing from ``level`` to ``level_ahead``."""
     s = math.copysign(1.0, x)
     u = 2.0 * abs(x) * inverse_distance / (level + level_ahead)
     if u < 1e-3:  # (1 - exp(-u))/u, free of cancellation
@@ -144,7 +134,7 @@ def slip_state(z, level, x, inverse_distance):
 
 @_inline
 def slip_stiffness(z, level, v, inverse_distance):
-    """dz/dx of a Maxwell element at the speed ``v``: none where it slips."""
+    """dz/dx of a Maxwell element at the speed ``v``: zero where it slips."""
     return 0.0 if abs(z) >= level and z * v > 0.0 else inverse_distance
 
 
@@ -153,21 +143,7 @@ def state_after_way(
     column, z, v_start, start_level, v, level, x,
     inverse_distance, excess, inverse_speed, exponent,
 ):  # fmt: skip
-    """State after a way in one direction.
-
-    Args:
-        column: code of presliding or Maxwell slip.
-        z: state at its start.
-        v_start: speed there [rad/s or m/s].
-        start_level: level g there.
-        v: speed at its end.
-        level: level g there.
-        x: travel [rad or m].
-        inverse_distance: 1/d.
-        excess: ρ.
-        inverse_speed: 1/v_s.
-        exponent: δ.
-    """
+    """State after the travel x in one direction, from speed and level g at its start to its end."""
     pieces = 1
     if abs(level - start_level) > LEVEL_PER_PIECE:
         pieces = min(math.ceil(abs(level - start_level) / LEVEL_PER_PIECE), MAX_PIECES)

@@ -1,10 +1,9 @@
 """Friction with a state, along a sampled path: presliding (Dahl, LuGre) and Maxwell slip.
 
-Between two samples the state is advanced by the exact solution over the distance that the joint
-goes, with the kernels of the simulator (see ``friction_kernels``), so that a column hardly depends
-on the sampling rate. Where the speed changes its sign between two samples, the way out, up to the
-turning point of a motion of constant acceleration, and the way back are gone one after the other.
-The path starts relaxed, z = 0.
+Between two samples the state is advanced by the exact solution over the travel, with the kernels of
+the simulator (see ``friction_kernels``), so that a column hardly depends on the sampling rate.
+Where the speed changes its sign between two samples, the travel is split at the turning point of a
+motion of constant acceleration. The path starts relaxed, z = 0.
 """
 
 from __future__ import annotations
@@ -12,11 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.dynamics.friction_kernels import (
-    level_and_slope,
-    state_after_way,
-    travel_to_reversal,
-)
+from pivident.dynamics.friction_kernels import level_and_slope, state_after_way, travel_to_reversal
 from pivident.robot.friction import FrictionColumn
 
 _PRESLIDING = int(FrictionColumn.PRESLIDING)
@@ -43,12 +38,7 @@ def _along(column, distance, excess, speed, exponent, period, q, dq, out):
 
 
 def sampling_period(q: np.ndarray, dq: np.ndarray) -> float:
-    """The period that positions and speeds agree on, Σ Δq v / Σ v² with v the mean speed [s].
-
-    Args:
-        q: positions at a constant rate [rad or m], shape (samples,).
-        dq: speeds [rad/s or m/s], likewise.
-    """
+    """The period that positions and speeds agree on, Σ Δq v / Σ v² with v the mean speed [s]."""
     mean = 0.5 * (dq[1:] + dq[:-1])
     square = float(mean @ mean)
     return max(float(np.diff(q) @ mean) / square, 0.0) if square > 0.0 else 0.0
@@ -57,13 +47,9 @@ def sampling_period(q: np.ndarray, dq: np.ndarray) -> float:
 def memory_column(
     column: int, shape: tuple[float, ...], q: np.ndarray, dq: np.ndarray
 ) -> np.ndarray:
-    """Column of a term with memory along one joint's path, shape (samples,).
+    """Column of a term with memory along a path at a constant rate, shape (samples,).
 
-    Args:
-        column: code of the term's function; z, or d dz/dt = dq - |dq| z/g for the rate.
-        shape: γ (not used), presliding distance d [rad or m], ρ, v_s [rad/s or m/s], δ.
-        q: joint positions at a constant rate [rad or m], shape (samples,).
-        dq: joint speeds [rad/s or m/s], likewise.
+    It is z, or d dz/dt = dq - |dq| z/g for the rate; ``shape`` is γ (not used), d, ρ, v_s, δ.
     """
     q, dq = (np.ascontiguousarray(x, dtype=float) for x in (q, dq))
     out = np.empty(q.shape)

@@ -1,6 +1,6 @@
-"""Friction of a whole robot as the simulator evaluates it: tables of terms and their torques.
+"""Friction of a whole robot in the simulator: tables of terms and their torques.
 
-Terms of speed alone have a table of their own, and laws of no other terms cost nothing more. What
+Terms of speed alone have a table of their own, so that laws with no other terms cost no more. What
 depends on the position, on the path so far or on the load is in the *path* table. In a step,
 friction is a function F(x, v) of the travels and speeds; slope ∂F/∂v, stiffness ∂F/∂x.
 
@@ -9,8 +9,8 @@ f₀ all other friction and a = fl s(v),
 
     f = f₀ + a |τ - f|   ⇔   L = τ - f = (τ - f₀)/(1 + a sign(τ - f₀)),   |a| < 1
 
-and every slope and stiffness of f₀ counts 1/(1 + a sign(τ - f₀)) times, the *share*. Springs carry
-load as gravity does, so they belong to the torques of the rigid body.
+and every slope and stiffness of f₀ is multiplied by 1/(1 + a sign(τ - f₀)), the *share*. Springs
+carry load as gravity does, so they belong to the torques of the rigid body.
 """
 
 from __future__ import annotations
@@ -19,8 +19,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import inlined as _inline
+from pivident.compiled import rows, shared
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction_kernels import (
@@ -48,41 +49,30 @@ _MAXWELL = int(FrictionColumn.MAXWELL)
 #: Columns whose parameters share one entry of the path table: entry's code, place of the parameter.
 _SHARED = {_SINE: (_COSINE, 1), _PRESLIDING_RATE: (_PRESLIDING, 1), _STRUT_STIFFNESS: (_STRUT, 1)}
 
-#: Largest fl that clipped values keep; at 1 friction would hold any torque.
+#: Largest fl after clipping; at 1 friction would hold any torque.
 MAX_LOAD_SHARE = 0.9
 
 # Rows of ``path``, shape (PATH_ROWS, entries): states and levels at the start of the step, then
 # states, levels and dz/dx at some travel: at the end of the step, at its middle.
-STATE, START_LEVEL, AHEAD, MIDWAY, PATH_ROWS = 0, 1, 2, 5, 8
+STATE, START_LEVEL, AHEAD, MIDWAY = rows(0, 1, 2, 5)
+PATH_ROWS = 8
 RATE = AHEAD + 2  # dz/dx at the end of the step
-
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 class FrictionTable(NamedTuple):
-    """Friction of all joints as the simulator evaluates it.
+    """Friction of all joints in the simulator.
 
-    Attributes:
-        linear: viscous parameter and constant torque of each joint, shape (joints, 2).
-        term_index: joint, function and smoothed sign of each nonlinear term of speed, shape
-            (terms, 3).
-        term_value: parameter, γ, two constants of shape of each, shape (terms, 4).
-        pair_index: motor, joint and smoothed sign of each coupling, shape (couplings, 3).
-        pair_value: ratio, fvm, fcm, γ of each coupling, shape (couplings, 4).
-        path_index: joint, function and smoothed sign of terms of position, path or load, those of
-            load last, shape (entries, 3).
-        path_value: two parameters, then four constants, shape (entries, 6). Ripple: A, B, n.
-            Strut: cbf, cbk, ρ, φ. Presliding: fc, fd, 1/d, ρ, 1/v_s, δ; slip: fm, 0, and likewise.
-            Load: fl, 0, γ.
+    Rows of ``path_value`` are two parameters and four constants. Ripple: A, B, n. Strut: cbf, cbk,
+    ρ, φ. Presliding: fc, fd, 1/d, ρ, 1/v_s, δ; slip: fm, 0, then the same. Load: fl, 0, γ.
     """
 
-    linear: np.ndarray
-    term_index: np.ndarray
-    term_value: np.ndarray
-    pair_index: np.ndarray
-    pair_value: np.ndarray
-    path_index: np.ndarray
-    path_value: np.ndarray
+    linear: np.ndarray  # viscous parameter and constant torque, (joints, 2)
+    term_index: np.ndarray  # joint, function, sign of nonlinear terms of speed, (terms, 3)
+    term_value: np.ndarray  # parameter, γ, two constants of shape, (terms, 4)
+    pair_index: np.ndarray  # motor, joint, sign, (couplings, 3)
+    pair_value: np.ndarray  # ratio, fvm, fcm, γ, (couplings, 4)
+    path_index: np.ndarray  # joint, function, sign; those of load last, (entries, 3)
+    path_value: np.ndarray  # (entries, 6)
 
     @property
     def memories(self) -> np.ndarray:
@@ -93,17 +83,7 @@ class FrictionTable(NamedTuple):
 def make_friction_table(
     robot: Robot, parameters: tuple[Parameter, ...], values: np.ndarray
 ) -> FrictionTable:
-    """Arrange the values of friction and coupling parameters; others are left out.
-
-    Args:
-        robot: the robot.
-        parameters: standard parameters (or heads of base groups).
-        values: shape (parameters,).
-
-    Raises:
-        ValueError: friction that grows with the load as fast as the load, |fl| >= 1, or two such
-            terms on one joint.
-    """
+    """Arrange the values of friction and coupling parameters; others are left out."""
     linear = np.zeros((robot.size, 2))
     terms: list[tuple[tuple[int, ...], tuple[float, ...]]] = []
     pairs = {c: np.array([c.ratio, 0.0, 0.0, 0.0]) for c in robot.couplings}
@@ -138,29 +118,15 @@ def make_friction_table(
 
 
 class PathEntry(NamedTuple):
-    """One entry of the path table.
+    """One entry of the path table."""
 
-    Attributes:
-        name: name of its first parameter.
-        codes: joint, function and smoothed sign.
-        values: two parameters and four constants.
-    """
-
-    name: str
-    codes: tuple[int, int, int]
-    values: tuple[float, ...]
+    name: str  # of its first parameter
+    codes: tuple[int, int, int]  # joint, function and smoothed sign
+    values: tuple[float, ...]  # two parameters and four constants
 
 
 def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[PathEntry]:
-    """Entries of the path table, joint by joint, those of load last.
-
-    Args:
-        parameters: standard parameters (or heads of base groups).
-        values: shape (parameters,).
-
-    Raises:
-        ValueError: see :func:`make_friction_table`.
-    """
+    """Entries of the path table, joint by joint, those of load last."""
     found: dict[tuple, tuple[str, list[float]]] = {}
     for p, value in zip(parameters, values.tolist(), strict=True):
         if p.friction is None or _is_of_speed_alone(p.friction):
@@ -187,7 +153,7 @@ def path_entries(parameters: tuple[Parameter, ...], values: np.ndarray) -> list[
 
 
 def clipped_friction(term: FrictionTerm, value: float) -> float:
-    """The value, or the nearest with which friction takes energy out of the simulated loop."""
+    """The value, or the nearest one that dissipates energy."""
     if term.is_dissipative or term.column is FrictionColumn.PRESLIDING_RATE:
         value = max(value, 0.0)
     return min(value, MAX_LOAD_SHARE) if term.depends_on_load else value
@@ -196,7 +162,7 @@ def clipped_friction(term: FrictionTerm, value: float) -> float:
 def dry_friction_level(friction: FrictionTable, joints: int) -> np.ndarray:
     """Largest dry friction of each joint, the scale of the integrator's tolerance.
 
-    Friction that grows with speed is the scale only where there is no other.
+    Friction that grows with speed sets the scale only where there is no other.
     """
     grows = (FrictionColumn.POWER, FrictionColumn.VISCOUS_POSITIVE, FrictionColumn.VISCOUS_NEGATIVE)
     fast = np.isin(friction.term_index[:, 1], grows)
@@ -231,24 +197,14 @@ def _constants(column: int, shape: tuple[float, ...]) -> tuple[float, ...]:
     return first, second, third, fourth
 
 
-@_inline
+@shared
 def friction_torque(
     linear, term_index, term_value, pair_index, pair_value, vectors, speed, out, slopes, row
 ):
-    """Friction torques of terms of speed, and the slopes of the own and of the coupled terms.
+    """Friction torques of terms of speed into row ``out`` of ``vectors`` (rows, joints).
 
-    Args:
-        linear: see :class:`FrictionTable`; likewise the next four.
-        term_index: nonlinear terms.
-        term_value: their values.
-        pair_index: couplings.
-        pair_value: their values.
-        vectors: rows of joint quantities, shape (rows, joints).
-        speed: row of ``vectors`` that holds the speeds.
-        out: row of ``vectors`` that receives the friction torques.
-        slopes: receives in ``row`` d torque / d v of each joint, then of each coupling's dry
-            friction over the speed of its rotor, shape (rows, joints + couplings) or wider.
-        row: row of ``slopes``.
+    Row ``row`` of ``slopes`` receives d torque / d v of each joint, then of each coupling's dry
+    friction over the speed of its rotor. ``speed`` is the row of the speeds.
     """
     n = vectors.shape[1]
     for j in range(n):
@@ -276,7 +232,7 @@ def friction_torque(
         slopes[row, n + k] = dry * df
 
 
-@_inline
+@shared
 def slopes_width(joints, couplings):
     """Columns of ``slopes`` with a path table: D, coupled D, K, share and fl|L| of each joint."""
     return 4 * joints + couplings
@@ -289,22 +245,9 @@ def path_torque(
 ):  # fmt: skip
     """Add friction of position, path and load to what ``friction_torque`` has found.
 
-    Args:
-        path_index: see :class:`FrictionTable`; likewise the next.
-        path_value: values.
-        path: states; AHEAD or MIDWAY rows are written.
-        at: which of these.
-        couplings: number of couplings.
-        torque: torques of the drives, shape (joints,).
-        vectors: rows of joint quantities.
-        position: row of the positions at the start of the step.
-        start_speed: row of the speeds then.
-        elapsed: time since [s].
-        travel: row of the travels since.
-        speed: row of the speeds after that travel.
-        out: row of the friction torques.
-        slopes: slopes, stiffnesses K, shares and fl|L|, see ``slopes_width``.
-        row: row of ``slopes``.
+    ``position`` and ``start_speed`` are rows of ``vectors`` at the start of the step, ``elapsed``
+    seconds ago; ``travel`` and ``speed`` rows of the travel since and of the speed after it. Writes
+    the AHEAD or MIDWAY rows (``at``) of ``path``, and ``slopes`` as in ``slopes_width``.
     """
     n = vectors.shape[1]
     stiffness, share, carried = n + couplings, 2 * n + couplings, 3 * n + couplings
@@ -377,6 +320,6 @@ def spring_torque(path_index, path_value, vectors, position, out):
 
 @_inline
 def accept_states(path):
-    """Let the states and levels of the AHEAD rows be those at the start of the next step."""
+    """Make the states and levels of the AHEAD rows those at the start of the next step."""
     for k in range(path.shape[1]):
         path[STATE, k], path[START_LEVEL, k] = path[AHEAD, k], path[AHEAD + 1, k]

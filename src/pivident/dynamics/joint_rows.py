@@ -7,11 +7,12 @@ the tile, and ``friction_memory`` for friction that needs the path so far.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import inlined as _inline
 from pivident.dynamics.elementary import arctangent, sine_and_cosine
 from pivident.dynamics.entry_plan import ACCELERATION
-from pivident.robot.friction import FrictionColumn, SignFunction
+from pivident.robot.friction import FrictionColumn
+from pivident.robot.friction_term import SignFunction
 
 TILE = 128  # samples: long enough to vectorise, short enough for the caches
 
@@ -26,8 +27,6 @@ _COSINE, _SINE = int(FrictionColumn.COSINE), int(FrictionColumn.SINE)
 _SPRING, _STRUT = int(FrictionColumn.SPRING), int(FrictionColumn.STRUT)
 _STRUT_STIFFNESS = int(FrictionColumn.STRUT_STIFFNESS)
 _HARD, _ATAN, _TANH = int(SignFunction.SIGN), int(SignFunction.ATAN), int(SignFunction.TANH)
-
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 @_inline

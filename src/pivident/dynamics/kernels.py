@@ -1,7 +1,7 @@
 """Compiled rigid-body recursions for one sample at a time, generic over the robot.
 
-The simulation cannot know the next sample before it has made this one; loops over many samples
-at once are in ``regressor_kernels``.
+The simulation computes one sample after the other; loops over many samples at once are in
+``regressor_kernels``.
 
 Spatial conventions (Khalil and Dombre; Featherstone): a link frame sits on its joint with z along
 the joint axis; ``R`` rotates from the link into its parent, ``p`` is the link's origin in the
@@ -19,32 +19,24 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import inner
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.robot.description import Robot
 
 
 class Tree(NamedTuple):
-    """The robot's geometry as arrays for the kernels.
+    """The robot's geometry as arrays for the kernels."""
 
-    Attributes:
-        parent: index of the parent link or -1, shape (joints,).
-        prismatic: 1 for prismatic, 0 for revolute joints, shape (joints,).
-        rotation: frame orientations in the parent at q = 0, shape (joints, 3, 3).
-        translation: frame origins in the parent at q = 0 [m], shape (joints, 3).
-        gravity: acceleration of gravity in the base frame [m/s²], shape (3,).
-    """
-
-    parent: np.ndarray
-    prismatic: np.ndarray
-    rotation: np.ndarray
-    translation: np.ndarray
-    gravity: np.ndarray
+    parent: np.ndarray  # index of the parent link or -1, (joints,)
+    prismatic: np.ndarray  # 1 for prismatic, 0 for revolute joints, (joints,)
+    rotation: np.ndarray  # in the parent at q = 0, (joints, 3, 3)
+    translation: np.ndarray  # in the parent at q = 0 [m], (joints, 3)
+    gravity: np.ndarray  # in the base frame [m/s²], (3,)
 
 
 def tree_of(robot: Robot) -> Tree:
-    """Geometry of a robot as the kernels want it."""
+    """Geometry of a robot for the kernels."""
     return Tree(
         np.array([j.parent for j in robot.joints], dtype=np.int64),
         np.array([j.kind == "prismatic" for j in robot.joints], dtype=np.int64),
@@ -63,7 +55,7 @@ class RigidBodyWork(NamedTuple):
     composite: np.ndarray  # ten parameters of the subtree, (joints, 10)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def rigid_body_work(joints):
     """Empty scratch for a robot of so many joints."""
     return RigidBodyWork(
@@ -71,7 +63,7 @@ def rigid_body_work(joints):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def link_poses(prismatic, rotation, translation, q, pose):
     """Pose of every link in its parent's frame: nine of ^pR_i row by row, three of ^pp_i.
 
@@ -94,7 +86,7 @@ def link_poses(prismatic, rotation, translation, q, pose):
                 pose[i, 9 + k] = translation[i, k]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, bias):
     """Torques of gravity, centrifugal and Coriolis effects: Newton–Euler with ddq = 0."""
     n = dq.size
@@ -168,7 +160,7 @@ def bias_torque(parents, prismatic, gravity, pose, inertia, dq, motion, force, b
             force[parent, 5] += nz
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _carried(pose, i, fx, fy, fz, nx, ny, nz):
     """A force and moment (f, n) at link i, in the parent's frame and at its origin."""
     gx = pose[i, 0] * fx + pose[i, 1] * fy + pose[i, 2] * fz
@@ -181,7 +173,7 @@ def _carried(pose, i, fx, fy, fz, nx, ny, nz):
     return gx, gy, gz, mx + py * gz - pz * gy, my + pz * gx - px * gz, mz + px * gy - py * gx
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _add_composite(pose, composite, i, parent):
     """Add the ten parameters of link i's subtree to its parent's, at the parent's origin.
 
@@ -220,7 +212,7 @@ def _add_composite(pose, composite, i, parent):
     composite[parent, 9] += m
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def composite_mass_matrix(parents, prismatic, pose, inertia, rotor, composite, mass):
     """Lower triangle of M(q) by composite rigid bodies (Walker and Orin, method 3)."""
     n = inertia.shape[0]
@@ -244,20 +236,11 @@ def composite_mass_matrix(parents, prismatic, pose, inertia, rotor, composite, m
             k, j = j, parents[j]
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
-    """M(q), lower triangle, and the torques of gravity and velocities.
+    """M(q), lower triangle, and the torques h(q, dq) of gravity and velocities, shape (joints,).
 
-    Args:
-        tree: the robot's geometry.
-        inertia: ten inertial parameters of every link, shape (joints, 10); masses may be zero.
-        rotor: symmetric matrix of rotor inertias on the joint side (couplings off its
-            diagonal), shape (joints, joints).
-        q: joint positions [rad or m], shape (joints,); ``dq`` likewise.
-        dq: joint speeds.
-        work: scratch from ``rigid_body_work``.
-        mass: receives the lower triangle of M(q), shape (joints, joints).
-        bias: receives h(q, dq), shape (joints,).
+    Masses may be zero; ``rotor`` is symmetric, couplings off its diagonal.
     """
     link_poses(tree.prismatic, tree.rotation, tree.translation, q, work.pose)
     bias_torque(
@@ -269,17 +252,11 @@ def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def invert_mass_matrix(mass, factor, inverse):
-    """Inverse of a symmetric positive definite matrix by Cholesky, from its lower triangle.
+    """M⁻¹ by Cholesky from the lower triangle of M; ``factor`` receives L⁻¹.
 
-    Args:
-        mass: M, only its lower triangle is read, shape (n, n).
-        factor: receives L⁻¹ (lower triangle), shape (n, n).
-        inverse: receives M⁻¹, shape (n, n).
-
-    Returns:
-        -1, or the index of the first pivot that is not positive (its value in ``factor``).
+    Returns -1, or the index of the first pivot that is not positive (its value in ``factor``).
     """
     n = mass.shape[0]
     for i in range(n):

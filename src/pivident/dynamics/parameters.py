@@ -3,7 +3,7 @@
 Order: for each link ``xx xy xz yy yz zz mx my mz m``, its rotor inertia ``ia`` and the terms of
 its friction law (``fv fc off`` …), then for each declared coupling ``iam fvm fcm``. On a serial
 arm a parameter is shown with the number of its joint (``zz1``); on a tree with the joint's name
-(``zz[left_elbow]``), because a number would not tell where it belongs.
+(``zz[left_elbow]``), because a number would not identify the joint there.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
     """All parameters of the linear model, in the order of the module's docstring."""
     parameters = []
     for i, joint in enumerate(robot.joints):
-        label = joint_label(robot, i)
+        label = robot.label(i)
         for stem in INERTIAL:
             unit = "kg" if stem == "m" else "kg m" if stem.startswith("m") else "kg m²"
             parameters.append(Parameter(f"{stem}{label}", stem, i, unit))
@@ -78,18 +78,8 @@ def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
     return tuple(parameters)
 
 
-def joint_label(robot: Robot, index: int) -> str:
-    """What follows the stem in a parameter's name: ``3`` on a chain, ``[elbow]`` on a tree."""
-    return str(index + 1) if robot.is_chain else f"[{robot.joints[index].name}]"
-
-
 def friction_unit(term: FrictionTerm, kind: JointKind) -> str:
-    """Unit of a friction parameter: the torque's over that of the function it multiplies.
-
-    Args:
-        term: the friction term.
-        kind: of its joint.
-    """
+    """Unit of a friction parameter: that of the torque over that of its function."""
     torque, position = _units(kind)
     if term.column is FrictionColumn.LOAD:
         return f"{torque}/{torque}"
@@ -116,7 +106,7 @@ def nominal_values(robot: Robot, parameters: tuple[Parameter, ...]) -> np.ndarra
 
 
 def _coupling_parameters(robot: Robot, coupling: Coupling) -> list[Parameter]:
-    label = joint_label(robot, coupling.motor)
+    label = robot.label(coupling.motor)
     torque, speed = _units(robot.joints[coupling.motor].kind)
     inertia_unit = "kg m²" if robot.joints[coupling.motor].kind == "revolute" else "kg"
     wanted = (

@@ -2,7 +2,7 @@
 
 Inside, the matrix is *packed*: only the structurally non-zero entries are computed, one row per
 entry, time last, sorted by joint. On the TX40 that is about a third of the dense matrix. The
-dense form (samples, joints, parameters) is made from it for people who want it.
+dense form (samples, joints, parameters) is filled from it.
 """
 
 from __future__ import annotations
@@ -18,41 +18,28 @@ from pivident.dynamics.friction import smoothed_sign
 from pivident.dynamics.friction_memory import memory_column
 from pivident.dynamics.joint_rows import TILE
 from pivident.dynamics.parameters import Parameter
-from pivident.dynamics.regressor_kernels import (
-    dense_entries,
-    joint_torques,
-    packed_entries,
-    tile_rows,
-)
+from pivident.dynamics.regressor_kernels import DENSE, PACKED, TORQUES, observe, tile_rows
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
 from pivident.threads import run_in_threads
 
-BLOCK = 2048  # samples that a thread takes at a time
+BLOCK = 2048  # samples per block of a thread
+
+_UNWEIGHTED = np.empty(0)
 
 _own = threading.local()
 
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
-    """The observation matrix of a robot for chosen parameters.
-
-    Attributes:
-        robot: the robot.
-        parameters: the columns, in order.
-        row: joint of each packed entry, ascending, shape (entries,).
-        column: parameter of each packed entry, shape (entries,).
-        offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
-        inner_entries: entries that need more than one sample, friction with memory and friction
-            that depends on load, ascending; most robots have none.
-    """
+    """The observation matrix of a robot for chosen parameters, its columns."""
 
     robot: Robot
     parameters: tuple[Parameter, ...]
-    row: np.ndarray
-    column: np.ndarray
-    offsets: np.ndarray
-    inner_entries: np.ndarray
+    row: np.ndarray  # joint of each packed entry, ascending, (entries,)
+    column: np.ndarray  # parameter of each packed entry, (entries,)
+    offsets: np.ndarray  # entries of joint j: offsets[j]:offsets[j+1], (joints + 1,)
+    inner_entries: np.ndarray  # entries of friction with memory or load, ascending
     _plan: EntryPlan = field(repr=False)
 
     @classmethod
@@ -62,6 +49,13 @@ class Regressor:
         A probe decides because geometry hides zeros that the tree does not show (a vertical
         first axis does not feel gravity). Friction acts on its own joint whatever its constants,
         even where a random speed does not show it.
+
+        Args:
+            robot: the robot.
+            parameters: columns of the observation matrix, in their order.
+
+        Returns:
+            The regressor, which knows where entries can be non-zero.
         """
         candidates = _possible_entries(robot, parameters)
         everything = cls._from_entries(robot, tuple(parameters), candidates)
@@ -111,15 +105,16 @@ class Regressor:
         inner: np.ndarray | None = None,
         place: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Non-zero entries of the observation matrix, time **last**.
+        """Non-zero entries of Φ, time **last**, of motion (joints, samples): (entries, samples).
 
         Args:
             q: joint positions [rad or m], shape (joints, samples); ``dq ddq`` likewise.
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
             out: array (rows, samples) to write into; rows of no entry stay as they are.
-            inner: see :meth:`inner`; needed for a stretch of a longer record. None: these
-                signals are the beginning of their record, and loads are zero.
+            inner: columns of :meth:`inner`, shape (inner entries, samples); needed for a
+                stretch of a longer record. None: these signals are the beginning of their
+                record, and loads are zero.
             place: row of ``out`` for each entry, shape (entries,); None: one below the other.
 
         Returns:
@@ -138,7 +133,7 @@ class Regressor:
         if len(out) < shape[0] or out.shape[1:] != shape[1:]:
             raise ValueError(f"out has shape {out.shape}; {shape} or more rows are needed")
         own = self._inner_or_own(q, dq, ddq, inner)
-        packed_entries(self._plan, _tile(self._plan), place, q, dq, ddq, own, out)
+        observe(self._plan, _tile(self._plan), PACKED, place, _UNWEIGHTED, q, dq, ddq, own, out)
         return out
 
     def matrix(
@@ -149,7 +144,7 @@ class Regressor:
         out: np.ndarray | None = None,
         inner: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Dense observation matrix Φ, tau = Φ θ.
+        """Dense Φ, tau = Φ θ, of motion (samples, joints): (samples, joints, parameters).
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
@@ -157,7 +152,7 @@ class Regressor:
             ddq: joint accelerations [rad/s² or m/s²].
             out: array (samples, joints, parameters) of an earlier call to write into. Its
                 structural zeros are taken to be zero already and are not written again.
-            inner: see :meth:`packed`; time last.
+            inner: as for :meth:`packed`, shape (inner entries, samples).
 
         Returns:
             Φ, shape (samples, joints, parameters).
@@ -180,7 +175,9 @@ class Regressor:
             x, dx, ddx = (_time_last(signal[part]) for signal in (q, dq, ddq))
             inside = np.ascontiguousarray(own[:, part])
             tile = _tile(self._plan)
-            dense_entries(self._plan, tile, place, x, dx, ddx, inside, flat[part])
+            observe(
+                self._plan, tile, DENSE, place, _UNWEIGHTED, x, dx, ddx, inside, flat[part]
+            )  # fmt: skip
 
         run_in_threads(block, _blocks(samples))
         return out
@@ -197,10 +194,11 @@ class Regressor:
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
             theta: parameters, shape (parameters,).
-            inner: see :meth:`inner`; time last. None: made here, with the load of ``theta``.
+            inner: as for :meth:`packed`, shape (inner entries, samples). None: made here, with
+                the load of ``theta``.
 
         Raises:
             ValueError: shapes that do not fit.
@@ -217,7 +215,7 @@ class Regressor:
         ddq: np.ndarray,
         theta: np.ndarray | None = None,
     ) -> np.ndarray:
-        """Columns that need more than one sample: friction with memory, and with load.
+        """Columns that need more than one sample, friction with memory or load, time **last**.
 
         They are made once for a whole record and handed to :meth:`packed`, :meth:`matrix` and
         :meth:`torque` with the blocks it is walked through in.
@@ -225,8 +223,8 @@ class Regressor:
         Args:
             q: joint positions [rad or m] from the start of the record on, where friction with
                 memory is relaxed, time **last**, shape (joints, samples); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
             theta: parameters whose torques of inertia, gravity and springs are the load, shape
                 (parameters,); None: the load is zero.
 
@@ -248,12 +246,9 @@ class Regressor:
         return out
 
     def levels(self, dq: np.ndarray) -> np.ndarray:
-        """Inner signals of steady motion with a load of one: the sign of the speed.
+        """Inner signals of steady motion with a load of one: the sign of the speed, time last.
 
-        They stand for the columns with memory or load where states do not follow each other.
-
-        Args:
-            dq: joint speeds [rad/s or m/s], time last, shape (joints, samples).
+        They replace the columns with memory or load where states do not follow each other.
         """
         return np.sign(dq[self.row[self.inner_entries]])
 
@@ -286,7 +281,9 @@ class Regressor:
             torque = np.empty(x.shape)
             inside = np.ascontiguousarray(inner[:, part])
             tile = _tile(self._plan)
-            joint_torques(self._plan, tile, self.offsets, weights, x, dx, ddx, inside, torque)
+            observe(
+                self._plan, tile, TORQUES, self.offsets, weights, x, dx, ddx, inside, torque
+            )  # fmt: skip
             tau[part] = torque.T
 
         run_in_threads(block, _blocks(len(q)))
@@ -311,7 +308,7 @@ class Regressor:
         return np.ascontiguousarray(inner, dtype=float)
 
     def _check_motion(self, *signals: np.ndarray) -> None:
-        """The compiled loops do not look at shapes; signals are (samples, joints) here."""
+        """Refuse other shapes than (samples, joints): the compiled loops do not check them."""
         shapes = [np.shape(x) for x in signals]
         if any(len(s) != 2 or s[1] != self.robot.size or s != shapes[0] for s in shapes):
             raise ValueError(
@@ -323,8 +320,8 @@ class Regressor:
 def _tile(plan: EntryPlan) -> np.ndarray:
     """Working memory of the compiled loops, kept by each thread.
 
-    Half a megabyte that is asked for at every call comes from the system at every call, page by
-    page, which takes longer than the columns of a thousand samples.
+    Half a megabyte allocated at every call comes from the system page by page, which takes longer
+    than the columns of a thousand samples.
     """
     rows = tile_rows(plan)
     kept: np.ndarray | None = getattr(_own, "tile", None)
@@ -334,7 +331,7 @@ def _tile(plan: EntryPlan) -> np.ndarray:
 
 
 def _blocks(samples: int) -> list[slice]:
-    """Consecutive parts of a record, one for each turn of a thread."""
+    """Consecutive blocks of a record."""
     return [slice(start, min(start + BLOCK, samples)) for start in range(0, samples, BLOCK)]
 
 

@@ -1,9 +1,9 @@
 """Compiled loops of the observation matrix, generic over the robot, many samples at once.
 
 Quantities are stored with time last, in rows of ``TILE`` samples, so that the innermost loops run
-over samples and the compiler turns them into vector instructions. All rows lie in one array, the
-*tile*. The compiler makes sure at run time that the rows of a loop do not overlap, and does not try
-where a loop writes to many rows and reads from many more; such loops are split.
+over samples and the compiler vectorises them. All rows lie in one array, the *tile*. The compiler
+checks at run time that the rows of a loop do not overlap, but not for loops with many rows; such
+loops are split.
 
 The ten inertial parameters enter linearly. With ω, dω, a of the frame's origin (gravity is an
 upward acceleration of the base), I the inertia about that origin and h the first moments,
@@ -20,6 +20,8 @@ from typing import NamedTuple
 
 from numba import njit
 
+from pivident.compiled import inlined as _inline
+from pivident.compiled import inner
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS, EntryPlan
 from pivident.dynamics.joint_rows import TILE, joint_row
@@ -30,8 +32,6 @@ _COS, _SIN, _SLIDE, _DTURN, _DDTURN, _DSLIDE, _DDSLIDE = 0, 1, 2, 3, 4, 5, 6
 _ROTATION, _ORIGIN, _FIXED = 7, 16, 19
 # Then 18 rows for the base and for each link: ω, dω, a, and G row by row.
 _A, _G, _LINK = 6, 9, 18
-
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 @_inline
@@ -168,7 +168,7 @@ def _moment_columns(tile, link, screw, out):
 
 
 class _Rows(NamedTuple):
-    """First rows of what a tile holds behind the fixed rows."""
+    """First row of each part of a tile, after the fixed rows."""
 
     links: int
     screws: int
@@ -176,7 +176,7 @@ class _Rows(NamedTuple):
     columns: int
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _layout(plan):
     """Where the links, screws, signals and columns are in the tile."""
     joints, depth = plan.work.shape
@@ -192,9 +192,9 @@ def tile_rows(plan: EntryPlan) -> int:
     return _FIXED + (joints + 1) * _LINK + joints * depth * 6 + 3 * joints + plan.columns
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _prepare(plan, tile):
-    """Write the rows of the tile that no sample changes, whatever it was used for before."""
+    """Write the rows of the tile that do not depend on the sample."""
     joints, depth = plan.work.shape
     rows = _layout(plan)
     tile[rows.links : rows.links + _LINK] = 0.0
@@ -207,7 +207,7 @@ def _prepare(plan, tile):
     return rows
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
     """Compute all columns of the ``count`` samples from ``start`` on."""
     joints, depth = plan.work.shape
@@ -247,83 +247,43 @@ def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
             joint_row(tile, signals, dq_rows, ddq_rows, index, value, e, out + e)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
-def packed_entries(plan, tile, place, q, dq, ddq, inner, out):
-    """Packed entries of the observation matrix.
+#: Results of ``observe``: packed rows, the dense matrix, or joint torques.
+PACKED, DENSE, TORQUES = 0, 1, 2
 
-    Args:
-        plan: which entries.
-        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
-        place: row of ``out`` for each entry, shape (entries,).
-        q: joint positions, time last, shape (joints, samples).
-        dq: joint speeds.
-        ddq: joint accelerations.
-        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the entries, time last, shape (rows, samples).
+
+# One kernel for all three: most of its code is that of ``_fill``, and would be compiled with each.
+@njit(cache=True, nogil=True, error_model="numpy")
+def observe(plan, tile, kind, place, weight, q, dq, ddq, inner, out):
+    """Entries of Φ, packed or at their places, or weighted sums of them; signals time last.
+
+    ``place`` of each entry is its row of ``out`` (PACKED: rows, samples) or its place in a
+    sample's row-major matrix (DENSE: samples, joints · parameters); for TORQUES (joints, samples)
+    the entries of joint j are ``place[j]:place[j+1]``, with parameter values ``weight``. ``tile``
+    has ``tile_rows`` or more rows.
     """
     samples, source = q.shape[1], plan.source
     rows = _prepare(plan, tile)
     for start in range(0, samples, TILE):
         count = min(TILE, samples - start)
         _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
-        for e in range(source.size):
-            target = place[e]
-            for s in range(count):
-                out[target, start + s] = tile[rows.columns + source[e], s]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def dense_entries(plan, tile, place, q, dq, ddq, inner, out):
-    """The same entries at their places in the dense matrix.
-
-    Args:
-        plan: which entries.
-        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
-        place: place of each entry in a sample's matrix written row by row, shape (entries,).
-        q: joint positions, time last, shape (joints, samples).
-        dq: joint speeds.
-        ddq: joint accelerations.
-        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the entries, shape (samples, joints · parameters).
-    """
-    samples, source = q.shape[1], plan.source
-    rows = _prepare(plan, tile)
-    for start in range(0, samples, TILE):
-        count = min(TILE, samples - start)
-        _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
-        # eight samples at a time: one cache line of each column, eight lines written in order
-        for first in range(0, count, 8):
-            last = min(first + 8, count)
+        if kind == PACKED:
             for e in range(source.size):
-                column, target = rows.columns + source[e], place[e]
-                for s in range(first, last):
-                    out[start + s, target] = tile[column, s]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def joint_torques(plan, tile, offsets, weight, q, dq, ddq, inner, out):
-    """Weighted sum of each joint's entries: its torque, without keeping the matrix.
-
-    Args:
-        plan: which entries.
-        tile: array to work in, shape (``tile_rows`` or more, ``TILE``).
-        offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
-        weight: parameter value of each entry, shape (entries,).
-        q: joint positions, time last, shape (joints, samples).
-        dq: joint speeds.
-        ddq: joint accelerations.
-        inner: columns with memory or load, made beforehand, shape (inner signals, samples).
-        out: receives the torques, time last, shape (joints, samples).
-    """
-    samples, source = q.shape[1], plan.source
-    rows = _prepare(plan, tile)
-    for start in range(0, samples, TILE):
-        count = min(TILE, samples - start)
-        _fill(plan, tile, rows, q, dq, ddq, inner, start, count)
-        for j in range(q.shape[0]):
-            for s in range(count):
-                out[j, start + s] = 0.0
-            for e in range(offsets[j], offsets[j + 1]):
-                column, factor = rows.columns + source[e], weight[e]
+                target = place[e]
                 for s in range(count):
-                    out[j, start + s] += factor * tile[column, s]
+                    out[target, start + s] = tile[rows.columns + source[e], s]
+        elif kind == DENSE:
+            # eight samples at a time: one cache line of each column, eight lines written in order
+            for first in range(0, count, 8):
+                last = min(first + 8, count)
+                for e in range(source.size):
+                    column, target = rows.columns + source[e], place[e]
+                    for s in range(first, last):
+                        out[start + s, target] = tile[column, s]
+        else:
+            for j in range(q.shape[0]):
+                for s in range(count):
+                    out[j, start + s] = 0.0
+                for e in range(place[j], place[j + 1]):
+                    column, factor = rows.columns + source[e], weight[e]
+                    for s in range(count):
+                        out[j, start + s] += factor * tile[column, s]

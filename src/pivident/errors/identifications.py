@@ -1,4 +1,4 @@
-"""Errors of identifications: what a motion, a loop, a model or a bound does not allow."""
+"""Errors of identifications: an unsuitable motion, loop, model or bound."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ class RankDeficientRegressor(IdentificationError):
 
     Attributes:
         rank: numerical rank of the observation matrix.
-        expected: number of parameters asked for.
-        groups: names of the parameters that cannot be told apart, one tuple per missing rank.
+        expected: number of requested parameters.
+        groups: names of the inseparable parameters, one tuple per missing rank.
     """
 
     def __init__(self, rank: int, expected: int, groups: Sequence[Sequence[str]]) -> None:
@@ -47,11 +47,11 @@ class SimulationDiverged(IdentificationError):
     """The simulated closed loop left the neighbourhood of its reference.
 
     Attributes:
-        joint: name of the joint that left first.
-        time: time at which it did [s].
+        joint: name of the first joint to leave it.
+        time: time at which it left [s].
         deviation: distance from the reference at that time [rad or m], or the speed.
         bound: the largest one allowed.
-        speed: whether the joint was too fast, and not too far away.
+        speed: whether the joint was too fast, rather than too far away.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class UnusableSignal(IdentificationError, ValueError):
 
     Attributes:
         signal: name of the signal, such as ``u2``.
-        found: what it is like.
+        found: its property at fault.
     """
 
     def __init__(self, signal: str, found: str, advice: str) -> None:
@@ -104,7 +104,7 @@ class OrdersNotSupported(IdentificationError):
     """Orders of a linear model that the record cannot support.
 
     Attributes:
-        parameters: number of parameters asked for.
+        parameters: number of requested parameters.
         reason: what is missing.
     """
 
@@ -133,11 +133,11 @@ class UnstableFit(IdentificationError):
 
 
 class NegativePayload(IdentificationError):
-    """A load that weighs less than nothing.
+    """A load of negative mass.
 
     Attributes:
         mass: the estimated mass [kg].
-        std: its standard deviation [kg].
+        std: its standard error [kg].
     """
 
     def __init__(self, mass: float, std: float) -> None:
@@ -153,14 +153,14 @@ class ContradictoryBounds(IdentificationError):
     """Declared bounds that no consistent set of parameters satisfies.
 
     Attributes:
-        bounds: those in question, in words.
+        bounds: those concerned, in words.
     """
 
     def __init__(self, bounds: Sequence[str]) -> None:
         self.bounds = tuple(bounds)
         super().__init__(
             f"no consistent parameters satisfy the bounds: {'; '.join(self.bounds)}; "
-            "they contradict each other or what a real body can be, widen them"
+            "they contradict each other or physical consistency, widen them"
             if self.bounds
             else "no consistent parameters can be found from this estimate, which is too far from "
             "any machine; check signs, units and gear ratios (pivident audit), or identify again"
@@ -176,7 +176,7 @@ class NoConsistentModelNear(IdentificationError):
         error_free: relative torque error of the estimate on the fitted record.
         error_consistent: of the nearest consistent parameters.
         at_fault: links and joints whose constraints are active, the most expensive first.
-        model: the nearest consistent model, for a look.
+        model: the nearest consistent model, for inspection.
     """
 
     def __init__(

@@ -8,8 +8,8 @@ from pivident.text.printable import shortened
 class PividentError(Exception):
     """Base of every error that pivident raises on purpose.
 
-    As text it is cut to what a person reads; ``args`` holds all of it, for instance the whole of a
-    name of 50,000 letters.
+    Its text is shortened for reading; ``args`` holds all of it, for instance the whole of a name
+    of 50,000 letters.
     """
 
     def __str__(self) -> str:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 from pivident.errors.kinds import FileFormatError, PividentError, RecordingError
-
-if TYPE_CHECKING:
-    from pivident.recording.gaps import Stretches
+from pivident.errors.stretches import Stretches
 
 
 class NonFiniteSamples(RecordingError):
@@ -27,6 +25,38 @@ class NonFiniteSamples(RecordingError):
             f"{channel} of joint {joint!r} has {count} sample(s) that are NaN or infinite, "
             f"the first at sample {sample}; cut the recording there or repair the log"
         )
+
+
+class PositionsBeyondLimits(RecordingError):
+    """Positions so far beyond a joint's limits that they mostly are in another unit.
+
+    Attributes:
+        channel: name of the channel, such as ``q``.
+        joint: name of the joint.
+        position: the farthest one [unit].
+        limits: of the joint [unit].
+        unit: ``rad`` or ``m``.
+        fact: what is wrong, without the next step.
+        advice: the next step.
+    """
+
+    def __init__(
+        self,
+        channel: str,
+        joint: str,
+        position: float,
+        limits: tuple[float, float],
+        unit: str,
+        advice: str,
+    ) -> None:
+        self.channel, self.joint, self.position = channel, joint, position
+        self.limits, self.unit, self.advice = limits, unit, advice
+        low, high = limits
+        self.fact = (
+            f"{channel} of joint {joint!r} reaches {position:.4g} {unit}, far beyond its limits "
+            f"{low:.4g} to {high:.4g} {unit}"
+        )
+        super().__init__(f"{self.fact}; {advice}")
 
 
 class ShapeMismatch(RecordingError):
@@ -86,7 +116,7 @@ class SaturatedSignal(RecordingError):
         channel: name of the channel, such as ``tau``.
         joint: name of the joint.
         value: the value at which it is cut off.
-        count: number of samples that sit there.
+        count: number of samples at that value.
         samples: number of samples of the recording.
         sample: index of the first such sample.
     """
@@ -137,11 +167,11 @@ class MissingSamples(IrregularSampling):
 
     Attributes:
         missing: how many samples.
-        gaps: in how many places.
+        gaps: number of gaps.
         sample: index of the last sample before the largest gap.
         time: its stamp [s].
         interval: length of the largest gap, from stamp to stamp [s].
-        stretches: what the gaps leave.
+        stretches: the stretches between the gaps.
     """
 
     def __init__(
@@ -173,7 +203,7 @@ class GapInClock(IrregularSampling):
         time: last stamp before the longest gap [s].
         interval: length of that gap [s].
         gaps: number of gaps.
-        stretches: what the gaps leave.
+        stretches: the stretches between the gaps.
     """
 
     def __init__(
@@ -232,7 +262,7 @@ class UnknownColumn(FileFormatError):
 
     Attributes:
         file: name of the file.
-        column: name asked for.
+        column: requested name.
         near: names in the file that look like it.
     """
 
@@ -251,7 +281,7 @@ class BadCell(FileFormatError):
         file: name of the file.
         line: number of the line, counted from one, header included.
         column: name of the column, or None where the whole line is at fault.
-        text: what stands there.
+        text: its text.
     """
 
     def __init__(self, file: str, line: int, column: str | None, text: str, reason: str) -> None:

@@ -1,1 +1,5 @@
-"""Estimation: problems, methods, and the identifications they give."""
+"""Problem, methods and answer: LS, IV and PIV."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

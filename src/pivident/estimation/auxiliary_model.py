@@ -15,7 +15,7 @@ from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.missing_inertia import missing_inertia
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.estimation.simulated_motion import SimulatedMotion, central_differences
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
@@ -27,6 +27,7 @@ from pivident.simulation.closed_loop import (
     simulate,
     simulate_blocks,
 )
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.feed_forward import (
     computed_torque_feed_forward,
     gravity_feed_forward,
@@ -146,8 +147,9 @@ class AuxiliaryModel:
         """Simulate, going back half the step as long as the loop cannot be simulated.
 
         Args:
-            previous: parameters of the last successful simulation, or None at the start.
-            theta: parameters wanted.
+            previous: parameters of the last successful simulation, shape (parameters,); None at
+                the start.
+            theta: parameters wanted, shape (parameters,).
 
         Returns:
             Motions, the parameters they were made with, number of halvings.

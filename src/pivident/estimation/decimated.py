@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.sandwich import windows_of
+from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.equation_record import JointColumns
+from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Bandpass
@@ -22,7 +25,10 @@ from pivident.signals.decimation import (
     decimation_stages,
     parallel_decimation,
 )
+from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
+
+Rows = TypeVar("Rows")
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,8 +41,8 @@ class DecimatedRecord:
         phi: packed observation matrix, shape (entries, rows).
         z: packed instruments, likewise; None: least squares.
         tau: torque, shape (joints, rows) [N m or N].
-        dq: speeds that decide about the mask, shape (joints, rows).
-        votes: rows that count, shape (joints, rows).
+        dq: speeds that decide which rows are used, shape (joints, rows).
+        used: rows that the estimate uses, shape (joints, rows).
     """
 
     kinematics: Kinematics
@@ -45,7 +51,108 @@ class DecimatedRecord:
     z: np.ndarray | None
     tau: np.ndarray
     dq: np.ndarray
-    votes: np.ndarray
+    used: np.ndarray
+
+    full_rate: ClassVar[bool] = False
+    motion: ClassVar[None] = None
+
+    @property
+    def has_instruments(self) -> bool:
+        """Whether instruments differ from the observation matrix."""
+        return self.z is not None
+
+    @property
+    def usable_rows(self) -> int:
+        """All rows."""
+        return self.t.size
+
+    @property
+    def sample_numbers(self) -> np.ndarray:
+        """Sample of the recording that each row stands for, shape (rows,)."""
+        recording = self.kinematics.recording
+        return (self.t - recording.start_time) * recording.rate
+
+    def with_torque(self, tau: np.ndarray) -> DecimatedRecord:
+        """The same rows with another torque, shape (joints, rows)."""
+        return replace(self, tau=tau)
+
+    def add_to(
+        self,
+        sums: Sequence[JointSums],
+        regressor: Regressor,
+        filters: Sequence[Prefilter],
+        windows: Windows | None,
+    ) -> None:
+        """Add the rows to the normal equations of all joints."""
+        shares = [] if windows is None else list(windows.shares(slice(0, self.t.size)))
+        for j, joint in enumerate(sums):
+            own = _own(regressor, j)
+            z = None if self.z is None else self.z[own]
+            joint.add(self.phi[own], z, self.tau[j], self.used[j], shares)
+
+    def residual(self, regressor: Regressor, theta: np.ndarray) -> np.ndarray:
+        """τ - Φθ on the rows, shape (joints, rows)."""
+        return self.tau - self._model(regressor, theta)
+
+    def whitened(
+        self, residual: np.ndarray, filters: Sequence[Prefilter], variance: np.ndarray
+    ) -> np.ndarray:
+        """ε_j λ_j^(-1/2), shape (joints, rows)."""
+        return residual / np.sqrt(np.where(variance > 0, variance, 1.0))[:, None]
+
+    def fitted(
+        self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
+    ) -> FittedRecording:
+        """Signals for plots on the decimated rows; both residuals are overwritten."""
+        recording, k = self.kinematics.recording, self.kinematics
+        index = np.round(self.sample_numbers).astype(int)
+        rate = 1.0 / np.median(np.diff(self.t)) if self.t.size > 1 else recording.rate
+        whitened[~self.used] = np.nan
+        return FittedRecording(
+            recording.name,
+            self.t,
+            k.q[:, index].T,
+            k.dq[:, index].T,
+            k.ddq[:, index].T,
+            recording.q[index],
+            self.tau.T,
+            self._model(regressor, theta).T,
+            self.used.T,
+            whitened.T,
+            float(rate),
+            None if recording.q_ref is None else recording.q_ref[index],
+            recording.account,
+            recording.torque_scale,
+        )
+
+    def columns_of(
+        self, regressor: Regressor, filters: Sequence[Prefilter], joint: int, keep: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+        """Some of a joint's columns of Φ and Z, and its τ, on all rows."""
+        own = _own(regressor, joint)
+        z = None if self.z is None else self.z[own][keep]
+        return self.phi[own][keep], z, self.tau[joint]
+
+    def blocks(
+        self,
+        regressor: Regressor,
+        filters: Sequence[Prefilter],
+        extra: np.ndarray | None,
+        make: Callable[[int, JointColumns, np.ndarray], Rows],
+    ) -> Iterator[tuple[slice, tuple[Rows, ...]]]:
+        """All rows as one block; ``extra``: packed columns of further instruments."""
+        rows = []
+        for j in range(regressor.robot.size):
+            own = _own(regressor, j)
+            z = None if self.z is None else self.z[own]
+            further = None if extra is None or z is None else extra[own] - z
+            rows.append(make(j, (self.phi[own], z, further, self.tau[j]), self.used[j]))
+        yield slice(0, self.t.size), tuple(rows)
+
+    def _model(self, regressor: Regressor, theta: np.ndarray) -> np.ndarray:
+        """Φθ on the rows, shape (joints, rows)."""
+        spans = [_own(regressor, j) for j in range(regressor.robot.size)]
+        return np.stack([theta[regressor.column[own]] @ self.phi[own] for own in spans])
 
 
 def decimate_record(
@@ -62,7 +169,7 @@ def decimate_record(
         regressor: the observation matrix.
         kinematics: estimated motion and torque.
         signals: the recipe.
-        limits: speeds below which a joint's rows do not vote, shape (joints,).
+        limits: speeds below which a joint's rows are excluded, shape (joints,).
         motion: simulated motion for the instruments.
         earlier: an earlier result, whose Φ and τ are kept (only the instruments are new).
     """
@@ -78,32 +185,13 @@ def decimate_record(
     source = kinematics if motion is None else motion
     z = None if motion is None else _decimated_columns(regressor, motion, part, factor, like)
     dq = parallel_decimation(source.dq[:, part].T, factor, convention=like).T
-    votes = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
-    return DecimatedRecord(kinematics, t, phi, z, tau, dq, votes)
+    used = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
+    return DecimatedRecord(kinematics, t, phi, z, tau, dq, used)
 
 
-def decimated_sums(regressor: Regressor, records: Sequence[DecimatedRecord]) -> list[JointSums]:
-    """Normal equations of all joints over all recordings."""
-    windows = windows_of([r.t.size for r in records])
-    count = sum(w.count for w in windows)
-    sums = []
-    for j in range(regressor.robot.size):
-        own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-        joint = JointSums.empty(regressor.robot.joint_names[j], regressor.columns_of(j), count)
-        for r, w in zip(records, windows, strict=True):
-            z = None if r.z is None else r.z[own]
-            joint.add(r.phi[own], z, r.tau[j], r.votes[j], list(w.shares(slice(0, r.t.size))))
-        sums.append(joint)
-    return sums
-
-
-def decimated_torque(
-    regressor: Regressor, record: DecimatedRecord, theta: np.ndarray
-) -> np.ndarray:
-    """Φθ on the rows of a recording, shape (joints, rows)."""
-    joints = range(regressor.robot.size)
-    spans = [slice(regressor.offsets[j], regressor.offsets[j + 1]) for j in joints]
-    return np.stack([theta[regressor.column[own]] @ record.phi[own] for own in spans])
+def _own(regressor: Regressor, joint: int) -> slice:
+    """Entries of the packed matrix that belong to a joint."""
+    return slice(regressor.offsets[joint], regressor.offsets[joint + 1])
 
 
 def _decimated_columns(

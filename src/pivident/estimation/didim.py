@@ -15,7 +15,7 @@ column; instruments correct neither. q_s has no noise, and is not smoothed.
 The price: where model, law or reference are wrong, so is q_s. Two things are looked after.
 
 * Positions at the start are only known to within the encoder's noise; samples before the loop has
-  forgotten them do not vote.
+  forgotten them are excluded.
 * On measured records the residual is mostly model error. A noise model of it would be a
   high-pass filter and trade Coulomb's friction for viscous one, so there the prefilter is the
   inverse controller alone.
@@ -25,45 +25,46 @@ from __future__ import annotations
 
 import copy
 import dataclasses
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.estimation.answer import answer, law_findings
 from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.estimation.full_rate import FullRateRecord, accumulate, voting
-from pivident.estimation.full_rate_answer import full_rate_answer
+from pivident.estimation.equation_record import EquationRecord
+from pivident.estimation.full_rate import FullRateRecord, records_without_instruments
 from pivident.estimation.identification import Identification
 from pivident.estimation.inner_signals import with_inner
-from pivident.estimation.iteration import iterate, torque_units
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
-from pivident.estimation.load_dependence import estimate_without_load
+from pivident.estimation.iteration import Pass, Say, Signals, Simulated, initial_pass
+from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import PrefilteredIV
-from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
 from pivident.estimation.simulated_motion import SimulatedMotion
-from pivident.estimation.whitening import Whitening
+from pivident.estimation.whitening import Prefilters, Whitening
+from pivident.text.finding import Finding
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
 #: a noise model of that would be a high-pass filter that the iteration then hardly gets through.
 WITHOUT_NOISE_MODEL = 2
 
-#: First iteration that may be the last: two with a noise model, the second of which is kept.
+#: First estimate that may be the last: two with a noise model, the second of which is kept.
 EARLIEST = WITHOUT_NOISE_MODEL + 2
 
 #: Iterations that look at the start anew: parameters are near their final values from the second.
 LOOKS_AT_START = 2
 
-#: The start is forgotten once its trace in the torque is this share of the torque's deviation.
+#: The start is forgotten once its trace in the torque is this share of the torque's standard
+#: deviation.
 FORGOTTEN = 1e-4
 
 #: Ratio of position error to encoder noise from which on positions know more than the simulation.
 FAR_FROM_MEASURED = 2.0
 
 
-def identify_didim(
-    problem: Problem, method: PrefilteredIV, say: Callable[[str], None]
-) -> Identification:
+def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
     """Iterate simulation, noise models and estimate.
 
     Args:
@@ -84,65 +85,65 @@ def identify_didim(
             '"smoothed" that loop is a virtual one; use piv, or give the recorded reference'
         )
     say(f"{method.label}: noise of the encoders")
-    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics)
-    limits = [problem.speed_limits(r) for r in problem.recordings]
-    whitening = Whitening(problem, method, kinematics)
-    only_noise = all(r.simulated for r in problem.recordings)
-    first = estimate_without_load(problem, kinematics, limits)
-    records: list[FullRateRecord] = []
-    starts = [k.start for k in kinematics]
+    signals = Signals.of(problem, method)
+    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=signals.kinematics)
+    whitening = Whitening.of(problem, method, signals.kinematics)
+    estimate, run = piv(SimulatedSteps(signals, method, auxiliary, whitening), say)
+    warnings = [
+        *_notes(problem),
+        *whitening.warnings(estimate.prefilters),
+        *_far_from_measured(estimate.records),
+    ]
+    return answer(problem, method, estimate, run, warnings)
 
-    def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        if k < LOOKS_AT_START:
-            starts[:] = settled_starts(auxiliary, theta, motions, kinematics)
-        carried = theta if k or first is None else first
+
+@dataclass(frozen=True, eq=False)
+class SimulatedSteps:
+    """The steps of DIDIM: Φ, too, is that of the simulated motion."""
+
+    signals: Signals
+    method: PrefilteredIV
+    auxiliary: AuxiliaryModel
+    whitening: Whitening
+
+    earliest = EARLIEST
+    start_number = 0
+    always_by_window = False
+
+    def start(self) -> Pass:
+        """Nominal values, inverse controllers."""
+        return initial_pass(self.signals.problem, self.whitening.initial())
+
+    def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
+        """Those before: the residual needs the motion that is being simulated."""
+        return last.prefilters
+
+    def equations(
+        self, last: Pass, simulated: Simulated, prefilters: Prefilters
+    ) -> tuple[Sequence[FullRateRecord], Prefilters]:
+        """Φ(q_s) and τ from where the loop has forgotten its start, and step (c) on them."""
+        signals, theta = self.signals, simulated.theta
+        load = signals.load(last.number, theta)
+        if last.number < LOOKS_AT_START:
+            starts = settled_starts(self.auxiliary, theta, simulated.motions, signals.kinematics)
+        else:
+            starts = [r.kinematics.start for r in last.records]
         moved = [
-            with_inner(problem.regressor, simulated_kinematics(*parts), carried)
-            for parts in zip(kinematics, motions, starts, strict=True)
+            simulated_kinematics(*parts)
+            for parts in zip(signals.kinematics, simulated.motions, starts, strict=True)
         ]
-        records[:] = [
-            FullRateRecord(m, None, voting(m, m.dq, lim))
-            for m, lim in zip(moved, limits, strict=True)
-        ]
-        whitening.kinematics = moved
-        if only_noise:
-            whitening.fit(k + 1 - WITHOUT_NOISE_MODEL, theta, records)
-        whitening.take_votes(records)
+        regressor = signals.problem.regressor
+        records = records_without_instruments(
+            [with_inner(regressor, m, load) for m in moved], signals.limits
+        )
+        if all(r.simulated for r in signals.problem.recordings):  # the residual is only noise
+            number = last.number + 1 - WITHOUT_NOISE_MODEL
+            prefilters = self.whitening.fitted(prefilters, number, theta, records)
+        prefilters.exclude(signals.problem, records)
         for record in records:
-            for j, prefilter in enumerate(whitening.filters):
-                record.votes[j, : record.kinematics.start + prefilter.transient()] = False
-        may_be_last = k + 1 >= min(EARLIEST, method.max_iterations)
-        return accumulate(problem.regressor, records, whitening.filters, by_window=may_be_last)
-
-    sums, solution, variance, history, converged = iterate(
-        problem,
-        auxiliary,
-        stage,
-        method.tolerance,
-        method.max_iterations,
-        say,
-        orders=lambda: tuple(m.order for m in whitening.models),
-        earliest=EARLIEST,
-        covariance=method.covariance,
-    )
-    direct = method.prefilter == "direct"
-    return full_rate_answer(
-        problem,
-        method,
-        records,
-        whitening.filters,
-        sums,
-        solution,
-        variance,
-        history,
-        converged,
-        torque_units(problem) if direct else whitening.units(),
-        models=whitening.models,
-        at_bound=whitening.at_bound,
-        warnings=[*_notes(problem), *whitening.warnings(), *_far_from_measured(records)],
-        reported=method.covariance,
-    )
+            for j, prefilter in enumerate(prefilters.filters):
+                record.used[j, : record.kinematics.start + prefilter.transient()] = False
+        return records, prefilters
 
 
 def simulated_kinematics(kinematics: Kinematics, motion: SimulatedMotion, start: int) -> Kinematics:
@@ -197,16 +198,14 @@ def settled_starts(
     return starts
 
 
-def _notes(problem: Problem) -> list[str]:
-    """What has to be said about law and reference."""
-    loop = problem.loop
-    if loop is None:
-        return []
-    return [*loop.notes, *(loop.identified.warnings if loop.identified is not None else ())]
+def _notes(problem: Problem) -> list[Finding]:
+    """Reservations about law and reference."""
+    notes, warnings = law_findings(problem.loop)
+    return [*notes, *warnings]
 
 
-def _far_from_measured(records: Sequence[FullRateRecord]) -> list[str]:
-    """A sentence about joints whose measured positions tell the simulated ones to be wrong."""
+def _far_from_measured(records: Sequence[EquationRecord]) -> list[Finding]:
+    """Joints whose measured positions contradict the simulated ones."""
     squares, noise, samples = 0.0, 0.0, 0
     for kin in (r.kinematics for r in records):
         part = slice(kin.start, kin.stop)
@@ -223,8 +222,9 @@ def _far_from_measured(records: Sequence[FullRateRecord]) -> list[str]:
     ]
     if not far:
         return []
-    return [
+    text = (
         "The simulated motion is further from the measured one than the encoder's noise explains "
-        f"(rms, rad or m): {', '.join(far)}. Measured positions then know more than the "
-        "simulation; compare with piv."
-    ]
+        f"(rms, rad or m): {', '.join(far)}."
+    )
+    step = "Compare with piv, which uses the measured positions."
+    return [Finding("warning", "simulation", "far from measured", text, next_step=step)]

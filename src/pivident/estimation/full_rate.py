@@ -7,15 +7,19 @@ and added to the normal equations; nothing of the size of the observation matrix
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar, TypeVar
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.sandwich import windows_of
+from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.equation_record import JointColumns
+from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.motion import Motion
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.scratch import working_array
@@ -25,36 +29,180 @@ from pivident.threads import run_in_threads
 #: Samples per block: the columns of a joint, before and after its filter, stay in the cache.
 BLOCK = 4096
 
+#: Samples per block where a few columns are kept whole.
+KEPT_BLOCK = 16384
+
+Rows = TypeVar("Rows")
+
 
 @dataclass(frozen=True, eq=False)
 class FullRateRecord:
-    """One recording at full rate with its instruments and votes.
+    """One recording at full rate with its instruments.
 
     Attributes:
         kinematics: estimated motion and torque.
         motion: simulated motion that makes the instruments; None: least squares.
-        votes: True where a sample of a joint counts, shape (joints, samples).
+        used: True for samples of a joint that the estimate uses, shape (joints, samples).
     """
 
     kinematics: Kinematics
     motion: SimulatedMotion | None
-    votes: np.ndarray
+    used: np.ndarray
+
+    full_rate: ClassVar[bool] = True
+    z: ClassVar[None] = None
+
+    @property
+    def has_instruments(self) -> bool:
+        """Whether instruments differ from the observation matrix."""
+        return self.motion is not None
+
+    @property
+    def tau(self) -> np.ndarray:
+        """Torque, not prefiltered, shape (joints, samples) [N m or N]."""
+        return self.kinematics.tau
+
+    @property
+    def usable_rows(self) -> int:
+        """Samples between the ends that the smoother spoils."""
+        return self.kinematics.stop - self.kinematics.start
+
+    @property
+    def sample_numbers(self) -> np.ndarray:
+        """0, 1, … as real numbers, shape (samples,)."""
+        return np.arange(self.used.shape[1], dtype=float)
+
+    def with_torque(self, tau: np.ndarray) -> FullRateRecord:
+        """The same rows with another torque, shape (joints, samples)."""
+        return replace(self, kinematics=replace(self.kinematics, tau=tau))
+
+    def add_to(
+        self,
+        sums: Sequence[JointSums],
+        regressor: Regressor,
+        filters: Sequence[Prefilter],
+        windows: Windows | None,
+    ) -> None:
+        """Add the filtered rows to the normal equations of all joints."""
+        spans = _blocks(self.used.shape[1])
+        shares = [list(windows.shares(span)) if windows is not None else [] for span in spans]
+
+        def add(j: int, span: slice, stack: np.ndarray) -> None:
+            sums[j].add_stack(stack, self.used[j, span], shares[span.start // BLOCK])
+
+        _walk(regressor, self, filters, add)
+
+    def residual(self, regressor: Regressor, theta: np.ndarray) -> np.ndarray:
+        """τ - Φθ, not prefiltered, shape (joints, samples)."""
+        return residual_of(regressor, self.kinematics, theta)
+
+    def whitened(
+        self, residual: np.ndarray, filters: Sequence[Prefilter], variance: np.ndarray
+    ) -> np.ndarray:
+        """L_j ε_j λ_j^(-1/2), shape (joints, samples)."""
+        white = filtered(residual, filters)
+        white /= np.sqrt(variance)[:, None]
+        return white
+
+    def fitted(
+        self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
+    ) -> FittedRecording:
+        """Signals for plots on the usable samples; both residuals are overwritten."""
+        k = self.kinematics
+        model = np.subtract(k.tau, residual, out=residual)
+        whitened[~self.used] = np.nan
+        part = slice(k.start, k.stop)
+        return FittedRecording(
+            k.recording.name,
+            k.recording.t[part],
+            k.q[:, part].T,
+            k.dq[:, part].T,
+            k.ddq[:, part].T,
+            k.recording.q[part],
+            k.tau[:, part].T,
+            model[:, part].T,
+            self.used[:, part].T,
+            whitened[:, part].T,
+            k.recording.rate,
+            None if k.recording.q_ref is None else k.recording.q_ref[part],
+            k.recording.account,
+            k.recording.torque_scale,
+        )
+
+    def columns_of(
+        self, regressor: Regressor, filters: Sequence[Prefilter], joint: int, keep: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+        """Some of a joint's columns of Φ and Z, and its τ, filtered, on all samples."""
+        own = slice(regressor.offsets[joint], regressor.offsets[joint + 1])
+        made = []
+        for source in self._sources():
+            stream = filters[joint].stream(keep.size, threads=1)
+            out = np.empty((keep.size, self.used.shape[1]))
+            for first in range(0, out.shape[1], KEPT_BLOCK):
+                span = slice(first, min(first + KEPT_BLOCK, out.shape[1]))
+                out[:, span] = stream.process(packed_stretch(regressor, source, span)[own][keep])
+            made.append(out)
+        tau = filters[joint].stream(1).process(self.tau[joint : joint + 1])[0]
+        return made[0], made[1] if self.has_instruments else None, tau
+
+    def blocks(
+        self,
+        regressor: Regressor,
+        filters: Sequence[Prefilter],
+        extra: Motion | None,
+        make: Callable[[int, JointColumns, np.ndarray], Rows],
+    ) -> Iterator[tuple[slice, tuple[Rows, ...]]]:
+        """Walk through the samples: ``make(joint, columns, used)`` of each block and joint.
+
+        Args:
+            regressor: the observation matrix.
+            filters: prefilter of each joint.
+            extra: another motion, whose columns less those of Z are further instruments.
+            make: makes what is yielded, in threads.
+        """
+        motions = [*self._sources(), *([] if extra is None else [extra])]
+        joints = range(regressor.robot.size)
+        streams = [
+            filters[j].stream(len(motions) * regressor.columns_of(j).size + 1, threads=1)
+            for j in joints
+        ]
+        for span in _blocks(self.used.shape[1]):
+            packed = [packed_stretch(regressor, m, span) for m in motions]
+            if extra is not None:
+                packed[-1] = packed[-1] - packed[-2]
+            rows: list[Rows | None] = [None] * len(joints)
+
+            def work(j: int, packed=packed, span=span, rows=rows) -> None:
+                own = slice(regressor.offsets[j], regressor.offsets[j + 1])
+                stack = np.vstack([p[own] for p in packed] + [self.tau[j : j + 1, span]])
+                width = own.stop - own.start
+                parts = np.split(streams[j].process(stack), range(width, len(stack), width))
+                z = parts[1] if self.has_instruments else None
+                further = parts[-2] if extra is not None else None
+                rows[j] = make(j, (parts[0], z, further, parts[-1][0]), self.used[j, span])
+
+            run_in_threads(work, joints)
+            yield span, tuple(r for r in rows if r is not None)
+
+    def _sources(self) -> list[Motion]:
+        """Motions that make Φ and, where there are instruments, Z."""
+        return [self.kinematics] if self.motion is None else [self.kinematics, self.motion]
 
 
-def voting(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Samples that count: inside the usable range, and faster than the joint's limit.
+def valid_samples(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Samples that may be used: inside the usable range, and faster than the joint's limit.
 
     Args:
         kinematics: gives the usable range.
         dq: speeds that decide, shape (joints, samples): the instruments', where there are any.
         limits: shape (joints,) [rad/s or m/s]; zero: all samples count.
     """
-    votes = np.ones(dq.shape, bool)
+    valid = np.ones(dq.shape, bool)
     for j in np.flatnonzero(limits > 0.0):
-        votes[j] = np.abs(dq[j]) > limits[j]
-    votes[:, : kinematics.start] = False
-    votes[:, kinematics.stop :] = False
-    return votes
+        valid[j] = np.abs(dq[j]) > limits[j]
+    valid[:, : kinematics.start] = False
+    valid[:, kinematics.stop :] = False
+    return valid
 
 
 def records_with_instruments(
@@ -62,15 +210,15 @@ def records_with_instruments(
     motions: Sequence[SimulatedMotion],
     limits: Sequence[np.ndarray],
 ) -> list[FullRateRecord]:
-    """All recordings with simulated instruments, whose speeds decide who votes.
+    """All recordings with simulated instruments, whose speeds decide which samples are used.
 
     Args:
         kinematics: one for each recording.
         motions: likewise.
-        limits: speeds below which a joint's samples do not vote, likewise.
+        limits: speeds below which a joint's samples are excluded, likewise.
     """
     return [
-        FullRateRecord(kin, motion, voting(kin, motion.dq, lim))
+        FullRateRecord(kin, motion, valid_samples(kin, motion.dq, lim))
         for kin, motion, lim in zip(kinematics, motions, limits, strict=True)
     ]
 
@@ -78,14 +226,14 @@ def records_with_instruments(
 def records_without_instruments(
     kinematics: Sequence[Kinematics], limits: Sequence[np.ndarray]
 ) -> list[FullRateRecord]:
-    """All recordings for least squares; measured speeds decide who votes.
+    """All recordings for least squares; measured speeds decide which samples are used.
 
     Args:
         kinematics: one for each recording.
-        limits: speeds below which a joint's samples do not vote, likewise.
+        limits: speeds below which a joint's samples are excluded, likewise.
     """
     return [
-        FullRateRecord(kin, None, voting(kin, kin.dq, lim))
+        FullRateRecord(kin, None, valid_samples(kin, kin.dq, lim))
         for kin, lim in zip(kinematics, limits, strict=True)
     ]
 
@@ -102,36 +250,6 @@ def residual_of(regressor: Regressor, kinematics: Kinematics, theta: np.ndarray)
     """τ - Φθ on a recording, time last, shape (joints, samples)."""
     model = torque_of(regressor, kinematics, theta)
     return np.subtract(kinematics.tau, model, out=model)
-
-
-def accumulate(
-    regressor: Regressor,
-    records: Sequence[FullRateRecord],
-    filters: Sequence[Prefilter],
-    by_window: bool = True,
-) -> list[JointSums]:
-    """Normal equations of all joints over all recordings.
-
-    Args:
-        regressor: the observation matrix.
-        records: recordings with instruments.
-        filters: one prefilter per joint.
-        by_window: whether the sums of each window are kept for the sandwich.
-    """
-    windows = windows_of([r.votes.shape[1] for r in records])
-    count = sum(w.count for w in windows) if by_window else 0
-    sums = [
-        JointSums.empty(name, regressor.columns_of(j), count)
-        for j, name in enumerate(regressor.robot.joint_names)
-    ]
-    for record, own in zip(records, windows, strict=True):
-        shares = [list(own.shares(span)) if count else [] for span in _blocks(own.samples)]
-
-        def add(j: int, span: slice, stack, votes=record.votes, shares=shares) -> None:
-            sums[j].add_stack(stack, votes[j, span], shares[span.start // BLOCK])
-
-        _walk(regressor, record, filters, add)
-    return sums
 
 
 def filtered(signal: np.ndarray, filters: Sequence[Prefilter]) -> np.ndarray:
@@ -158,8 +276,7 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
     Threads take blocks in turn. A joint's filters go on from where the block before left them,
     so each block follows the one before joint by joint, and sums do not depend on the threads.
     """
-    k, motion = record.kinematics, record.motion
-    sources: list[Kinematics | SimulatedMotion] = [k] if motion is None else [k, motion]
+    k, sources = record.kinematics, record._sources()
     joints = range(regressor.robot.size)
     memory = _StackMemory(regressor, len(sources))
     streams = [

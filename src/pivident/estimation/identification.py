@@ -8,13 +8,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.recording.torque_scale import TorqueScale
+from pivident.estimation.equations import Equations
+from pivident.estimation.fitted_recording import FittedRecording
+from pivident.estimation.methods import Bandpass, Method
+from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
+from pivident.simulation.control_loop import Loop
 from pivident.text import display
+from pivident.text.finding import Finding
 
 if TYPE_CHECKING:
-    from pivident.estimation.equations import Equations
-    from pivident.estimation.problem import Loop
     from pivident.estimation.torque_sums import TorqueSums
 
 
@@ -52,7 +55,7 @@ class JointFit:
         noise_unit: that unit.
         ar_order: order of the noise model; 0 without one.
         ar_at_bound: whether the order criterion had its minimum at the largest order allowed.
-        rows: number of rows (samples) that voted.
+        rows: number of rows (samples) used.
         masked: share of the samples left out at low speed, 0 to 1.
         f50: half-power frequency of the position smoother [Hz], NaN with a fixed band-pass.
         encoder_std: measurement noise found by the smoother [rad or m], NaN likewise.
@@ -70,44 +73,6 @@ class JointFit:
     masked: float
     f50: float
     encoder_std: float
-
-
-@dataclass(frozen=True, eq=False)
-class FittedRecording:
-    """Signals of one recording as the estimator saw them, for plots; arrays (rows, joints).
-
-    Attributes:
-        name: name of the recording.
-        t: time of each row [s], shape (rows,).
-        q: estimated positions [rad or m].
-        dq: estimated speeds [rad/s or m/s].
-        ddq: estimated accelerations [rad/s² or m/s²].
-        q_measured: measured positions on the same rows [rad or m].
-        tau: measured torque, aligned with the positions [N m or N].
-        tau_model: reconstructed torque Φθ.
-        mask: rows that did not vote.
-        whitened: residual of the equation that was solved, scaled to unit variance, on the
-            rows of the estimator, shape (rows, joints); NaN on rows that did not vote.
-        whitened_rate: rate of ``whitened`` [Hz].
-        q_ref: recorded or reconstructed reference on the same rows [rad or m], or None.
-        account: how the record was logged and what was done to its samples, in sentences.
-        torque_scale: joints whose torque has a scale that nobody vouches for.
-    """
-
-    name: str
-    t: np.ndarray
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    q_measured: np.ndarray
-    tau: np.ndarray
-    tau_model: np.ndarray
-    mask: np.ndarray
-    whitened: np.ndarray
-    whitened_rate: float
-    q_ref: np.ndarray | None = None
-    account: tuple[str, ...] = ()
-    torque_scale: tuple[TorqueScale, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,8 +97,9 @@ class Identification:
         relative_error: ‖τ - Φθ‖/‖τ‖ over all joints, weighted as in the estimate.
         condition: condition number of the column-scaled observation matrix.
         recordings: signals for plots.
-        options: the method's options, plain values.
-        warnings: what the estimator noticed, whole sentences.
+        options: the method's options and the problem's ``mask`` as plain values.
+        method_used: the method itself; None: from a file whose options are of no known method.
+        warnings: what the estimator noticed.
         sources: SHA-256 of every input file by its name.
         version: version of pivident.
         loop: control loop that was simulated for the instruments; None: no loop was.
@@ -160,7 +126,8 @@ class Identification:
     condition: float
     recordings: tuple[FittedRecording, ...]
     options: dict[str, Any] = field(default_factory=dict)
-    warnings: tuple[str, ...] = ()
+    method_used: Method | None = None
+    warnings: tuple[Finding, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
     version: str = ""
     loop: Loop | None = None
@@ -172,6 +139,11 @@ class Identification:
     def iterations(self) -> int:
         """Number of iterations."""
         return len(self.history)
+
+    @property
+    def is_decimated(self) -> bool:
+        """Whether the method worked on low-passed and thinned rows rather than on all samples."""
+        return self.method_used is not None and isinstance(self.method_used.signals, Bandpass)
 
     @property
     def torque_scale(self) -> tuple[TorqueScale, ...]:

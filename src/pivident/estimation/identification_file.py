@@ -11,12 +11,11 @@ import io
 from os import PathLike
 from typing import Any
 
-from pivident.control_law.law_gravity import JointGravity
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
-from pivident.estimation.problem import Loop
 from pivident.files import atomic_folder
 from pivident.robot.robot_values import robot_values
+from pivident.simulation.control_loop import Loop
 from pivident.text.plain_values import json_of_entries, plain
 
 #: Version of the layout of ``identification.json``.
@@ -54,10 +53,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
     parameters = [
         {key: getattr(row, key) for key in CSV_COLUMNS} for row in parameter_rows(identification)
     ]
-    loop = identification.loop_values or {
-        "controller": controller_values(identification.loop),
-        "reference": reference_values(identification.loop),
-    }
+    loop = identification.loop_values or _loop_values(identification.loop)
     content = {
         "schema": SCHEMA,
         "method": identification.method,
@@ -75,7 +71,7 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "controller": loop["controller"],
         "reference": loop["reference"],
         "options": identification.options,
-        "warnings": identification.warnings,
+        "warnings": [warning.as_json() for warning in identification.warnings],
         "sources": identification.sources,
         "version": identification.version,
         "robot_description": robot_values(identification.robot),
@@ -84,83 +80,11 @@ def to_dict(identification: Identification) -> dict[str, Any]:
     return {key: plain(value) for key, value in content.items()}
 
 
-def controller_values(loop: Loop | None) -> list[dict[str, Any]] | None:
-    """The law that was found, one entry for each joint; None where none was.
-
-    Args:
-        loop: the loop; a law told from the noise in it has no error and no saturated samples.
-    """
-    if loop is None or (loop.identified is None and not loop.feedback):
-        return None
-    if loop.identified is None:
-        return [
-            {
-                "joint": own.name,
-                "terms": ("kp", "kd"),
-                "gains": (own.kp, own.kd),
-                "std": (own.kp_std, own.kd_std),
-                "differentiator": _differentiator(own.averaged),
-                "relative_error": None,
-                "saturated": None,
-                "f_tests": {},
-                "gravity": None,
-            }
-            for own in loop.feedback
-        ]
-    return [
-        {
-            "joint": law.name,
-            "terms": law.terms,
-            "gains": law.gains,
-            "std": law.std,
-            "differentiator": _differentiator(
-                law.averaged, law.derivative_time, law.derivative_time_std
-            ),
-            "relative_error": law.relative_error,
-            "saturated": law.saturated,
-            "f_tests": law.f_tests,
-            "gravity": gravity_values(law.gravity),
-        }
-        for law in loop.identified.joints
-    ]
-
-
-def gravity_values(gravity: JointGravity | None) -> dict[str, Any] | None:
-    """The gravity model in the law of one joint; None where it has none.
-
-    Args:
-        gravity: the model.
-    """
-    if gravity is None:
-        return None
-    return {
-        "at": "q" if gravity.place == "gravity" else "q_ref",
-        "parameters": [p.name for p in gravity.parameters],
-        "values": gravity.values,
-        "std": gravity.std,
-        "units": [p.unit for p in gravity.parameters],
-        "f_test": gravity.statistic,
-    }
-
-
-def reference_values(loop: Loop | None) -> list[dict[str, Any]] | None:
-    """The references that were reconstructed, one for each recording; None where none was.
-
-    Args:
-        loop: the loop.
-    """
-    if loop is None or not loop.reconstructed:
-        return None
-    return [
-        {
-            "kind": own.kind,
-            "moves": None if own.moves is None else len(own.moves.moves),
-            "rms": own.rms,
-            "relative": own.relative,
-            "freedom": own.freedom,
-        }
-        for own in loop.reconstructed
-    ]
+def _loop_values(loop: Loop | None) -> dict[str, Any]:
+    """Law and reference that were found from the record; None where they were given."""
+    if loop is None:
+        return {"controller": None, "reference": None}
+    return {"controller": loop.law_values(), "reference": loop.reference_values()}
 
 
 def torque_sums_values(identification: Identification) -> dict[str, Any] | None:
@@ -175,11 +99,6 @@ def torque_sums_values(identification: Identification) -> dict[str, Any] | None:
 
         sums = torque_sums(identification)
     return None if sums is None else sums.to_values()
-
-
-def _differentiator(averaged: bool, time: float = 0.0, std: float = 0.0) -> dict[str, Any]:
-    kind = "two_sample_means" if averaged else "lag" if time else "backward_difference"
-    return {"kind": kind, "time": time, "std": std}
 
 
 def to_json(identification: Identification) -> str:

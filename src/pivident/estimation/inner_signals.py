@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.motion import Motion
 
 if TYPE_CHECKING:
-    from pivident.estimation.equations import Motion
     from pivident.estimation.kinematics import Kinematics
     from pivident.estimation.simulated_motion import SimulatedMotion
 

@@ -4,40 +4,31 @@ Janot, Vandanjon and Gautier (2014): with q_s simulated from the current paramet
 
     θ = (Σ Φ(q_s)ᵀ Φ(q̂)/λ_j)⁻¹ Σ Φ(q_s)ᵀ τ/λ_j
 
-repeated until it stands still.
+repeated until it stands still: the iteration of IDIM-PIV with prefilters of one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import cast
 
 import numpy as np
 
+from pivident.estimation.answer import answer, loop_warnings
 from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.estimation.decimated import decimate_record, decimated_sums
-from pivident.estimation.decimated_answer import decimated_answer
-from pivident.estimation.full_rate import accumulate, records_with_instruments, torque_of
-from pivident.estimation.full_rate_answer import full_rate_answer
+from pivident.estimation.decimated import DecimatedRecord, decimate_record
+from pivident.estimation.full_rate import FullRateRecord, records_with_instruments, torque_of
 from pivident.estimation.identification import Identification
-from pivident.estimation.inner_signals import with_inner
-from pivident.estimation.iteration import iterate, loop_warnings, torque_units
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
-from pivident.estimation.load_dependence import estimate_without_load
+from pivident.estimation.iteration import Pass, Say, Signals, Simulated, Steps, initial_pass
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
-from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_motion import SimulatedMotion
-from pivident.estimation.standstill import (
-    decided_by_residual,
-    noisy_standstill,
-    slow_samples,
-)
-from pivident.signals.prefilter import Prefilter
+from pivident.estimation.standstill import decided_by_residual, noisy_standstill
+from pivident.estimation.whitening import Prefilters
 
 
-def identify_iv(
-    problem: Problem, method: InstrumentalVariables, say: Callable[[str], None]
-) -> Identification:
+def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:
     """Iterate instruments and estimate.
 
     Args:
@@ -51,86 +42,96 @@ def identify_iv(
         RankDeficientRegressor: the motion does not separate the parameters.
     """
     say(f"{method.label}: smoothing the records")
-    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    limits = [problem.speed_limits(r) for r in problem.recordings]
+    signals = Signals.of(problem, method)
+    steps: Steps
     if isinstance(method.signals, Bandpass):
-        return _decimated(problem, method, kinematics, limits, say)
-    return _full_rate(problem, method, kinematics, limits, say)
+        auxiliary = AuxiliaryModel(problem, differences=False, torque=False)
+        steps = DecimatedSteps(signals, method, auxiliary, method.signals)
+    else:
+        auxiliary = AuxiliaryModel(
+            problem, differences=True, kinematics=signals.kinematics, torque=False
+        )
+        steps = FullRateSteps(signals, method, auxiliary)
+    estimate, run = piv(steps, say)
+    warnings = loop_warnings(problem, estimate.sums, estimate.variance)
+    return answer(problem, method, estimate, run, warnings)
 
 
-def _decimated(
-    problem: Problem,
-    method: InstrumentalVariables,
-    kinematics: list[Kinematics],
-    limits: list[np.ndarray],
-    say: Callable[[str], None],
-) -> Identification:
-    """The literature's form: everything through the parallel decimation."""
-    signals = method.signals
-    assert isinstance(signals, Bandpass)
-    auxiliary = AuxiliaryModel(problem, differences=False, torque=False)
-    made: dict[str, list] = {"records": [None] * len(kinematics)}
-    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
+@dataclass(frozen=True, eq=False)
+class DecimatedSteps:
+    """The literature's form: everything through the parallel decimation, no prefilter."""
 
-    def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        if regressor.depends_on_load:  # Φ changes with θ
-            made["records"] = [None] * len(kinematics)
-        carried = theta if k or first is None else first
-        made["records"] = [
-            decimate_record(
-                regressor,
-                with_inner(regressor, kin, carried),
-                signals,
-                lim,
-                with_inner(regressor, motion, carried),
+    signals: Signals
+    method: InstrumentalVariables
+    auxiliary: AuxiliaryModel
+    recipe: Bandpass
+
+    earliest = 2
+    start_number = 0
+    always_by_window = True
+
+    def start(self) -> Pass:
+        """Nominal values."""
+        return initial_pass(self.signals.problem, Prefilters(()))
+
+    def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
+        """None."""
+        return last.prefilters
+
+    def equations(
+        self, last: Pass, simulated: Simulated, prefilters: Prefilters
+    ) -> tuple[Sequence[DecimatedRecord], Prefilters]:
+        """Φ(q̂), Z = Φ(q_s) and τ of all recordings, decimated; Φ and τ only once."""
+        signals, load = self.signals, self.signals.load(last.number, simulated.theta)
+        regressor = signals.problem.regressor
+        again = not last.records or regressor.depends_on_load  # then Φ changes with θ
+        made = cast(Sequence[DecimatedRecord], last.records)
+        earlier = [None] * len(signals.kinematics) if again else made
+        records = [
+            decimate_record(regressor, kin, self.recipe, limits, motion, before)
+            for kin, limits, motion, before in zip(
+                signals.measured(load),
+                signals.limits,
+                signals.simulated(simulated.motions, load),
                 earlier,
-            )
-            for kin, lim, motion, earlier in zip(
-                kinematics, limits, motions, made["records"], strict=True
+                strict=True,
             )
         ]
-        return decimated_sums(problem.regressor, made["records"])
-
-    sums, solution, variance, history, converged = iterate(
-        problem, auxiliary, stage, method.tolerance, method.max_iterations, say
-    )
-    return decimated_answer(
-        problem, method, made["records"], sums, solution, variance, history, converged,
-        loop_warnings(problem, sums, variance),
-    )  # fmt: skip
+        return records, prefilters
 
 
-def _full_rate(
-    problem: Problem,
-    method: InstrumentalVariables,
-    kinematics: list[Kinematics],
-    limits: list[np.ndarray],
-    say: Callable[[str], None],
-) -> Identification:
+@dataclass(frozen=True, eq=False)
+class FullRateSteps:
     """No decimation and no prefilter: smoother and aligned torque do the work."""
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics, torque=False)
-    filters = [Prefilter()] * problem.robot.size
-    made: dict[str, list] = {}
-    without_standstill = np.zeros(problem.robot.size, bool)
-    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
 
-    def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        carried = theta if k or first is None else first
-        moved = [with_inner(regressor, kin, carried) for kin in kinematics]
-        instruments = [with_inner(regressor, motion, carried) for motion in motions]
-        records = records_with_instruments(moved, instruments, limits)
-        if k == 1 and decided_by_residual(problem):
-            residuals = [kin.tau - torque_of(regressor, kin, theta) for kin in moved]
-            without_standstill[:] = noisy_standstill(problem, filters, records, residuals)
-        for record in records:
-            record.votes[slow_samples(problem, record) & without_standstill[:, None]] = False
-        made["records"] = records
-        return accumulate(regressor, records, filters)
+    signals: Signals
+    method: InstrumentalVariables
+    auxiliary: AuxiliaryModel
 
-    sums, solution, variance, history, converged = iterate(
-        problem, auxiliary, stage, method.tolerance, method.max_iterations, say, earliest=3
-    )
-    return full_rate_answer(
-        problem, method, made["records"], filters, sums, solution, variance, history, converged,
-        torque_units(problem), warnings=loop_warnings(problem, sums, variance),
-    )  # fmt: skip
+    earliest = 3
+    start_number = 0
+    always_by_window = True
+
+    def start(self) -> Pass:
+        """Nominal values."""
+        return initial_pass(self.signals.problem, Prefilters.none(self.signals.problem))
+
+    def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
+        """None."""
+        return last.prefilters
+
+    def equations(
+        self, last: Pass, simulated: Simulated, prefilters: Prefilters
+    ) -> tuple[Sequence[FullRateRecord], Prefilters]:
+        """Φ(q̂), Z = Φ(q_s) and τ; the first estimate's residual decides about standstill."""
+        signals, load = self.signals, self.signals.load(last.number, simulated.theta)
+        problem, measured = signals.problem, signals.measured(load)
+        records = records_with_instruments(
+            measured, signals.simulated(simulated.motions, load), signals.limits
+        )
+        if last.number == 1 and decided_by_residual(problem):
+            residuals = [k.tau - torque_of(problem.regressor, k, simulated.theta) for k in measured]
+            noisy = noisy_standstill(problem, prefilters.filters, records, residuals)
+            prefilters = replace(prefilters, without_standstill=noisy)
+        prefilters.exclude(problem, records)
+        return records, prefilters

@@ -1,351 +1,265 @@
-"""What LS, IV and PIV share: weights, the fixed-point iteration, and the making of the answer."""
+"""The named things that pass from step to step of an iteration, and when it ends.
+
+    Pass → (a) simulate → Simulated → Equations of all records → (b) solve → Estimate → (c) → …
+
+`prefiltered_iv.piv` is the loop; IDIM-PIV, IDIM-IV and DIDIM give it their own `Steps`.
+"""
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
-from typing import Any
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.covariance.sandwich import sandwich
-from pivident.estimation.exogeneity import durbin_wu_hausman
-from pivident.estimation.identification import (
-    FittedRecording,
-    Identification,
-    Iteration,
-    JointFit,
+from pivident.estimation.equation_record import EquationRecord, accumulate
+from pivident.estimation.identification import Iteration
+from pivident.estimation.inner_signals import with_inner
+from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.load_dependence import estimate_without_load
+from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
+from pivident.estimation.normal_equations import (
+    JointSums,
+    Solution,
+    relative_residual,
+    weighted_solution,
 )
-from pivident.estimation.methods import CovarianceKind
-from pivident.estimation.normal_equations import JointSums, Solution, solve
-from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.signs import sign_warnings
+from pivident.estimation.problem import Problem
 from pivident.estimation.simulated_motion import SimulatedMotion
-from pivident.recording.torque_scale import scale_sentences
+from pivident.estimation.whitening import Prefilters
+from pivident.text.finding import Finding, Quantity
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0
 
-#: Methods whose instruments come from the simulated loop.
-_WITH_LOOP = ("IDIM-IV", "IDIM-PIV", "DIDIM")
-
-#: A parameter smaller than so many deviations is near zero: its change is compared with them.
+#: A parameter smaller than so many standard errors is near zero: its change is compared with them.
 NEAR_ZERO = 5.0
 
-Stage = Callable[[int, np.ndarray, list[SimulatedMotion]], list[JointSums]]
+#: Largest change of a parameter in the last iteration, in standard errors.
+SETTLED = 0.2
 
-#: Work on iteration number and parameters that needs no instruments.
-Preparation = Callable[[int, np.ndarray], None]
-
-
-def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
-    """λ_j: residual variance of each joint at θ, with its degrees of freedom, shape (joints,)."""
-    return np.array(
-        [
-            max(s.residual_sum(theta), 1e-30 * max(s.tt, 1e-300)) / max(s.rows - s.columns.size, 1)
-            for s in sums
-        ]
-    )
+#: Progress: called with one line at each stage.
+Say = Callable[[str], None]
 
 
-def weighted_solution(
-    sums: Sequence[JointSums], names: Sequence[str], start: np.ndarray, weight_power: float
-) -> tuple[Solution, np.ndarray]:
-    """Solve with weights from the residual, twice, so that weights and estimate agree.
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """All recordings smoothed, before there is a simulation.
 
-    Args:
-        sums: normal equations.
-        names: parameter names.
-        start: parameters of the first weights.
-        weight_power: see ``solve``.
-
-    Returns:
-        The solution and the variances λ that belong to it.
-    """
-    theta = start
-    for _ in range(3):
-        variance = joint_variances(sums, theta)
-        solution = solve(sums, variance, names, weight_power)
-        theta = solution.theta
-    return solution, joint_variances(sums, theta)
-
-
-def iterate(
-    problem: Problem,
-    auxiliary: AuxiliaryModel,
-    stage: Stage,
-    tolerance: float,
-    max_iterations: int,
-    say: Callable[[str], None],
-    weight_power: float = 1.0,
-    orders: Callable[[], tuple[int, ...]] = tuple,
-    earliest: int = 2,
-    covariance: CovarianceKind = "formula",
-    start: np.ndarray | None = None,
-    prepare: Preparation | None = None,
-) -> tuple[list[JointSums], Solution, np.ndarray, list[Iteration], bool]:
-    """Simulate, build the equations, solve; until parameters and residual stand still.
-
-    Both must change by less than ``tolerance``: the parameters relative to the larger of their
-    size and five standard deviations (with a tolerance of 1 %, a twentieth of a deviation for a
-    parameter near zero), and at the same time by less than a fifth of a standard deviation; the
-    residual relative to itself.
-
-    Args:
+    Attributes:
         problem: what is given.
-        auxiliary: makes the instruments.
-        stage: builds the normal equations from iteration number, parameters and instruments.
-        tolerance: of both criteria.
-        max_iterations: stop after so many.
-        say: progress.
-        weight_power: see ``solve``.
-        orders: orders of the noise models after a stage.
-        earliest: first iteration that may be the last.
-        covariance: which deviations the change is compared with.
-        start: parameters of the first simulation, approached from the problem's initial values
-            where they cannot be simulated; None: those initial values.
-        prepare: called for each iteration beside its simulation, before ``stage``.
-
-    Returns:
-        Last normal equations, their solution and variances, the history, whether it converged.
+        kinematics: motion and torque of each recording.
+        limits: speeds below which a joint's samples are excluded, likewise.
+        without_load: estimate that makes the first load of friction; None: there is no such.
     """
-    theta = problem.initial_values()
-    previous: np.ndarray | None = None
-    if start is not None:
-        previous, theta = theta, start
-    residual = np.inf
-    history: list[Iteration] = []
-    doubt = ""
-    for k in range(max_iterations):
-        try:
-            motions, theta, halvings = _simulate(auxiliary, previous, theta, k, prepare)
-        except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
-            if doubt:
-                error.add_note(doubt)
-            raise
-        sums = stage(k, theta, motions)
-        solution, variance = weighted_solution(sums, problem.names, theta, weight_power)
-        doubt = _poor_motion(solution)
-        std = np.sqrt(np.diag(solution.covariance))
-        if covariance != "formula" and k + 1 >= earliest:
-            robust = sandwich(sums, solution.theta, variance, weight_power)
-            std = np.sqrt(np.diag(robust))
-        step = np.abs(solution.theta - theta)
-        change = float((step / np.maximum(np.abs(solution.theta), NEAR_ZERO * std)).max())
-        settled = float((step / std).max())
-        last, residual = residual, relative_residual(sums, solution.theta, variance)
-        history.append(Iteration(solution.theta, change, residual, halvings, orders()))
-        say(
-            f"iteration {k + 1}: parameters change by {100 * change:.3g} %, "
-            f"residual {100 * residual:.3g} %"
-        )
-        previous, theta = theta, solution.theta
-        still = change < tolerance and settled < 0.2
-        if k + 1 >= earliest and still and abs(residual - last) < tolerance * residual:
-            return sums, solution, variance, history, True
-    return sums, solution, variance, history, False
+
+    problem: Problem
+    kinematics: list[Kinematics]
+    limits: list[np.ndarray]
+    without_load: np.ndarray | None
+
+    @classmethod
+    def of(cls, problem: Problem, method: InstrumentalVariables | PrefilteredIV) -> Signals:
+        """Smooth all recordings by the method's recipe."""
+        kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
+        limits = [problem.speed_limits(r) for r in problem.recordings]
+        first = estimate_without_load(problem, kinematics, limits)
+        return cls(problem, kinematics, limits, first)
+
+    def load(self, number: int, theta: np.ndarray) -> np.ndarray:
+        """Parameters that make the load: θ, or those without load as long as there is no θ."""
+        return theta if number or self.without_load is None else self.without_load
+
+    def measured(self, theta: np.ndarray | None) -> list[Kinematics]:
+        """Measured motions with inner signals for the load of θ."""
+        return [with_inner(self.problem.regressor, k, theta) for k in self.kinematics]
+
+    def simulated(
+        self, motions: Sequence[SimulatedMotion], theta: np.ndarray
+    ) -> list[SimulatedMotion]:
+        """Simulated motions likewise."""
+        return [with_inner(self.problem.regressor, m, theta) for m in motions]
 
 
-def _simulate(
-    auxiliary: AuxiliaryModel,
-    previous: np.ndarray | None,
-    theta: np.ndarray,
-    k: int,
-    prepare: Preparation | None,
-) -> tuple[list[SimulatedMotion], np.ndarray, int]:
-    """Simulate, and prepare the iteration beside it: one record keeps one core busy only."""
-    if prepare is None:
-        return auxiliary.simulate_or_halve(previous, theta)
-    with ThreadPoolExecutor(1) as beside:
-        prepared = beside.submit(prepare, k, theta)
-        motions, used, halvings = auxiliary.simulate_or_halve(previous, theta)
-        prepared.result()
-    if halvings:
-        prepare(k, used)
-    return motions, used, halvings
+class Simulated(NamedTuple):
+    """Step (a): motions of all recordings, the parameters that made them, halvings on the way."""
+
+    motions: list[SimulatedMotion]
+    theta: np.ndarray
+    halvings: int
 
 
-def relative_residual(sums: Sequence[JointSums], theta: np.ndarray, variance: np.ndarray) -> float:
-    """‖τ - Φθ‖/‖τ‖ over all joints, each weighted by 1/λ_j."""
-    error = sum(s.residual_sum(theta) / v for s, v in zip(sums, variance, strict=True))
-    total = sum(s.tt / v for s, v in zip(sums, variance, strict=True))
-    return float(np.sqrt(error / total)) if total > 0 else 0.0
+@dataclass(frozen=True, eq=False)
+class Pass:
+    """Where the iteration stands.
+
+    Attributes:
+        number: how many estimates have been made; 0: θ are initial values.
+        theta: parameters, shape (parameters,).
+        simulated: parameters that were simulated last, to halve the way to θ; None: none were.
+        records: equations of all recordings that θ was estimated from.
+        prefilters: what they were filtered with.
+    """
+
+    number: int
+    theta: np.ndarray
+    simulated: np.ndarray | None
+    records: Sequence[EquationRecord]
+    prefilters: Prefilters
+
+    @property
+    def reservations(self) -> list[Finding]:
+        """Parameters that the motion hardly separates: not known before the first estimate."""
+        return []
 
 
-def option_values(method: Any) -> dict[str, Any]:
-    """A method's options as plain values."""
-    return dataclasses.asdict(method)
+@dataclass(frozen=True, eq=False)
+class Estimate(Pass):
+    """Step (b): what the equations were solved to.
 
-
-def loop_warnings(problem: Problem, sums: Sequence[JointSums], variance: np.ndarray) -> list[str]:
-    """What has to be said about instruments from this loop.
-
-    Args:
-        problem: what is given.
-        sums: normal equations of the last iteration.
+    Attributes:
+        sums: normal equations, one per joint.
+        solution: θ̂ and its covariance.
         variance: λ of each joint, shape (joints,).
     """
-    if problem.loop is None:
-        return []
-    known = [*problem.loop.notes]
-    if problem.loop.reconstructed or problem.loop.reference == "smoothed":
-        known.append(str(durbin_wu_hausman(sums, variance, len(problem.names))))
-    if problem.loop.identified is not None:
-        known += problem.loop.identified.warnings
-    if problem.loop.reference == "smoothed":
-        return [
-            *known,
-            "The reference was not recorded: the smoothed measurement stands for it, with the "
-            "declared control law as a virtual one. Instruments then share the noise that the "
-            "smoother let through.",
-        ]
-    return known
+
+    sums: list[JointSums]
+    solution: Solution
+    variance: np.ndarray
+
+    @property
+    def reservations(self) -> list[Finding]:
+        """Parameters that the motion hardly separates."""
+        return poor_motion(self.solution)
 
 
-def simulated_loop(problem: Problem, method: Any) -> Loop | None:
-    """The loop that a method simulates, None where it does without."""
-    return problem.loop if method.label.startswith(_WITH_LOOP) else None
+class Steps(Protocol):
+    """The parts of one method's iteration."""
+
+    @property
+    def signals(self) -> Signals:
+        """The smoothed recordings."""
+
+    @property
+    def method(self) -> InstrumentalVariables | PrefilteredIV:
+        """Options: tolerance, iterations, weights, covariance."""
+
+    @property
+    def auxiliary(self) -> AuxiliaryModel:
+        """The simulated loop."""
+
+    @property
+    def earliest(self) -> int:
+        """Number of the first estimate that may be the last."""
+
+    @property
+    def always_by_window(self) -> bool:
+        """Whether sums are kept for each window of time before they are needed."""
+
+    @property
+    def start_number(self) -> int:
+        """Estimates that are made before the first iteration."""
+
+    def start(self) -> Pass:
+        """Step 1: θ⁰ and H = 1."""
+
+    def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
+        """Step (c): prefilters from the residual of θ."""
+
+    def equations(
+        self, last: Pass, simulated: Simulated, prefilters: Prefilters
+    ) -> tuple[Sequence[EquationRecord], Prefilters]:
+        """Records with the simulated instruments, and what they are filtered with."""
 
 
-def method_label(problem: Problem, method: Any) -> str:
-    """Name of a method, with Ĉ where its instruments come from an identified law."""
-    loop = simulated_loop(problem, method)
-    identified = loop is not None and (loop.identified is not None or loop.feedback)
-    return f"{method.label} (Ĉ)" if identified else method.label
+def initial_pass(problem: Problem, prefilters: Prefilters) -> Pass:
+    """θ⁰: nominal inertias, zero friction, or what the problem says."""
+    return Pass(0, problem.initial_values(), None, (), prefilters)
 
 
-def _poor_motion(solution: Solution) -> str:
-    """What to do about parameters that the motion does not tell apart; empty if it does."""
+def simulate(auxiliary: AuxiliaryModel, last: Pass) -> Simulated:
+    """Step (a): simulate θ, or the first point of half the way to it that can be simulated.
+
+    Raises:
+        SimulationDiverged: even the smallest step cannot be simulated.
+        MassMatrixNotPositiveDefinite: likewise.
+    """
+    try:
+        return Simulated(*auxiliary.simulate_or_halve(last.simulated, last.theta))
+    except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+        for finding in last.reservations:
+            error.add_note(finding.advised)
+        raise
+
+
+def solve(steps: Steps, last: Pass, simulated: Simulated, prefilters: Prefilters) -> Estimate:
+    """Step (b): (P-28), with weights λ_j from the residual of its own estimate."""
+    problem, number, power = steps.signals.problem, last.number + 1, steps.method.weight_power
+    records, prefilters = steps.equations(last, simulated, prefilters)
+    by_window = steps.always_by_window or number >= _earliest(steps)
+    sums = accumulate(problem.regressor, records, prefilters.filters, by_window)
+    solution, variance = weighted_solution(sums, problem.names, simulated.theta, power)
+    return Estimate(
+        number, solution.theta, simulated.theta, records, prefilters, sums, solution, variance
+    )
+
+
+def _earliest(steps: Steps) -> int:
+    """Number of the first estimate that may be the last, at the latest that of the last one."""
+    return min(steps.earliest, steps.start_number + steps.method.max_iterations)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """All iterations so far, and whether they converged."""
+
+    history: tuple[Iteration, ...] = ()
+    converged: bool = False
+
+    def after(self, steps: Steps, estimate: Estimate, halvings: int) -> Run:
+        """With one more iteration.
+
+        Parameters and residual must both change by less than ``tolerance``: the parameters
+        relative to the larger of their size and five standard errors (with a tolerance of 1 %, a
+        twentieth of a standard error for a parameter near zero), and at the same time by less than
+        a fifth of a standard error; the residual relative to itself.
+        """
+        method, theta, sums = steps.method, estimate.theta, estimate.sums
+        covariance, may_be_last = estimate.solution.covariance, estimate.number >= steps.earliest
+        if method.covariance != "formula" and may_be_last:
+            covariance = sandwich(sums, theta, estimate.variance, method.weight_power)
+        std = np.sqrt(np.diag(covariance))
+        assert estimate.simulated is not None
+        step = np.abs(theta - estimate.simulated)
+        change = float((step / np.maximum(np.abs(theta), NEAR_ZERO * std)).max())
+        settled = float((step / std).max()) < SETTLED
+        residual = relative_residual(sums, theta, estimate.variance)
+        before = self.history[-1].residual if self.history else np.inf
+        made = Iteration(theta, change, residual, halvings, estimate.prefilters.orders)
+        still = change < method.tolerance and settled and may_be_last
+        converged = still and abs(residual - before) < method.tolerance * residual
+        return Run((*self.history, made), bool(converged))
+
+    def __str__(self) -> str:
+        last = self.history[-1]
+        return (
+            f"iteration {len(self.history)}: parameters change by {100 * last.change:.3g} %, "
+            f"residual {100 * last.residual:.3g} %"
+        )
+
+
+def poor_motion(solution: Solution) -> list[Finding]:
+    """Parameters that the motion hardly separates."""
     if solution.condition <= LARGE_CONDITION:
-        return ""
-    return (
+        return []
+    text = (
         f"The motion hardly separates {', '.join(solution.weakest)} (condition number "
-        f"{solution.condition:.0f}): add a second, different motion, or estimate fewer parameters."
+        f"{solution.condition:.0f})."
     )
-
-
-def make_identification(
-    problem: Problem,
-    method: Any,
-    solution: Solution,
-    robust_covariance: np.ndarray,
-    reported: CovarianceKind,
-    history: Sequence[Iteration],
-    converged: bool,
-    joints: Sequence[JointFit],
-    relative_error: float,
-    recordings: Sequence[FittedRecording],
-    warnings: Sequence[str],
-) -> Identification:
-    """Put the answer together; see :class:`Identification` for the fields."""
-    from pivident.version import __version__
-
-    covariance = solution.covariance if reported == "formula" else robust_covariance
-    std = np.sqrt(np.diag(covariance))
-    parameters = problem.regressor.parameters
-    signs = sign_warnings(problem.robot, parameters, problem.names, solution.theta, std)
-    scales = [s for r in problem.recordings for s in r.torque_scale]
-    noticed = [*warnings, *signs, *scale_sentences(scales)]
-    if doubt := _poor_motion(solution):
-        noticed.append(doubt)
-    if not converged:
-        noticed.insert(
-            0,
-            f"Not converged after {len(history)} iterations; the last change was "
-            f"{100 * history[-1].change:.2g} %. Look at the convergence plot before using it.",
-        )
-    sources = {s.name: s.sha256 for r in problem.recordings for s in r.sources}
-    return Identification(
-        method=method_label(problem, method),
-        robot=problem.robot,
-        parameters=parameters,
-        names=problem.names,
-        expressions=problem.expressions,
-        theta=solution.theta,
-        covariance=covariance,
-        robust_covariance=robust_covariance,
-        formula_covariance=solution.covariance,
-        converged=converged,
-        history=tuple(history),
-        joints=tuple(joints),
-        relative_error=relative_error,
-        condition=solution.condition,
-        recordings=tuple(recordings),
-        options=option_values(method) | {"mask": problem.mask},
-        warnings=tuple(noticed),
-        sources=sources,
-        version=__version__,
-        loop=simulated_loop(problem, method),
-    )
-
-
-def joint_fits(
-    problem: Problem,
-    errors: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]],
-    usable: int,
-    noise_std: np.ndarray,
-    noise_units: Sequence[str],
-    f50: np.ndarray,
-    encoder_std: np.ndarray,
-    orders: Sequence[int] = (),
-    at_bound: Sequence[bool] = (),
-) -> list[JointFit]:
-    """How each joint was fitted.
-
-    Args:
-        problem: what is given.
-        errors: for each recording τ - Φθ, τ and votes, each (joints, rows).
-        usable: rows that a joint would have without a mask.
-        noise_std: √λ of each joint.
-        noise_units: its unit.
-        f50: of the smoother [Hz], shape (joints,).
-        encoder_std: found by the smoother [rad or m], shape (joints,).
-        orders: of the noise models.
-        at_bound: whether the order is the largest allowed.
-    """
-    fits = []
-    squares_of_joints = np.sum([sum_of_squares(e, v) for e, _, v in errors], axis=0)
-    torque_of_joints = np.sum([sum_of_squares(t, v) for _, t, v in errors], axis=0)
-    for j, joint in enumerate(problem.robot.joints):
-        squares, torque = squares_of_joints[j], torque_of_joints[j]
-        rows = sum(int(v[j].sum()) for _, _, v in errors)
-        fits.append(
-            JointFit(
-                name=joint.name,
-                torque_unit="N m" if joint.kind == "revolute" else "N",
-                relative_error=float(np.sqrt(squares / max(torque, 1e-300))),
-                rms_error=float(np.sqrt(squares / max(rows, 1))),
-                noise_std=float(noise_std[j]),
-                noise_unit=noise_units[j],
-                ar_order=int(orders[j]) if len(orders) else 0,
-                ar_at_bound=bool(at_bound[j]) if len(at_bound) else False,
-                rows=rows,
-                masked=1.0 - rows / max(usable, 1),
-                f50=float(f50[j]),
-                encoder_std=float(encoder_std[j]),
-            )
-        )
-    return fits
-
-
-def sum_of_squares(signal: np.ndarray, votes: np.ndarray) -> np.ndarray:
-    """Sum of the squares of the samples that vote, shape (joints,).
-
-    Args:
-        signal: shape (joints, samples).
-        votes: likewise.
-    """
-    return np.array([np.sum(own[voted] ** 2) for own, voted in zip(signal, votes, strict=True)])
-
-
-def torque_units(problem: Problem) -> list[str]:
-    """N m or N, for each joint."""
-    return ["N m" if j.kind == "revolute" else "N" for j in problem.robot.joints]
-
-
-def position_units(problem: Problem) -> list[str]:
-    """Unit of each joint's position, rad or m."""
-    return ["rad" if j.kind == "revolute" else "m" for j in problem.robot.joints]
+    step = "Add a second, different motion, or estimate fewer parameters."
+    evidence = {"condition number": Quantity(float(solution.condition))}
+    return [Finding("warning", "motion", "ill-conditioned", text, "", step, evidence)]

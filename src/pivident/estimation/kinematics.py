@@ -68,6 +68,9 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         recording: the run.
         signals: the recipe.
 
+    Returns:
+        Positions, speeds, accelerations and torques on the valid samples.
+
     Raises:
         RecordingTooShort: fewer than `MIN_RUN` samples would remain between the ends.
         RecordingError: a cut-off that the recording's rate does not allow.
@@ -118,6 +121,13 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     if stop - start < MIN_RUN:
         raise RecordingTooShort(recording.samples, recording.samples - (stop - start) + MIN_RUN)
     return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines)
+
+
+def usable_samples(kinematics: Kinematics) -> np.ndarray:
+    """Samples between the ends that the smoother spoils, shape (joints, samples)."""
+    usable = np.zeros(kinematics.q.shape, bool)
+    usable[:, kinematics.start : kinematics.stop] = True
+    return usable
 
 
 def _aligned(recording: Recording, joint: int, align: bool) -> AlignedTorque:

@@ -2,37 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.decimated import DecimatedRecord, decimate_record, decimated_sums
-from pivident.estimation.decimated_answer import decimated_answer
-from pivident.estimation.full_rate import (
-    FullRateRecord,
-    accumulate,
-    records_without_instruments,
-)
-from pivident.estimation.full_rate_answer import full_rate_answer
+from pivident.estimation.answer import answer
+from pivident.estimation.decimated import decimate_record
+from pivident.estimation.equation_record import EquationRecord, accumulate
+from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Identification, Iteration
 from pivident.estimation.inner_signals import with_inner
-from pivident.estimation.iteration import relative_residual, torque_units
+from pivident.estimation.iteration import Estimate, Run, Say
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.load_dependence import (
     MAX_PASSES,
     estimate_without_load,
     has_settled,
 )
-from pivident.estimation.methods import Bandpass, LeastSquares
-from pivident.estimation.normal_equations import JointSums, Solution, solve
+from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
-from pivident.signals.prefilter import Prefilter
+from pivident.estimation.whitening import Prefilters
 
 
-def identify_ls(
-    problem: Problem, method: LeastSquares, say: Callable[[str], None]
-) -> Identification:
+def identify_ls(problem: Problem, method: LeastSquares, say: Say) -> Identification:
     """θ = (Σ ΦᵀΦ/λ_j)⁻¹ Σ Φᵀτ/λ_j, λ_j from each joint's own least squares (Gautier 1997).
 
     Biased where the positions were measured inside a feedback loop. Friction that grows with the
@@ -52,7 +45,7 @@ def least_squares_on(
     problem: Problem,
     method: LeastSquares,
     kinematics: Sequence[Kinematics],
-    say: Callable[[str], None],
+    say: Say,
 ) -> Identification:
     """The same on given motions and torques.
 
@@ -64,62 +57,48 @@ def least_squares_on(
     """
     limits = [problem.speed_limits(r) for r in problem.recordings]
     theta = estimate_without_load(problem, kinematics, limits)
-    history: list[Iteration] = []
-    for _ in range(MAX_PASSES):
+    run, settled = Run(), False
+    while not settled and len(run.history) < MAX_PASSES:
         known = [with_inner(problem.regressor, k, theta) for k in kinematics]
-        made = _made(problem, method, known, limits)
-        solution, variance = _solve(problem, method, made.sums)
-        residual = relative_residual(made.sums, solution.theta, variance)
-        change = 0.0 if theta is None else _change(solution.theta, theta)
-        history.append(Iteration(solution.theta, change, residual))
-        std = np.sqrt(np.diag(solution.covariance))
-        settled = theta is None or has_settled(solution.theta, theta, std)
-        if settled:
-            break
-        theta = solution.theta
-        say(f"load from estimate {len(history)}: parameters change by {100 * change:.3g} %")
-    if made.decimated:
-        return decimated_answer(
-            problem, method, made.decimated, made.sums, solution, variance, history, settled
-        )
-    return full_rate_answer(
-        problem,
-        method,
-        made.full,
-        [Prefilter()] * problem.robot.size,
-        made.sums,
-        solution,
-        variance,
-        history,
-        settled,
-        torque_units(problem),
-    )
+        estimate = _estimate(problem, method, _records(problem, method, known, limits))
+        settled, change = True, 0.0
+        if theta is not None:
+            std = np.sqrt(np.diag(estimate.solution.covariance))
+            settled = has_settled(estimate.theta, theta, std)
+            change = _change(estimate.theta, theta)
+        residual = relative_residual(estimate.sums, estimate.theta, estimate.variance)
+        made = Iteration(estimate.theta, change, residual)
+        run = Run((*run.history, made), settled)
+        theta = estimate.theta
+        if not settled:
+            say(f"load from estimate {len(run.history)}: parameters change by {100 * change:.3g} %")
+    return answer(problem, method, estimate, run)
 
 
-class _Equations(NamedTuple):
-    """Normal equations and the records that they are made of, decimated or at full rate."""
-
-    sums: list[JointSums]
-    decimated: list[DecimatedRecord]
-    full: list[FullRateRecord]
-
-
-def _made(
+def _records(
     problem: Problem,
     method: LeastSquares,
     kinematics: list[Kinematics],
     limits: list[np.ndarray],
-) -> _Equations:
-    regressor = problem.regressor
-    if isinstance(method.signals, Bandpass):
-        records = [
-            decimate_record(regressor, k, method.signals, lim)
-            for k, lim in zip(kinematics, limits, strict=True)
-        ]
-        return _Equations(decimated_sums(regressor, records), records, [])
-    full = records_without_instruments(kinematics, limits)
-    filters = [Prefilter()] * problem.robot.size
-    return _Equations(accumulate(regressor, full, filters), [], full)
+) -> Sequence[EquationRecord]:
+    """Equations of all recordings, decimated or at full rate."""
+    if not isinstance(method.signals, Bandpass):
+        return records_without_instruments(kinematics, limits)
+    return [
+        decimate_record(problem.regressor, k, method.signals, lim)
+        for k, lim in zip(kinematics, limits, strict=True)
+    ]
+
+
+def _estimate(
+    problem: Problem, method: LeastSquares, records: Sequence[EquationRecord]
+) -> Estimate:
+    """Solution with the weights 1/λ_j, or with a common λ."""
+    full_rate = isinstance(method.signals, RandomWalk)
+    prefilters = Prefilters.none(problem) if full_rate else Prefilters(())
+    sums = accumulate(problem.regressor, records, prefilters.filters)
+    solution, variance = _solve(problem, method, sums)
+    return Estimate(1, solution.theta, None, records, prefilters, sums, solution, variance)
 
 
 def _change(theta: np.ndarray, last: np.ndarray) -> float:

@@ -11,10 +11,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.full_rate import accumulate, records_without_instruments
+from pivident.estimation.equation_record import accumulate
+from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.inner_signals import with_inner
-from pivident.estimation.iteration import weighted_solution
 from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.normal_equations import weighted_solution
 from pivident.estimation.problem import Problem
 from pivident.signals.prefilter import Prefilter
 
@@ -34,7 +35,7 @@ def estimate_without_load(
     Args:
         problem: robot, recordings, parameters.
         kinematics: one for each recording.
-        limits: speeds below which a joint's samples do not vote, likewise.
+        limits: speeds below which a joint's samples are excluded, likewise.
 
     Returns:
         Parameters, shape (parameters,), zero for the friction left out; None where no column

@@ -6,7 +6,7 @@ The signal recipe belongs to the method, since methods are compared with differe
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal, get_args
+from typing import ClassVar, Literal, get_args
 
 import numpy as np
 
@@ -104,7 +104,7 @@ class AutoRegressive:
     Attributes:
         p_max: largest order tried.
         criterion: ``aic``, ``aicc`` or ``bic``.
-        on_unmasked: whether it is fitted on the rows that vote only.
+        on_unmasked: whether it is fitted on the rows in use only.
         motion_band: highest frequency of the motion [Hz]. Below it the residual of a measured
             record is mostly model error, and the noise level just above it is continued
             downwards (see ``continued_into_band``). ``auto``: 20 Hz or a quarter of the Nyquist
@@ -124,6 +124,22 @@ class AutoRegressive:
 
 
 @dataclass(frozen=True)
+class Repetition(AutoRegressive):
+    """AR noise model fitted to what does not repeat, for records in which the motion repeats.
+
+    Standard errors that the paper's formula gives with it would describe repeatability alone; those
+    of the sandwich contain the model error as it differs from one part of the record to the next.
+
+    Attributes:
+        motion_band: none is needed: model error is gone from the residual.
+        period: samples of a period of the reference; None: found from it.
+    """
+
+    motion_band: Literal["auto"] | float | None = None
+    period: int | None = None
+
+
+@dataclass(frozen=True)
 class Arma:
     """ARMA noise model by maximum likelihood (section 4.4 of the paper), of given orders.
 
@@ -133,7 +149,7 @@ class Arma:
     Attributes:
         ar_order: degree of the autoregressive part.
         ma_order: degree of the moving average.
-        on_unmasked: whether it is fitted on the rows that vote only.
+        on_unmasked: whether it is fitted on the rows in use only.
         largest_root: zeros of the moving average are kept inside this radius, so that the
             whitener forgets within a few thousand samples.
     """
@@ -165,6 +181,10 @@ class LeastSquares:
     weighted: bool = True
     signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
 
+    simulates_loop: ClassVar[bool] = False
+    weight_power: ClassVar[float] = 1.0
+    covariance: ClassVar[CovarianceKind] = "formula"
+
     @property
     def label(self) -> str:
         """Name as in the literature."""
@@ -184,6 +204,10 @@ class InstrumentalVariables:
     signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
     tolerance: float = 1e-2
     max_iterations: int = 20
+
+    simulates_loop: ClassVar[bool] = True
+    weight_power: ClassVar[float] = 1.0
+    covariance: ClassVar[CovarianceKind] = "formula"
 
     def __post_init__(self) -> None:
         _check_iteration(self.tolerance, self.max_iterations)
@@ -228,6 +252,8 @@ class PrefilteredIV:
     tolerance: float = 1e-2
     max_iterations: int = 20
 
+    simulates_loop: ClassVar[bool] = True
+
     def __post_init__(self) -> None:
         _check_iteration(self.tolerance, self.max_iterations)
         if self.prefilter not in ("controller", "direct"):
@@ -254,6 +280,11 @@ class PrefilteredIV:
             object.__setattr__(self, "noise", noise)
             object.__setattr__(self, "covariance", "formula")
             object.__setattr__(self, "start", "initial")
+
+    @property
+    def weight_power(self) -> float:
+        """w, power of λ in the weights: 1, or 2 as (P-22) and (P-28) are printed."""
+        return 2.0 if self.as_printed else 1.0
 
     @property
     def label(self) -> str:

@@ -12,7 +12,6 @@ import re
 import numpy as np
 
 from pivident.dynamics.forward import mass_matrix
-from pivident.dynamics.parameters import joint_label
 from pivident.errors import ExperimentError
 from pivident.estimation.problem import Problem
 from pivident.simulation.joint_loop import JointFeedback, JointLoop, joint_feedbacks
@@ -74,7 +73,7 @@ def _rotors(problem: Problem) -> list[str]:
 
 def _starts_elsewhere(problem: Problem, j: int) -> bool:
     """Whether an initial value stands for the rotor of a joint, alone or in a group."""
-    rotor = re.compile(rf"(?<!\w){re.escape(f'ia{joint_label(problem.robot, j)}')}(?!\w)")
+    rotor = re.compile(rf"(?<!\w){re.escape(f'ia{problem.robot.label(j)}')}(?!\w)")
     given = {name.lower().removesuffix("r") for name in problem.initial}
     return any(
         head.name.lower() in given and rotor.search(group)

@@ -45,7 +45,7 @@ class JointSums:
         window_zf: Zᵀ Φ of each window of time, shape (windows, k, k), see ``sandwich``.
         window_zt: Zᵀ τ likewise, shape (windows, k).
         tt: τᵀ τ.
-        rows: number of samples that voted.
+        rows: number of samples used.
     """
 
     name: str
@@ -75,7 +75,7 @@ class JointSums:
         phi: np.ndarray,
         z: np.ndarray | None,
         tau: np.ndarray,
-        votes: np.ndarray | None,
+        used: np.ndarray | None,
         shares: Sequence[Share] = (),
     ) -> None:
         """Add samples, time last.
@@ -84,28 +84,28 @@ class JointSums:
             phi: the joint's columns, shape (k, samples).
             z: instruments of the same shape; None: Z = Φ.
             tau: torque, shape (samples,).
-            votes: True where a sample votes, shape (samples,); None: all do.
+            used: True where a sample is used, shape (samples,); None: all are.
             shares: the windows that the samples belong to.
         """
         parts = [phi, tau[None]] if z is None else [phi, z, tau[None]]
-        self.add_stack(np.concatenate(parts), votes, shares)
+        self.add_stack(np.concatenate(parts), used, shares)
 
     def add_stack(
-        self, stack: np.ndarray, votes: np.ndarray | None, shares: Sequence[Share] = ()
+        self, stack: np.ndarray, used: np.ndarray | None, shares: Sequence[Share] = ()
     ) -> None:
         """Add samples whose columns, instruments and torque stand in one array.
 
         Args:
             stack: the joint's columns, its instruments (none: Z = Φ) and the torque, one below
                 the other, shape (k + 1, samples) or (2 k + 1, samples); overwritten.
-            votes: True where a sample votes, shape (samples,); None: all do.
+            used: True where a sample is used, shape (samples,); None: all are.
             shares: the windows that the samples belong to.
         """
         k, rows = self.columns.size, stack.shape[1]
-        if votes is not None and not votes.all():
-            # zeros add nothing to any sum, and cost less than picking the samples that vote
-            stack *= votes.astype(float)
-            rows = int(np.count_nonzero(votes))
+        if used is not None and not used.all():
+            # zeros add nothing to any sum, and cost less than picking the samples that are used
+            stack *= used.astype(float)
+            rows = int(np.count_nonzero(used))
         least_squares = len(stack) == k + 1
         phi, z = slice(0, k), slice(0, k) if least_squares else slice(k, 2 * k)
         parts = [share.part for share in shares] or [slice(None)]
@@ -152,7 +152,7 @@ class Solution:
         theta: parameters, shape (parameters,).
         covariance: (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters).
         condition: condition number of the column-scaled observation matrix.
-        weakest: parameters in the direction that the motion tells worst.
+        weakest: parameters in the least excited direction.
     """
 
     theta: np.ndarray
@@ -197,6 +197,45 @@ def solve(
     condition, weakest = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
     theta = np.linalg.solve(zf / outer, zt / scale) / scale
     return Solution(theta, np.linalg.inv(zz / outer) / outer, condition, weakest)
+
+
+def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
+    """λ_j: residual variance of each joint at θ, with its degrees of freedom, shape (joints,)."""
+    return np.array(
+        [
+            max(s.residual_sum(theta), 1e-30 * max(s.tt, 1e-300)) / max(s.rows - s.columns.size, 1)
+            for s in sums
+        ]
+    )
+
+
+def weighted_solution(
+    sums: Sequence[JointSums], names: Sequence[str], start: np.ndarray, weight_power: float
+) -> tuple[Solution, np.ndarray]:
+    """Solve with weights from the residual, twice, so that weights and estimate agree.
+
+    Args:
+        sums: normal equations.
+        names: parameter names.
+        start: parameters of the first weights.
+        weight_power: see ``solve``.
+
+    Returns:
+        The solution and the variances λ that belong to it.
+    """
+    theta = start
+    for _ in range(3):
+        variance = joint_variances(sums, theta)
+        solution = solve(sums, variance, names, weight_power)
+        theta = solution.theta
+    return solution, joint_variances(sums, theta)
+
+
+def relative_residual(sums: Sequence[JointSums], theta: np.ndarray, variance: np.ndarray) -> float:
+    """‖τ - Φθ‖/‖τ‖ over all joints, each weighted by 1/λ_j."""
+    error = sum(s.residual_sum(theta) / v for s, v in zip(sums, variance, strict=True))
+    total = sum(s.tt / v for s, v in zip(sums, variance, strict=True))
+    return float(np.sqrt(error / total)) if total > 0 else 0.0
 
 
 def _scales(gram: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """IDIM-PIV: instrumental variables with prefilters from the identified noise.
 
-Brunot, Janot, Young and Carrillo (2018). The torque residual of joint j is filtered by the
-inverse of the controller, which turns it back into encoder noise (P-26), and an AR model A_j of
+Brunot, Janot, Young and Carrillo (2018), section 4.3. The torque residual of joint j is filtered by
+the inverse of the controller, which turns it back into encoder noise (P-26), and an AR model A_j of
 what comes out whitens it, (P-29):
 
     L_j = λ_j^(-1/2) A_j(z⁻¹) C_j⁻¹(z⁻¹)
@@ -12,42 +12,78 @@ is applied to instruments, observation matrix and torque (D6). λ_j^-1 on both s
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.estimation.answer import answer, loop_warnings
 from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import (
     FullRateRecord,
-    accumulate,
     records_with_instruments,
     records_without_instruments,
 )
-from pivident.estimation.full_rate_answer import full_rate_answer
 from pivident.estimation.identification import Identification
-from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import (
-    iterate,
-    loop_warnings,
-    torque_units,
-    weighted_solution,
+    Estimate,
+    Pass,
+    Run,
+    Say,
+    Signals,
+    Simulated,
+    Steps,
+    initial_pass,
+    simulate,
+    solve,
 )
-from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import PrefilteredIV
-from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.normal_equations import weighted_solution
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_motion import SimulatedMotion
-from pivident.estimation.whitening import Whitening
+from pivident.estimation.whitening import Prefilters, Whitening
 
 #: Estimates before the one that may be the last: noise models come from the residuals of both.
 MIN_ESTIMATES = 2
 
 
-def identify_piv(
-    problem: Problem, method: PrefilteredIV, say: Callable[[str], None]
-) -> Identification:
-    """Iterate noise models, instruments and estimate.
+def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
+    """The iteration of section 4.3, until parameters and residual stand still.
+
+    1. Initialisation: θ⁰ from nominal values or least squares, noise filters H_j = 1.
+    2. Iteration: (a) simulate the auxiliary model with θ of the last estimate, which makes the
+       instruments; (b) solve (P-28) behind the prefilters; (c) noise models from its residual,
+       (P-29) and (P-30).
+
+    A simulation keeps one core busy: (c) goes on beside (a) of the next iteration.
+
+    Args:
+        steps: the parts: those of IDIM-PIV, or of IDIM-IV or DIDIM.
+        say: progress.
+
+    Returns:
+        The last estimate, and how the iteration went.
+    """
+    last, run = steps.start(), Run()
+    with ThreadPoolExecutor(1) as beside:
+        noise = beside.submit(steps.noise_models, last, last.theta)
+        for _ in range(steps.method.max_iterations):
+            simulated = simulate(steps.auxiliary, last)  # (a)
+            prefilters = noise.result()
+            if simulated.halvings:  # θ could not be simulated: the residual is that of another one
+                prefilters = steps.noise_models(last, simulated.theta)
+            last = estimate = solve(steps, last, simulated, prefilters)  # (b)
+            run = run.after(steps, estimate, simulated.halvings)
+            say(str(run))
+            if run.converged:
+                break
+            noise = beside.submit(steps.noise_models, estimate, estimate.theta)  # (c)
+    return estimate, run
+
+
+def identify_piv(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
+    """Iterate instruments, estimate and noise models.
 
     Args:
         problem: robot, recordings, loop, parameters.
@@ -60,74 +96,59 @@ def identify_piv(
         RankDeficientRegressor: the motion does not separate the parameters.
     """
     say(f"{method.label}: smoothing the records")
-    kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
-    auxiliary = AuxiliaryModel(problem, differences=True, kinematics=kinematics, torque=False)
-    limits = [problem.speed_limits(r) for r in problem.recordings]
-    whitening = Whitening(problem, method, kinematics)
-    power = 2.0 if method.as_printed else 1.0
-    regressor, first = problem.regressor, estimate_without_load(problem, kinematics, limits)
-    known = [with_inner(regressor, k, first) for k in kinematics]
-    made = {"records": records_without_instruments(known, limits)}
-    start = None
-    if method.start == "least-squares":
-        start = _least_squares(problem, made["records"], whitening, power)
-    estimates = 0 if start is None else 1
-    earliest = MIN_ESTIMATES + 1 - estimates
-
-    def prepare(k: int, theta: np.ndarray) -> None:
-        whitening.fit(k + estimates, theta, made["records"])
-
-    def stage(k: int, theta: np.ndarray, motions: list[SimulatedMotion]) -> list[JointSums]:
-        carried = theta if k or start is not None or first is None else first
-        made["records"] = records_with_instruments(
-            [with_inner(regressor, kin, carried) for kin in kinematics],
-            [with_inner(regressor, motion, carried) for motion in motions],
-            limits,
-        )
-        whitening.take_votes(made["records"])
-        may_be_last = k + 1 >= min(earliest, method.max_iterations)
-        return accumulate(
-            problem.regressor, made["records"], whitening.filters, by_window=may_be_last
-        )
-
-    sums, solution, variance, history, converged = iterate(
-        problem,
-        auxiliary,
-        stage,
-        method.tolerance,
-        method.max_iterations,
-        say,
-        power,
-        lambda: tuple(m.order for m in whitening.models),
-        earliest=earliest,
-        covariance=method.covariance,
-        start=start,
-        prepare=prepare,
+    signals = Signals.of(problem, method)
+    auxiliary = AuxiliaryModel(
+        problem, differences=True, kinematics=signals.kinematics, torque=False
     )
-    direct = method.prefilter == "direct"
-    return full_rate_answer(
-        problem,
-        method,
-        made["records"],
-        whitening.filters,
-        sums,
-        solution,
-        variance,
-        history,
-        converged,
-        torque_units(problem) if direct else whitening.units(),
-        power,
-        whitening.models,
-        whitening.at_bound,
-        [*loop_warnings(problem, sums, variance), *whitening.warnings()],
-        method.covariance,
-    )
+    whitening = Whitening.of(problem, method, signals.kinematics)
+    estimate, run = piv(PrefilteredSteps(signals, method, auxiliary, whitening), say)
+    warnings = loop_warnings(problem, estimate.sums, estimate.variance)
+    warnings += whitening.warnings(estimate.prefilters)
+    return answer(problem, method, estimate, run, warnings)
 
 
-def _least_squares(
-    problem: Problem, records: Sequence[FullRateRecord], whitening: Whitening, power: float
-) -> np.ndarray:
-    """IDIM-LS behind the inverse controllers: nearer to the answer than nominal values are."""
-    sums = accumulate(problem.regressor, records, whitening.filters, by_window=False)
-    start = problem.initial_values()
-    return weighted_solution(sums, problem.names, start, power)[0].theta
+@dataclass(frozen=True, eq=False)
+class PrefilteredSteps:
+    """The steps of IDIM-PIV."""
+
+    signals: Signals
+    method: PrefilteredIV
+    auxiliary: AuxiliaryModel
+    whitening: Whitening
+
+    earliest = MIN_ESTIMATES + 1
+    always_by_window = False
+
+    @property
+    def start_number(self) -> int:
+        """Whether least squares makes the first estimate."""
+        return int(self.method.start == "least-squares")
+
+    def start(self) -> Pass:
+        """θ⁰: IDIM-LS behind the inverse controllers, nearer to the answer than nominal values."""
+        problem, signals = self.signals.problem, self.signals
+        nominal = initial_pass(problem, self.whitening.initial())
+        if not self.start_number:
+            return nominal
+        records = records_without_instruments(
+            signals.measured(signals.without_load), signals.limits
+        )
+        sums = accumulate(problem.regressor, records, nominal.prefilters.filters, by_window=False)
+        power = self.method.weight_power
+        theta = weighted_solution(sums, problem.names, nominal.theta, power)[0].theta
+        return Pass(1, theta, nominal.theta, records, nominal.prefilters)
+
+    def noise_models(self, last: Pass, theta: np.ndarray) -> Prefilters:
+        """Step (c): inverse controllers and whiteners of what they leave of the residual."""
+        return self.whitening.fitted(last.prefilters, last.number, theta, last.records)
+
+    def equations(
+        self, last: Pass, simulated: Simulated, prefilters: Prefilters
+    ) -> tuple[Sequence[FullRateRecord], Prefilters]:
+        """Φ(q̂), Z = Φ(q_s) and τ of all recordings."""
+        signals, load = self.signals, self.signals.load(last.number, simulated.theta)
+        records = records_with_instruments(
+            signals.measured(load), signals.simulated(simulated.motions, load), signals.limits
+        )
+        prefilters.exclude(signals.problem, records)
+        return records, prefilters

@@ -8,81 +8,26 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import Literal
 
 import numpy as np
 
-from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.base_parameters import (
+    BaseParameters,
+    base_parameters,
+    parameter_index,
+)
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.robot.naming import nearest
-from pivident.simulation.controllers import Controller, FeedForward
+from pivident.simulation.control_loop import Loop
 from pivident.text import display
 
-if TYPE_CHECKING:
-    from pivident.control_law.identified_law import ControllerIdentification
-    from pivident.control_law.reference_reconstruction import ReconstructedReference
-    from pivident.control_law.unknown_loop import Feedback
-
-#: Share of the rated speed below which rows do not vote on measured records.
+#: Share of the rated speed below which rows are excluded on measured records.
 LOW_SPEED = 0.01
-
-
-@dataclass(frozen=True, eq=False)
-class Loop:
-    """The control loop that a record was taken in.
-
-    Attributes:
-        controller: the sampled control law.
-        drive_gain: joint torque per controller output, shape (joints,) or a scalar.
-        limit: largest controller output, shape (joints,) or a scalar; infinite without one.
-        reference: ``recorded``: the log holds q_ref; ``smoothed``: it does not, and the
-            smoothed measurement takes its place. Such a loop is virtual: it only has to carry
-            the simulation along the motion, and the instruments then depend on the noise that
-            the smoother let through.
-        feed_forward: ``gravity`` or ``computed_torque``: the controller adds the inverse
-            dynamics of the reference with the robot's nominal parameters, at rest or in motion;
-            ``gravity_measured``: it adds the weight of the nominal links at the measured position.
-        identified: where the law comes from, if it was identified.
-        feedback: where it comes from, joint by joint, if it was told from the noise in the loop.
-        reconstructed: where the references come from, one for each recording.
-        notes: sentences about law and reference that belong to every result.
-    """
-
-    controller: Controller
-    drive_gain: np.ndarray | float = 1.0
-    limit: np.ndarray | float = np.inf
-    reference: Literal["recorded", "smoothed"] = "recorded"
-    feed_forward: FeedForward = "none"
-    identified: ControllerIdentification | None = None
-    feedback: tuple[Feedback, ...] = ()
-    reconstructed: tuple[ReconstructedReference, ...] = ()
-    notes: tuple[str, ...] = ()
-
-    def __post_init__(self) -> None:
-        if not hasattr(self.controller, "law"):
-            raise ExperimentError(
-                f"controller of the loop is {self.controller!r}; give a control law, such as "
-                "PD(kp=…, kd=…)"
-            )
-        for name, choices in (
-            ("reference", ("recorded", "smoothed")),
-            ("feed_forward", get_args(FeedForward)),
-        ):
-            if getattr(self, name) not in choices:
-                raise ExperimentError(
-                    f"{name} of the loop is {getattr(self, name)!r}; choose one of "
-                    f"{', '.join(choices)}"
-                )
-
-    @property
-    def found(self) -> bool:
-        """Whether law or reference were found from the record."""
-        return self.identified is not None or bool(self.feedback or self.reconstructed)
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +40,10 @@ class Problem:
         loop: the control loop; only IV and PIV need it.
         parameters: names of the base parameters to estimate (with or without the trailing
             ``r``); None: all of them.
-        mask: ``auto``: rows of a joint below 1 % of its rated speed do not vote on measured
-            records; on simulated ones they do, unless PIV finds its residual much noisier there
-            than in motion. A number: that share of the rated speed. None or 0: all rows vote.
+        mask: ``auto``: rows of a joint below 1 % of its rated speed are excluded on measured
+            records; on simulated ones they are used, unless PIV finds its residual much noisier
+            there than in motion. A number: that share of the rated speed. None or 0: all rows are
+            used.
         initial: starting values by parameter name; base parameters not named start at their
             nominal value, frictions at zero.
     """
@@ -181,7 +127,7 @@ class Problem:
         return tuple(expressions[k] for k in self.selection)
 
     def speed_limits(self, recording: Recording) -> np.ndarray:
-        """Speed below which joints of a recording do not vote [rad/s or m/s], shape (joints,)."""
+        """Speed below which samples of a joint are excluded [rad/s or m/s], shape (joints,)."""
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED
@@ -215,6 +161,16 @@ class Problem:
         return values[list(self.selection)]
 
 
+def torque_units(problem: Problem) -> list[str]:
+    """N m or N, for each joint."""
+    return ["N m" if j.kind == "revolute" else "N" for j in problem.robot.joints]
+
+
+def position_units(problem: Problem) -> list[str]:
+    """Unit of each joint's position, rad or m."""
+    return ["rad" if j.kind == "revolute" else "m" for j in problem.robot.joints]
+
+
 def _selection(base: BaseParameters, names: Sequence[str] | None) -> tuple[int, ...]:
     """Indices of the chosen base parameters, in the base set's order."""
     if names is None:
@@ -226,21 +182,3 @@ def _selection(base: BaseParameters, names: Sequence[str] | None) -> tuple[int, 
     if not chosen:
         raise ExperimentError("the list of parameters is empty; leave it out to estimate all")
     return tuple(sorted(chosen))
-
-
-def parameter_index(base: BaseParameters, name: str) -> int:
-    """Index of a base parameter by its name.
-
-    Args:
-        base: the base parameters.
-        name: with or without the trailing ``r``.
-
-    Raises:
-        ExperimentError: names the nearest ones that there are.
-    """
-    try:
-        return base.index(name)
-    except KeyError:
-        bare = name.lower().removesuffix("r")
-        heads = [p.name for p in base.parameters]
-        raise ExperimentError(f"no base parameter {name!r}; {nearest(bare, heads)}") from None

@@ -1,23 +1,75 @@
-"""Negative frictions and rotor inertias: one by one a remark each, all of a joint one cause.
+"""Negative frictions and rotor inertias, which physics excludes.
 
-A torque whose sign is reversed turns every parameter around. Saying so once helps; saying of each
-parameter that it cannot be negative hides it.
+A torque whose sign is reversed changes the sign of every parameter of its joint: then one warning
+names the joint, and none the single parameters.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
+from pivident.text.finding import Finding, Quantity
+from pivident.text.numbers import plus_minus
 
 #: Share of a joint's frictions and rotor inertias that has to be negative for a reversed sign.
 NEARLY_ALL = 0.75
 
-#: Deviations below zero from which a sign is no accident.
+#: Standard errors below zero from which a sign is no accident.
 _CLEAR = 2.0
+
+
+@dataclass(frozen=True)
+class NegativeParameter:
+    """An estimate below zero of what cannot be negative.
+
+    Attributes:
+        parameter: head of the estimated group.
+        name: name of the group.
+        value: estimate [unit of the parameter].
+        std: its standard error.
+    """
+
+    parameter: Parameter
+    name: str
+    value: float
+    std: float
+
+    @property
+    def is_certain(self) -> bool:
+        """Whether it is significantly negative: θ + 2σ < 0."""
+        return self.value + _CLEAR * self.std < 0.0
+
+    @property
+    def quantity(self) -> Quantity:
+        """The estimate with ±2σ."""
+        interval = (self.value - 2.0 * self.std, self.value + 2.0 * self.std)
+        return Quantity(self.value, self.parameter.unit, bound=0.0, interval=interval)
+
+    def __str__(self) -> str:
+        return f"{self.name} = {plus_minus(self.value, 2 * self.std)} {self.parameter.unit}"
+
+
+def negative_parameters(
+    parameters: Sequence[Parameter], names: Sequence[str], theta: np.ndarray, std: np.ndarray
+) -> list[NegativeParameter]:
+    """Frictions and rotor inertias that were estimated below zero.
+
+    Args:
+        parameters: heads of the estimated groups.
+        names: names of the groups.
+        theta: estimates, shape (parameters,).
+        std: their standard errors.
+    """
+    return [
+        NegativeParameter(p, name, float(value), float(s))
+        for p, name, value, s in zip(parameters, names, theta, std, strict=True)
+        if p.is_dissipative and value < 0
+    ]
 
 
 def reversed_joints(
@@ -31,10 +83,12 @@ def reversed_joints(
         theta: estimates, shape (parameters,).
         std: their standard deviations.
     """
+    names = [p.stem for p in parameters]
+    negative = negative_parameters(parameters, names, theta, std)
 
     def reversed_(joints: Sequence[int]) -> bool:
-        own = [k for k, p in enumerate(parameters) if p.joint in joints and p.is_dissipative]
-        clear = [k for k in own if theta[k] < -_CLEAR * std[k]]
+        own = [p for p in parameters if p.joint in joints and p.is_dissipative]
+        clear = [p for p in negative if p.is_certain and p.parameter.joint in joints]
         return len(clear) >= 2 and len(clear) >= NEARLY_ALL * len(own)
 
     everyone = tuple(range(robot.size))
@@ -47,8 +101,8 @@ def sign_warnings(
     names: Sequence[str],
     theta: np.ndarray,
     std: np.ndarray,
-) -> list[str]:
-    """Sentences about parameters that physics wants positive and the data made negative.
+) -> list[Finding]:
+    """Parameters that physics wants positive and the data made negative.
 
     Args:
         robot: the robot.
@@ -58,24 +112,37 @@ def sign_warnings(
         std: their standard deviations.
     """
     joints = reversed_joints(robot, parameters, theta, std)
-    sentences = []
+    found = []
     if joints and len(joints) == robot.size:
-        sentences.append(
-            "All signs are reversed: nearly all frictions and rotor inertias are negative. Flip "
-            "tau: units = {tau = -1.0} where it is in N m or N, otherwise a negative gain."
-        )
+        text = "All signs are reversed: nearly all frictions and rotor inertias are negative."
+        step = "Flip tau: units = {tau = -1.0} where it is in N m or N, otherwise a negative gain."
+        found.append(Finding("warning", "signs", "all reversed", text, next_step=step))
     elif joints:
         reversed_names = ", ".join(robot.joints[j].name for j in joints)
-        sentences.append(
+        text = (
             f"The signs of {reversed_names} seem to be reversed: nearly all frictions and rotor "
-            "inertias there are negative. Flip tau or q of these joints: a list under units, -1.0 "
-            "in place of N m, N, rad or m."
+            "inertias there are negative."
         )
-    return sentences + [
-        f"{name} = {value:.3g} {p.unit} is negative; friction and rotor inertia cannot be "
-        f"({abs(value) / max(s, 1e-300):.1f} standard deviations below zero). Look at the "
-        "low-speed mask, the signs of the torque and the friction law"
-        + ("; a simulated loop takes it as zero." if p.friction is not None else ".")
-        for p, name, value, s in zip(parameters, names, theta, std, strict=True)
-        if p.is_dissipative and value < 0 and p.joint not in joints
+        step = (
+            "Flip tau or q of these joints: a list under units, -1.0 in place of N m, N, rad or m."
+        )
+        found.append(Finding("warning", "signs", "reversed", text, reversed_names, step))
+    return found + [
+        _warning(p)
+        for p in negative_parameters(parameters, names, theta, std)
+        if p.parameter.joint not in joints
     ]
+
+
+def _warning(negative: NegativeParameter) -> Finding:
+    """A single parameter below zero."""
+    below = abs(negative.value) / max(negative.std, 1e-300)
+    text = (
+        f"{negative.name} = {negative.value:.3g} {negative.parameter.unit} is negative; friction "
+        f"and rotor inertia cannot be ({below:.1f} standard errors below zero)."
+    )
+    step = "Look at the low-speed mask, the signs of the torque and the friction law"
+    if negative.parameter.friction is not None:
+        step += "; a simulated loop takes it as zero"
+    evidence = {negative.name: negative.quantity}
+    return Finding("warning", "signs", "negative", text, negative.name, f"{step}.", evidence)

@@ -1,10 +1,10 @@
-"""Standstill that is noisier than motion, and loses its votes.
+"""Standstill that is noisier than motion, and is excluded.
 
 Near standstill the friction law is steep, Coulomb's term multiplies what noise the smoothed speed
-has left, and the residual is not the encoder noise that prefilters and deviations are made for.
-Its weight by inverse variance would be small, and most of what it tells is bias. On measured
-records the mask takes those votes, for the sake of the friction model; on simulated ones, where
-standstill may be worth as much as motion, the residual decides joint by joint.
+has left, and the residual is not the encoder noise that prefilters and standard errors are made
+for. Its weight by inverse variance would be small, and most of what it adds is bias. On measured
+records the mask excludes those samples, for the sake of the friction model; on simulated ones,
+where standstill may be worth as much as motion, the residual decides joint by joint.
 """
 
 from __future__ import annotations
@@ -13,13 +13,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.estimation.full_rate import BLOCK, FullRateRecord
+from pivident.estimation.equation_record import EquationRecord
+from pivident.estimation.full_rate import BLOCK
 from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.problem import Problem
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
-#: Ratio of variances, standstill to motion, from which on slow samples do not vote: their weight
+#: Ratio of variances, standstill to motion, from which on slow samples are excluded: their weight
 #: by inverse variance would be below a tenth.
 NOISY_STANDSTILL = 10.0
 
@@ -35,7 +36,7 @@ def decided_by_residual(problem: Problem) -> bool:
 def noisy_standstill(
     problem: Problem,
     filters: Sequence[Prefilter],
-    records: Sequence[FullRateRecord],
+    records: Sequence[EquationRecord],
     residuals: Sequence[np.ndarray],
 ) -> np.ndarray:
     """Joints whose filtered residual is much larger at standstill than in motion.
@@ -76,11 +77,11 @@ def noisy_standstill(
     return enough & (still > NOISY_STANDSTILL * moving)
 
 
-def slow_samples(problem: Problem, record: FullRateRecord) -> np.ndarray:
+def slow_samples(problem: Problem, record: EquationRecord) -> np.ndarray:
     """Samples at which the instruments stand still, shape (joints, samples)."""
     source = record.kinematics if record.motion is None else record.motion
     low = problem.low_speeds(record.kinematics.recording)
-    samples = record.votes.shape[1]
+    samples = record.used.shape[1]
     slow = np.empty((len(low), samples), bool)
     for first in range(0, samples, BLOCK):
         span = slice(first, min(first + BLOCK, samples))
@@ -88,13 +89,13 @@ def slow_samples(problem: Problem, record: FullRateRecord) -> np.ndarray:
     return slow
 
 
-def without_recent(votes: np.ndarray, length: int) -> np.ndarray:
-    """Votes of samples that have only voters among themselves and the ``length`` before them.
+def without_recent(used: np.ndarray, length: int) -> np.ndarray:
+    """Samples in use that have none but such among the ``length`` samples before them.
 
     Args:
-        votes: shape (samples,); before the first sample nobody votes.
+        used: shape (samples,); before the first sample none is.
         length: memory of a filter in samples.
     """
-    index = np.arange(votes.size)
-    latest = np.maximum.accumulate(np.where(votes, -1, index))
+    index = np.arange(used.size)
+    latest = np.maximum.accumulate(np.where(used, -1, index))
     return index - latest > length

@@ -23,10 +23,12 @@ from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.errors import IdentificationFileError, PividentError
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA
+from pivident.estimation.method_options import method_of_options
 from pivident.files import regular_file
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.robot_values import Finite, Name, RobotValues, Values, made_robot, problem_text
+from pivident.text.finding import Finding, Quantity, Severity
 
 #: Larger files are not identifications [bytes].
 MAX_FILE = 2**27
@@ -84,6 +86,28 @@ class IterationValues(Values):
     ar_orders: list[int]
 
 
+class QuantityValues(Values):
+    """A number behind a warning."""
+
+    value: Known
+    unit: str = ""
+    bound: Known = None
+    interval: tuple[Known, Known] | None = None
+
+
+class WarningValues(Values):
+    """What the estimator noticed."""
+
+    severity: Severity
+    topic: str
+    kind: str
+    message: str
+    subject: str = ""
+    next_step: str = ""
+    evidence: Annotated[dict[str, QuantityValues], Field(default_factory=dict)]
+    basis: str = ""
+
+
 class FileContent(Values):
     """The whole file."""
 
@@ -103,7 +127,7 @@ class FileContent(Values):
     controller: list[dict[str, Any]] | None
     reference: list[dict[str, Any]] | None
     options: dict[str, Any]
-    warnings: list[str]
+    warnings: list[WarningValues | str]
     sources: dict[str, str]
     version: str
     robot_description: RobotValues | None = None
@@ -242,7 +266,8 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         condition=_number(content.condition, math.inf),
         recordings=(),
         options=content.options,
-        warnings=tuple(content.warnings),
+        method_used=method_of_options(content.options),
+        warnings=tuple(map(_warning, content.warnings)),
         sources=content.sources,
         version=content.version,
         torque_sums=_torque_sums(content.torque_sums, base),
@@ -339,3 +364,21 @@ def _number(value: float | None, unknown: float = math.nan) -> float:
 
 def _repair(problem: str) -> str:
     return f"{problem}; the file is damaged or was changed by hand, identify again"
+
+
+def _warning(stored: WarningValues | str) -> Finding:
+    """A warning of a file; older files hold sentences."""
+    if isinstance(stored, str):
+        return Finding("warning", "estimator", "stored", stored)
+    evidence = {name: _quantity(own) for name, own in stored.evidence.items()}
+    return Finding(**dict(stored) | {"evidence": evidence})
+
+
+def _quantity(stored: QuantityValues) -> Quantity:
+    interval = stored.interval
+    return Quantity(
+        _number(stored.value),
+        stored.unit,
+        stored.bound,
+        None if interval is None else (_number(interval[0]), _number(interval[1])),
+    )

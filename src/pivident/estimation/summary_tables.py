@@ -5,8 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Mapping, Sequence
 
-from pivident.control_law.identified_law import ControllerIdentification
-from pivident.control_law.law_gravity import PLACE_TEXTS
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
@@ -36,89 +34,22 @@ def identification_table(identification: Identification) -> str:
     rows = parameter_rows(identification)
     spreads = [with_spread(row.value, 2.0 * row.std) for row in rows]
     columns = [
-        _column("parameter", [row.name for row in rows], "<"),
-        _column("value", [value for value, _ in spreads], "."),
-        _column("±2σ", [spread for _, spread in spreads], "."),
-        _column("σ/|θ| %", [format_significant(row.relative_std, 2) for row in rows], "."),
-        _column("unit", [row.unit for row in rows], "<"),
+        column("parameter", [row.name for row in rows], "<"),
+        column("value", [value for value, _ in spreads], "."),
+        column("±2σ", [spread for _, spread in spreads], "."),
+        column("σ/|θ| %", [format_significant(row.relative_std, 2) for row in rows], "."),
+        column("unit", [row.unit for row in rows], "<"),
     ]
     if identification.covariance is not identification.robust_covariance:
-        robust = _column("robust σ", [format_significant(row.robust_std, 2) for row in rows], ".")
+        robust = column("robust σ", [format_significant(row.robust_std, 2) for row in rows], ".")
         columns.insert(-1, robust)
-    taken = sum(len(column[0]) + len(_GAP) for column in columns)
+    taken = sum(len(own[0]) + len(_GAP) for own in columns)
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
-    columns.append(_column("group", [shortened(row.expression, room) for row in rows], "<"))
-    parts = [headline(identification), _lines(columns), _joint_table(identification)]
+    columns.append(column("group", [shortened(row.expression, room) for row in rows], "<"))
+    parts = [headline(identification), lines_of(columns), _joint_table(identification)]
     parts.append(f"{rows_line(identification)}\n{friction_line(identification)}")
-    parts += [f"Warning: {text}" for text in identification.warnings]
+    parts += [f"Warning: {warning.advised}" for warning in identification.warnings]
     return "\n\n".join(parts)
-
-
-def controller_table(found: ControllerIdentification) -> str:
-    """An identified control law: gains with intervals, differentiator, fit, for each joint.
-
-    Where laws compensate gravity, their gravity models come as a second table.
-
-    Args:
-        found: the law.
-    """
-    names = list(dict.fromkeys(term for law in found.joints for term in law.terms))
-    columns = [_column("joint", [law.name for law in found.joints], "<")]
-    for term in names:
-        spreads = [
-            with_spread(law.gain(term), 2.0 * law.std[law.terms.index(term)])
-            if term in law.terms
-            else ("", "")
-            for law in found.joints
-        ]
-        columns.append(_column(term, [value for value, _ in spreads], "."))
-        columns.append(_column("±2σ", [spread for _, spread in spreads], "."))
-    speeds = [
-        differentiator_text(law.averaged, law.derivative_time, law.derivative_time_std)
-        for law in found.joints
-    ]
-    columns.append(_column("speed", speeds, "<"))
-    errors = [format_significant(100.0 * law.relative_error, 2) for law in found.joints]
-    columns.append(_column("error %", errors, "."))
-    columns.append(_column("saturated", [str(law.saturated) for law in found.joints], ">"))
-    head = f"Control law of {', '.join(found.recordings)}, output per rad or m, rad/s or m/s, …"
-    parts = [head, _lines(columns), *_gravity_tables(found)]
-    return "\n\n".join([*parts, *(f"Warning: {t}" for t in found.warnings)])
-
-
-def _gravity_tables(found: ControllerIdentification) -> list[str]:
-    """What each joint's law takes for the robot's weight; nothing where none compensates it."""
-    rows = [
-        (law.name, PLACE_TEXTS[own.place], p.name, *with_spread(value, 2.0 * std), p.unit)
-        for law in found.joints
-        if (own := law.gravity) is not None
-        for p, value, std in zip(own.parameters, own.values, own.std, strict=True)
-    ]
-    if not rows:
-        return []
-    titles = ("law of", "gravity at", "parameter", "value", "±2σ", "unit")
-    columns = [
-        _column(title, list(cells), side)
-        for title, side, cells in zip(titles, "<<<..<", zip(*rows, strict=True), strict=True)
-    ]
-    title = "Gravity that the law compensates, as its own model of the robot has it"
-    return [title, _lines(columns)]
-
-
-def differentiator_text(averaged: bool, time: float = 0.0, std: float = 0.0) -> str:
-    """How a law differentiates the position.
-
-    Args:
-        averaged: whether two-sample means are differenced.
-        time: lag T [s].
-        std: its standard deviation [s].
-    """
-    if averaged:
-        return "two-sample means"
-    if time == 0.0:
-        return "backward difference"
-    value, spread = with_spread(1e3 * time, 2e3 * std)
-    return f"lag {value} ± {spread} ms"
 
 
 def comparison_table(
@@ -133,12 +64,12 @@ def comparison_table(
     labels = method_labels(identifications)
     table = aligned_rows(identifications, truth)
     columns = [
-        _column("parameter", list(table), "<", top=""),
-        _column("unit", [_first(rows).unit for rows in table.values()], "<", top=""),
+        column("parameter", list(table), "<", top=""),
+        column("unit", [_first(rows).unit for rows in table.values()], "<", top=""),
     ]
     if truth:
         truths = [format_exact(_first(rows).truth) for rows in table.values()]
-        columns.append(_column("truth", truths, ".", top=""))
+        columns.append(column("truth", truths, ".", top=""))
     for k, label in enumerate(labels):
         rows = [entry[k] for entry in table.values()]
         columns += _method_columns(label, rows, errors=bool(truth))
@@ -146,13 +77,13 @@ def comparison_table(
     if len(identifications) > 1:
         differences = [largest_difference(rows)[0] for rows in table.values()]
         marks = [f"{format_significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
-        columns.append(_column("apart [σ]", marks, ".", top="largest"))
+        columns.append(column("apart [σ]", marks, ".", top="largest"))
     errors = ", ".join(
         f"{label} {percent(100.0 * i.relative_error)} ({error_rows(i)})"
         for label, i in zip(labels, identifications, strict=True)
     )
-    parts = [_lines(columns), f"relative error of the torque: {errors}"]
-    if len({is_decimated(i) for i in identifications}) > 1:
+    parts = [lines_of(columns), f"relative error of the torque: {errors}"]
+    if len({i.is_decimated for i in identifications}) > 1:
         parts.append(
             "  filtered rows have lost most of the noise that all samples still have; compare "
             "these errors among the same rows"
@@ -173,14 +104,9 @@ def headline(identification: Identification) -> str:
     )
 
 
-def is_decimated(identification: Identification) -> bool:
-    """Whether the method worked on low-passed and thinned rows rather than on all samples."""
-    return "decimation" in identification.options.get("signals", {})
-
-
 def rows_kind(identification: Identification) -> str:
     """Which rows a relative error of the torque is taken over, in two words."""
-    return "filtered rows" if is_decimated(identification) else "all samples"
+    return "filtered rows" if identification.is_decimated else "all samples"
 
 
 def error_rows(identification: Identification) -> str:
@@ -193,7 +119,7 @@ def error_rows(identification: Identification) -> str:
 def rows_line(identification: Identification) -> str:
     """What the rows are that the errors are taken over."""
     rows = f"Errors: over {error_rows(identification)}"
-    if is_decimated(identification):
+    if identification.is_decimated:
         return f"{rows}: low-passed and thinned, which takes most of the noise out of the torque"
     return f"{rows}, with all the noise of the logged torque"
 
@@ -225,17 +151,17 @@ def _joint_table(identification: Identification) -> str:
     joints = identification.joints
     orders = [f"{j.ar_order}{' (bound)' * j.ar_at_bound}" for j in joints]
     columns = [
-        _column("joint", [j.name for j in joints], "<"),
-        _column("error %", [format_significant(100.0 * j.relative_error, 2) for j in joints], "."),
-        _column("rms error", [format_significant(j.rms_error) for j in joints], "."),
-        _column("unit", [j.torque_unit for j in joints], "<"),
-        _column("noise σ", [format_significant(j.noise_std) for j in joints], "."),
-        _column("unit", [j.noise_unit for j in joints], "<"),
-        _column("AR order", orders, "<"),
-        _column("rows", [str(j.rows) for j in joints], ">"),
-        _column("masked %", [f"{100.0 * j.masked:.1f}" for j in joints], ">"),
+        column("joint", [j.name for j in joints], "<"),
+        column("error %", [format_significant(100.0 * j.relative_error, 2) for j in joints], "."),
+        column("rms error", [format_significant(j.rms_error) for j in joints], "."),
+        column("unit", [j.torque_unit for j in joints], "<"),
+        column("noise σ", [format_significant(j.noise_std) for j in joints], "."),
+        column("unit", [j.noise_unit for j in joints], "<"),
+        column("AR order", orders, "<"),
+        column("rows", [str(j.rows) for j in joints], ">"),
+        column("masked %", [f"{100.0 * j.masked:.1f}" for j in joints], ">"),
     ]
-    return _lines(columns)
+    return lines_of(columns)
 
 
 def _method_columns(
@@ -245,12 +171,12 @@ def _method_columns(
     values = ["" if r is None else with_spread(r.value, 2.0 * r.std)[0] for r in rows]
     relative = ["" if r is None else format_significant(r.relative_std, 2) for r in rows]
     columns = [
-        _column("value", values, ".", top=label),
-        _column("σ %", relative, ".", top=""),
+        column("value", values, ".", top=label),
+        column("σ %", relative, ".", top=""),
     ]
     if errors:
         error = ["" if r is None else format_significant(r.error_percent, 2) for r in rows]
-        columns.append(_column("error %", error, ".", top=""))
+        columns.append(column("error %", error, ".", top=""))
     return columns
 
 
@@ -258,7 +184,7 @@ def _first(rows: Sequence[ParameterRow | None]) -> ParameterRow:
     return next(row for row in rows if row is not None)
 
 
-def _column(title: str, cells: Sequence[str], align: str, top: str | None = None) -> list[str]:
+def column(title: str, cells: Sequence[str], align: str, top: str | None = None) -> list[str]:
     """Head and cells padded to one width; ``align`` is <, > or . for the decimal points."""
     body = _on_decimal_point(cells) if align == "." else list(cells)
     head = [title] if top is None else [top, title]
@@ -274,5 +200,6 @@ def _on_decimal_point(cells: Sequence[str]) -> list[str]:
     return [cell + " " * (widest - tail) for cell, tail in zip(cells, tails, strict=True)]
 
 
-def _lines(columns: Sequence[Sequence[str]]) -> str:
+def lines_of(columns: Sequence[Sequence[str]]) -> str:
+    """Columns of equal height side by side, as lines."""
     return "\n".join(_GAP.join(cells).rstrip() for cells in zip(*columns, strict=True))

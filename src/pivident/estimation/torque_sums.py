@@ -1,6 +1,6 @@
 """Torque error of any parameters from sums over the fitted record, without its signals.
 
-Over the rows that voted, with all base parameters β as columns of Φ and W = 1/rms² of each joint,
+Over the rows in use, with all base parameters β as columns of Φ and W = 1/rms² of each joint,
 
     G = ΦᵀWΦ,   g = ΦᵀWτ,   t = τᵀWτ,        ‖τ - Φβ‖²_W = t - 2 gᵀβ + βᵀGβ
 
@@ -136,17 +136,17 @@ def torque_sums(identification: Identification) -> TorqueSums:
         inner = everything.inner(recording.q.T, recording.dq.T, recording.ddq.T, theta)
         for start in range(0, recording.t.size, BLOCK):
             part = slice(start, min(start + BLOCK, recording.t.size))
-            votes, residual = _votes(recording, part)
+            used, residual = _used(recording, part)
             q, dq, ddq = (x[part].T for x in (recording.q, recording.dq, recording.ddq))
             packed = everything.packed(q, dq, ddq, inner=inner[:, part])
             for j in range(identification.robot.size):
                 columns = everything.columns_of(j)
-                phi = packed[everything.offsets[j] : everything.offsets[j + 1]] * votes[j]
+                phi = packed[everything.offsets[j] : everything.offsets[j + 1]] * used[j]
                 tau = theta[columns] @ phi + residual[j]
                 gram[np.ix_(columns, columns)] += weights[j] * (phi @ phi.T)
                 moment[columns] += weights[j] * (phi @ tau)
                 square += float(weights[j] * (tau @ tau))
-                rows += int(np.count_nonzero(votes[j]))
+                rows += int(np.count_nonzero(used[j]))
     return TorqueSums(gram, moment, square, rows)
 
 
@@ -181,8 +181,8 @@ def estimated_indices(identification: Identification, base: BaseParameters) -> n
         ) from None
 
 
-def _votes(recording: FittedRecording, part: slice) -> tuple[np.ndarray, np.ndarray]:
-    """Ones where a row votes, and the residual there, both (joints, samples)."""
-    votes = (~recording.mask[part]).T.astype(float)
+def _used(recording: FittedRecording, part: slice) -> tuple[np.ndarray, np.ndarray]:
+    """Ones where a row is used, and the residual there, both (joints, samples)."""
+    used = recording.used[part].T.astype(float)
     residual = (recording.tau[part] - recording.tau_model[part]).T
-    return votes, np.where(votes > 0.0, residual, 0.0)
+    return used, np.where(used > 0.0, residual, 0.0)

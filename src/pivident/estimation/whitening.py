@@ -1,7 +1,7 @@
 """Prefilters of IDIM-PIV: noise models from the residual, and the samples they can be used on.
 
 An AR model of the residual behind the inverse controller whitens it, (P-29). On simulated
-records a joint's standstill loses its votes where it is much noisier than the motion, and with it
+records a joint's standstill is excluded where it is much noisier than the motion, and with it
 the samples after it that are filtered with standstill in memory. On measured records the mask
 has done that, for the sake of the friction model, and the samples after it are worth more than
 their noise (held-out error of the TX40 record 5.92 % with, 6.82 % without them).
@@ -10,174 +10,33 @@ their noise (held-out error of the TX40 record 5.92 % with, 6.82 % without them)
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.full_rate import FullRateRecord, residual_of
-from pivident.estimation.iteration import position_units
-from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.methods import Arma, PrefilteredIV
+from pivident.estimation.equation_record import EquationRecord
+from pivident.estimation.full_rate import residual_of
+from pivident.estimation.kinematics import Kinematics, usable_samples
+from pivident.estimation.methods import Arma, PrefilteredIV, Repetition
 from pivident.estimation.problem import Problem
-from pivident.estimation.repetition import Repetition
 from pivident.estimation.standstill import (
     decided_by_residual,
     noisy_standstill,
     slow_samples,
     without_recent,
 )
+from pivident.recording.repeated_motion import repeated_motion
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
 from pivident.simulation.controllers import inverse_controller
+from pivident.text.finding import Finding
 from pivident.threads import run_in_threads
 
 #: The first estimate's residual decides on the AR orders: flips of the criterion must not go on
 #: changing the estimate. The models themselves are kept from the second one on: the residual
 #: hardly changes any more, and a filter that follows it only delays convergence.
 DECIDES_ORDERS, DECIDES_MODELS = 1, 2
-
-
-class Whitening:
-    """Prefilters of all joints, renewed from the residual at each iteration."""
-
-    def __init__(
-        self, problem: Problem, method: PrefilteredIV, kinematics: Sequence[Kinematics]
-    ) -> None:
-        self.problem, self.method, self.kinematics = problem, method, kinematics
-        n = problem.robot.size
-        ones = np.ones((n, 1))
-        self.numerator, self.denominator = ones, ones
-        if method.prefilter == "controller":
-            assert problem.loop is not None
-            rate = kinematics[0].recording.rate
-            self.numerator, self.denominator = inverse_controller(problem.loop.controller, rate, n)
-            gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
-            self.numerator = self.numerator / gain[:, None]
-        self.models: list[NoiseModel] = []
-        self.drop_standstill = np.zeros(n, bool)
-        self.at_bound: tuple[bool, ...] = (False,) * n
-        self.filters = [Prefilter(self.numerator[j], self.denominator[j]) for j in range(n)]
-        self._refuse_slow_filters()
-
-    def fit(self, number: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
-        """Fit the noise models to the residual of an estimate, unless they are settled.
-
-        Args:
-            number: of the estimate, counted from one; zero: there has been none, θ is a guess.
-            theta: the estimate, shape (parameters,).
-            records: all recordings with the instruments and votes that it was made with.
-        """
-        if DECIDES_ORDERS <= number <= DECIDES_MODELS:
-            self._fit(number, theta, records)
-
-    def take_votes(self, records: Sequence[FullRateRecord]) -> None:
-        """Take votes that would spoil the estimate: transients of filters, noisy standstill.
-
-        Args:
-            records: all recordings with their instruments; their votes are changed.
-        """
-        for record in records:
-            votes = record.votes
-            slow = slow_samples(self.problem, record) & self.drop_standstill[:, None]
-            votes[slow] = False
-            for j, prefilter in enumerate(self.filters):
-                votes[j, : prefilter.transient()] = False
-                if self.drop_standstill[j]:
-                    votes[j] = without_recent(votes[j], prefilter.transient())
-
-    def _refuse_slow_filters(self) -> None:
-        """Refuse filters that forget their start no faster than half a record.
-
-        Raises:
-            IdentificationError: names the joint and how long it takes.
-        """
-        longest = max(k.stop - k.start for k in self.kinematics)
-        for j, prefilter in enumerate(self.filters):
-            if prefilter.transient() > 0.5 * longest:
-                rate = self.kinematics[0].recording.rate
-                raise IdentificationError(
-                    f"the prefilter of joint {self.problem.robot.joint_names[j]!r}, the inverse of "
-                    f"its control law, takes {prefilter.transient() / rate:.2g} s to forget its "
-                    f"start, but the longest record has {longest / rate:.2g} s; the gains are that "
-                    'soft (kd/kp). Use prefilter = "direct", or check the gains'
-                )
-
-    def _fit(self, number: int, theta: np.ndarray, records: Sequence[FullRateRecord]) -> None:
-        """Noise models, filters, and the joints whose standstill is noisier than their motion."""
-        residuals = [residual_of(self.problem.regressor, k, theta) for k in self.kinematics]
-        if isinstance(self.method.noise, Repetition):
-            residuals = self.method.noise.non_repeating(residuals, self.kinematics)
-        n = self.problem.robot.size
-        models: list[NoiseModel | None] = [None] * n
-
-        def fit(j: int) -> None:
-            order = len(self.models[j].ar) - 1 if number > DECIDES_ORDERS else None
-            models[j] = self._fit_joint(j, residuals, records, order)
-
-        run_in_threads(fit, range(n))
-        self.models = [m for m in models if m is not None]
-        if number == DECIDES_ORDERS:  # later fits are given their order and cannot tell
-            self.at_bound = tuple(m.at_bound for m in self.models)
-        self.filters = [
-            Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
-            for j, m in enumerate(self.models)
-        ]
-        if decided_by_residual(self.problem) and not self.method.as_printed:
-            self.drop_standstill = noisy_standstill(self.problem, self.filters, records, residuals)
-
-    def _fit_joint(
-        self,
-        j: int,
-        residuals: Sequence[np.ndarray],
-        records: Sequence[FullRateRecord],
-        order: int | None,
-    ) -> NoiseModel:
-        """Model of one joint's residual behind the inverse controller, all recordings."""
-        pieces, left_out = [], []
-        inverse = Prefilter(self.numerator[j], self.denominator[j])
-        skip = inverse.transient()
-        for record, residual in zip(records, residuals, strict=True):
-            usable = slice(record.kinematics.start, record.kinematics.stop)
-            pieces.append(inverse.stream(1).process(residual[j : j + 1, usable])[0])
-            voters_only = self.method.noise.on_unmasked
-            out = ~record.votes[j, usable] & voters_only
-            out[:skip] = True
-            left_out.append(out)
-            pieces.append(np.zeros(1))  # recordings do not continue each other
-            left_out.append(np.ones(1, bool))
-        noise, residual, mask = self.method.noise, np.concatenate(pieces), np.concatenate(left_out)
-        if isinstance(noise, Arma):
-            return _arma_model(residual, mask, noise)
-        model = fit_ar(residual, noise.p_max, noise.criterion, order=order, mask=mask)
-        recording = self.kinematics[0].recording
-        changed = continued_into_band(model, recording.rate, noise.band(recording))
-        return NoiseModel(changed.coefficients, np.ones(1), model.at_bound)
-
-    def units(self) -> list[str]:
-        """Unit of the residual behind the inverse controller: the encoder's."""
-        return position_units(self.problem)
-
-    def warnings(self) -> list[str]:
-        """Sentences about noise models that did not come out as they were asked for."""
-        names = self.problem.robot.joint_names
-        return [
-            f"Noise model of joint {name!r}: {text}"
-            for name, m in zip(names, self.models, strict=False)
-            for text in m.warnings
-        ] + self._order_warning()
-
-    def _order_warning(self) -> list[str]:
-        """One sentence about all joints whose order is the largest allowed."""
-        joints = zip(self.problem.robot.joint_names, self.models, self.at_bound, strict=False)
-        bound = [(name, m.order) for name, m, at_bound in joints if at_bound]
-        if not bound or self.method.as_printed:
-            return []
-        return [
-            f"Noise models of {', '.join(name for name, _ in bound)}: the criterion is still "
-            f"falling at order {bound[0][1]}. Raise p_max or cap the smoother (f50_max) to see "
-            "whether the estimate depends on it."
-        ]
 
 
 @dataclass(frozen=True, eq=False)
@@ -200,6 +59,215 @@ class NoiseModel:
     def order(self) -> int:
         """Number of coefficients."""
         return len(self.ar) + len(self.ma) - 2
+
+
+@dataclass(frozen=True, eq=False)
+class Prefilters:
+    """L_j = A_j C_j⁻¹ of all joints, and the noise models that they come from.
+
+    Attributes:
+        filters: prefilter of each joint; none with decimated equations.
+        models: noise model of each joint; none before the first residual.
+        at_bound: whether each model's order is the largest allowed.
+        without_standstill: joints whose standstill is excluded, shape (joints,).
+        inverts_controller: whether what comes out has the unit of the positions.
+    """
+
+    filters: tuple[Prefilter, ...]
+    models: tuple[NoiseModel, ...] = ()
+    at_bound: tuple[bool, ...] = ()
+    without_standstill: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
+    inverts_controller: bool = False
+
+    @classmethod
+    def none(cls, problem: Problem) -> Prefilters:
+        """L_j = 1."""
+        n = problem.robot.size
+        return cls((Prefilter(),) * n, (), (), np.zeros(n, bool))
+
+    @property
+    def orders(self) -> tuple[int, ...]:
+        """Orders of the noise models."""
+        return tuple(m.order for m in self.models)
+
+    def exclude(self, problem: Problem, records: Sequence[EquationRecord]) -> None:
+        """Exclude samples that would bias the estimate: filter transients, noisy standstill.
+
+        Args:
+            problem: knows which speeds pass for standstill.
+            records: all recordings with their instruments; ``used`` of each is changed.
+        """
+        for record in records:
+            used = record.used
+            used[slow_samples(problem, record) & self.without_standstill[:, None]] = False
+            for j, prefilter in enumerate(self.filters):
+                used[j, : prefilter.transient()] = False
+                if self.without_standstill[j]:
+                    used[j] = without_recent(used[j], prefilter.transient())
+
+
+@dataclass(frozen=True, eq=False)
+class Whitening:
+    """How residuals are made white: inverse controllers, and the recipe of the noise models.
+
+    Attributes:
+        problem: what is given.
+        method: options of IDIM-PIV.
+        numerator: of each joint's inverse controller, shape (joints, coefficients).
+        denominator: likewise.
+    """
+
+    problem: Problem
+    method: PrefilteredIV
+    numerator: np.ndarray
+    denominator: np.ndarray
+
+    @classmethod
+    def of(
+        cls, problem: Problem, method: PrefilteredIV, kinematics: Sequence[Kinematics]
+    ) -> Whitening:
+        """Inverse controllers of a problem's loop, or ones for a ``direct`` prefilter.
+
+        Raises:
+            IdentificationError: an inverse controller forgets its start too slowly.
+        """
+        n = problem.robot.size
+        numerator = denominator = np.ones((n, 1))
+        if method.prefilter == "controller":
+            assert problem.loop is not None
+            rate = kinematics[0].recording.rate
+            numerator, denominator = inverse_controller(problem.loop.controller, rate, n)
+            gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
+            numerator = numerator / gain[:, None]
+        made = cls(problem, method, numerator, denominator)
+        made._refuse_slow_filters(kinematics)
+        return made
+
+    def inverse(self, j: int) -> Prefilter:
+        """C_j⁻¹ of a joint."""
+        return Prefilter(self.numerator[j], self.denominator[j])
+
+    def initial(self) -> Prefilters:
+        """Prefilters before there is a residual: L_j = C_j⁻¹, no noise model."""
+        n = self.problem.robot.size
+        filters = tuple(self.inverse(j) for j in range(n))
+        inverts = self.method.prefilter != "direct"
+        return Prefilters(filters, (), (False,) * n, np.zeros(n, bool), inverts)
+
+    def fitted(
+        self,
+        before: Prefilters,
+        number: int,
+        theta: np.ndarray,
+        records: Sequence[EquationRecord],
+    ) -> Prefilters:
+        """Prefilters from the residual (P-30) of an estimate; those before, once settled.
+
+        Args:
+            before: prefilters that the estimate was made with.
+            number: of the estimate, counted from one; zero: there has been none.
+            theta: the estimate, shape (parameters,).
+            records: all recordings with the instruments that it was made with.
+        """
+        if not DECIDES_ORDERS <= number <= DECIDES_MODELS:
+            return before
+        own = [replace(r.kinematics, inner=None) for r in records]  # with the load of θ
+        residuals = [residual_of(self.problem.regressor, k, theta) for k in own]
+        if isinstance(self.method.noise, Repetition):
+            motion = repeated_motion([k.recording for k in own], self.method.noise.period)
+            residuals = motion.split(residuals, [usable_samples(k) for k in own])[1]
+        n = self.problem.robot.size
+        models: list[NoiseModel | None] = [None] * n
+
+        def fit(j: int) -> None:
+            order = len(before.models[j].ar) - 1 if number > DECIDES_ORDERS else None
+            models[j] = self._model_of_joint(j, residuals, records, order)
+
+        run_in_threads(fit, range(n))
+        fitted = tuple(m for m in models if m is not None)
+        filters = tuple(
+            Prefilter(self.numerator[j], np.convolve(self.denominator[j], m.ma), m.ar)
+            for j, m in enumerate(fitted)
+        )
+        standstill = before.without_standstill
+        if decided_by_residual(self.problem) and not self.method.as_printed:
+            standstill = noisy_standstill(self.problem, filters, records, residuals)
+        at_bound = before.at_bound  # a later fit is given its order and does not know
+        if number == DECIDES_ORDERS:
+            at_bound = tuple(m.at_bound for m in fitted)
+        return replace(
+            before,
+            filters=filters,
+            models=fitted,
+            at_bound=at_bound,
+            without_standstill=standstill,
+        )
+
+    def warnings(self, prefilters: Prefilters) -> list[Finding]:
+        """Noise models that did not come out as they were asked for."""
+        names = self.problem.robot.joint_names
+        return [
+            Finding("warning", "noise model", "replaced", f"Noise model of {name!r}: {text}", name)
+            for name, m in zip(names, prefilters.models, strict=False)
+            for text in m.warnings
+        ] + self._order_warning(prefilters)
+
+    def _order_warning(self, prefilters: Prefilters) -> list[Finding]:
+        """Joints whose order is the largest allowed."""
+        names = self.problem.robot.joint_names
+        joints = zip(names, prefilters.models, prefilters.at_bound, strict=False)
+        bound = [(name, m.order) for name, m, at_bound in joints if at_bound]
+        if not bound or self.method.as_printed:
+            return []
+        text = (
+            f"Noise models of {', '.join(name for name, _ in bound)}: the criterion is still "
+            f"falling at order {bound[0][1]}."
+        )
+        step = (
+            "Raise p_max or cap the smoother (f50_max) to see whether the estimate depends on it."
+        )
+        return [Finding("warning", "noise model", "order at its bound", text, next_step=step)]
+
+    def _refuse_slow_filters(self, kinematics: Sequence[Kinematics]) -> None:
+        """Refuse filters that forget their start no faster than half a record."""
+        longest = max(k.stop - k.start for k in kinematics)
+        rate = kinematics[0].recording.rate
+        for j, name in enumerate(self.problem.robot.joint_names):
+            transient = self.inverse(j).transient()
+            if transient > 0.5 * longest:
+                raise IdentificationError(
+                    f"the prefilter of joint {name!r}, the inverse of its control law, takes "
+                    f"{transient / rate:.2g} s to forget its start, but the longest record has "
+                    f"{longest / rate:.2g} s; the gains are that soft (kd/kp). Use "
+                    'prefilter = "direct", or check the gains'
+                )
+
+    def _model_of_joint(
+        self,
+        j: int,
+        residuals: Sequence[np.ndarray],
+        records: Sequence[EquationRecord],
+        order: int | None,
+    ) -> NoiseModel:
+        """Model of one joint's residual behind the inverse controller, (P-29), all recordings."""
+        noise, pieces, left_out = self.method.noise, [], []
+        inverse = self.inverse(j)
+        skip = inverse.transient()
+        for record, residual in zip(records, residuals, strict=True):
+            usable = slice(record.kinematics.start, record.kinematics.stop)
+            pieces.append(inverse.stream(1).process(residual[j : j + 1, usable])[0])
+            out = ~record.used[j, usable] & noise.on_unmasked
+            out[:skip] = True
+            left_out.append(out)
+            pieces.append(np.zeros(1))  # recordings do not continue each other
+            left_out.append(np.ones(1, bool))
+        whole, mask = np.concatenate(pieces), np.concatenate(left_out)
+        if isinstance(noise, Arma):
+            return _arma_model(whole, mask, noise)
+        model = fit_ar(whole, noise.p_max, noise.criterion, order=order, mask=mask)
+        recording = records[0].kinematics.recording
+        changed = continued_into_band(model, recording.rate, noise.band(recording))
+        return NoiseModel(changed.coefficients, np.ones(1), model.at_bound)
 
 
 def _arma_model(residual: np.ndarray, mask: np.ndarray, noise: Arma) -> NoiseModel:

@@ -1,4 +1,5 @@
 """The experiment file: what was logged, on which machine, and what is to be estimated."""
 
-from pivident.experiment.experiment import Experiment as Experiment
-from pivident.experiment.experiment import load_experiment as load_experiment
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

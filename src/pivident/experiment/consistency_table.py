@@ -13,7 +13,10 @@ from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.schema import ExperimentFile
-from pivident.robot import Robot, load_robot, read_urdf
+from pivident.experiment.toml_file import errors_name, toml_content
+from pivident.robot.description import Robot
+from pivident.robot.gallery import load_robot
+from pivident.robot.urdf import read_urdf
 
 #: Frames of a reference may differ by rounding of their files [m, and elements of rotations].
 FRAME_TOLERANCE = 1e-4
@@ -129,8 +132,6 @@ def read_consistency(path: Path, robot: Robot) -> ConsistencyOptions:
     Raises:
         ExperimentError: it cannot be read, or its table cannot be used.
     """
-    from pivident.experiment.experiment import errors_name, toml_content
-
     with errors_name(path, ""):
         content = toml_content(path)
         if "consistency" not in content:

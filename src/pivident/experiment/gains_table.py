@@ -14,11 +14,12 @@ from pivident.drives.motor_temperature import (
     at_reference_temperature,
     identify_motor_temperature,
 )
-from pivident.experiment.experiment import Experiment, errors_name
+from pivident.experiment.experiment import Experiment
 from pivident.experiment.schema import ExperimentFile, GainsEntry, RecordingEntry
 from pivident.experiment.temperature import TEMPERATURE, with_temperature, without_temperature
+from pivident.experiment.toml_file import errors_name
+from pivident.logs.units import COMMAND, TORQUE, factor_to_si
 from pivident.recording.recording import Recording
-from pivident.recording.units import COMMAND, TORQUE, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
 
@@ -245,7 +246,7 @@ def _corrected(
     temperatures: Sequence[MotorTemperature],
 ) -> tuple[Recording, ...]:
     """The recordings at the reference temperature, as far as a coefficient is worth it."""
-    coefficients = [t.coefficient if t.worth else 0.0 for t in temperatures]
+    coefficients = [t.coefficient if t.is_significant else 0.0 for t in temperatures]
     reference = [t.reference for t in temperatures]
     given = [r.t for r in recordings] if warmth is None else warmth
     return tuple(

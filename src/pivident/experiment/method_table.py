@@ -19,8 +19,8 @@ from pivident.estimation.methods import (
     Method,
     PrefilteredIV,
     RandomWalk,
+    Repetition,
 )
-from pivident.estimation.repetition import Repetition
 from pivident.experiment.method_keys import IdentifyEntry, MethodEntry
 from pivident.robot.mdh_schema import Entry
 

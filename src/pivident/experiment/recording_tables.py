@@ -1,8 +1,8 @@
-"""From the tables ``[recording]`` and ``[controller]`` to recordings and their loop."""
+"""From the tables ``[recording]`` and ``[controller]`` to logs, recordings and their loop."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 
 from pivident.control_law.unknown_loop import reconstruct_loop
-from pivident.errors import ExperimentError
-from pivident.estimation.problem import Loop
+from pivident.errors import ExperimentError, RecordingError
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.bags.read_bag import is_bag
-from pivident.recording import public_records
+from pivident.logs.described_log import described_log
+from pivident.logs.log import Log
 from pivident.recording.load import load_recording
+from pivident.recording.public_records import RUNS, load_public, public_facts
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PID, Cascade, Controller
 from pivident.simulation.virtual_pd import virtual_pd
 
@@ -32,21 +34,6 @@ ADJUSTABLE = (
     "saturation",
     "allow_constant",
 )
-
-Loader = Callable[[Robot], Recording]
-
-#: Public records that can be named, by data set and run; the first run is the default.
-RUNS: dict[str, dict[str, Loader]] = {
-    "staubli_tx40": {"all": lambda robot: public_records.load_staubli_tx40(robot=robot)},
-    "emps": {
-        "estimation": lambda robot: public_records.load_emps(robot=robot),
-        "pulses": lambda robot: public_records.load_emps_pulses(robot=robot),
-    },
-    "kuka_kr300": {
-        "A": lambda robot: public_records.load_kuka_kr300("A", robot=robot),
-        "B": lambda robot: public_records.load_kuka_kr300("B", robot=robot),
-    },
-}
 
 
 def one_by_one(entries: Sequence[RecordingEntry], folder: Path) -> list[RecordingEntry]:
@@ -99,12 +86,49 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
         RecordingError: a file or its content cannot be used.
         DatasetUnavailable: a public record is not here and cannot be fetched.
     """
-    set_here = {key: getattr(entry, key) for key in ADJUSTABLE if getattr(entry, key) is not None}
+    set_here = _adjusted(entry, ADJUSTABLE)
     if entry.dataset is not None:
-        recording = replace(_public(entry.dataset, entry.run)(robot), **set_here)
+        run = _public_run(entry.dataset, entry.run)
+        recording = replace(load_public(entry.dataset, run, robot=robot), **set_here)
     else:
-        recording = _from_files(entry, robot, folder, set_here)
+        part = None if entry.part is None else (entry.part[0], entry.part[1])
+        recording = load_recording(
+            _files(entry, folder),
+            **_description(entry),
+            robot=robot,
+            part=part,
+            simulated=entry.simulated,
+            **set_here,
+        )
     return recording if entry.part is None else recording.slice(*entry.part)
+
+
+def log_of(
+    entry: RecordingEntry, robot: Robot | None, folder: Path, other: Path | None = None
+) -> Log:
+    """The log of one table, read and judged by nobody.
+
+    Args:
+        entry: the table.
+        robot: gives joint names and transmission, where it is known.
+        folder: what paths are relative to.
+        other: another file with the same columns, instead of the table's.
+
+    Raises:
+        ExperimentError: there is no such public record.
+        RecordingError: the log cannot be read.
+        DatasetUnavailable: a public record is not here and cannot be fetched.
+    """
+    set_here = _adjusted(entry, ("name", "control_rate", "torque_timing", "delay"))
+    if entry.dataset is not None:
+        run = _public_run(entry.dataset, entry.run)
+        files, facts = public_facts(entry.dataset, run, robot)
+        log = described_log(_instead(files, other), **(facts | {"robot": robot} | set_here))
+    else:
+        log = described_log(
+            _instead(_files(entry, folder), other), **_description(entry), robot=robot, **set_here
+        )
+    return log if entry.part is None else log.between(*entry.part)
 
 
 def loop_of(
@@ -168,8 +192,8 @@ def _gains(key: str, value: float | list[float], joints: int) -> np.ndarray:
     return np.broadcast_to(values, (joints,)).copy()
 
 
-def _public(dataset: str, run: str | None) -> Loader:
-    """The loader of a public record."""
+def _public_run(dataset: str, run: str | None) -> str:
+    """The run of a public record, the first where none is named."""
     if dataset not in RUNS:
         raise ExperimentError(
             f"no data set {dataset!r} can be named here; {nearest(dataset, RUNS)}; others need "
@@ -181,31 +205,43 @@ def _public(dataset: str, run: str | None) -> Loader:
         raise ExperimentError(
             f"the data set {dataset!r} has no run {chosen!r}; {nearest(chosen, runs)}"
         )
-    return runs[chosen]
+    return chosen
 
 
-def _from_files(
-    entry: RecordingEntry, robot: Robot, folder: Path, options: dict[str, Any]
-) -> Recording:
-    """A recording from the user's own files."""
-    assert entry.files is not None and entry.columns is not None, "the schema asks for both"
-    files: Any = (
-        {key: folder / path for key, path in entry.files.items()}
-        if isinstance(entry.files, dict)
-        else folder / entry.files
-    )
-    columns = entry.columns.model_dump(exclude_unset=True)
-    return load_recording(
-        files,
-        columns,
-        units=entry.units.model_dump(exclude_unset=True),
-        side=entry.side,
-        robot=robot,
-        rate=entry.rate,
-        resample=entry.resample,
-        samples_axis=entry.samples_axis,
-        position_offset=entry.position_offset,
-        part=None if entry.part is None else (entry.part[0], entry.part[1]),
-        simulated=entry.simulated,
-        **options,
-    )
+def _adjusted(entry: RecordingEntry, keys: Sequence[str]) -> dict[str, Any]:
+    """Those of some keys that the file sets."""
+    return {key: value for key in keys if (value := getattr(entry, key)) is not None}
+
+
+def _files(entry: RecordingEntry, folder: Path) -> Any:
+    """The user's own files."""
+    assert entry.files is not None, "the schema asks for it"
+    if isinstance(entry.files, dict):
+        return {key: folder / path for key, path in entry.files.items()}
+    return folder / entry.files
+
+
+def _description(entry: RecordingEntry) -> dict[str, Any]:
+    """What the file says about the columns of a log."""
+    assert entry.columns is not None, "the schema asks for it"
+    return {
+        "columns": entry.columns.model_dump(exclude_unset=True),
+        "units": entry.units.model_dump(exclude_unset=True),
+        "side": entry.side,
+        "rate": entry.rate,
+        "resample": entry.resample,
+        "samples_axis": entry.samples_axis,
+        "position_offset": entry.position_offset,
+    }
+
+
+def _instead(files: Any, other: Path | None) -> Any:
+    """The files of the table, or another log with the same columns."""
+    if other is None:
+        return files
+    if isinstance(files, Mapping):
+        raise RecordingError(
+            f"the experiment file has {len(files)} files ({', '.join(files)}), so that "
+            f"{other.name} cannot take their place; audit the experiment file itself"
+        )
+    return other

@@ -10,10 +10,13 @@ import numpy as np
 
 from pivident.errors import ExperimentError, RobotDescriptionError
 from pivident.experiment.schema import CouplingEntry, RobotEntry
-from pivident.robot import Coupling, FrictionLaw, Robot, load_robot, read_urdf, with_drives
-from pivident.robot.drives import implied_coupling
+from pivident.robot.description import Coupling, Robot
+from pivident.robot.drives import implied_coupling, with_drives
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.gallery import load_robot
 from pivident.robot.modified_dh import friction_law
 from pivident.robot.naming import find_joint
+from pivident.robot.urdf import read_urdf
 
 
 def robot_of(entry: RobotEntry, folder: Path) -> Robot:

@@ -78,7 +78,7 @@ class RobotEntry(Entry):
 
 
 class ColumnsEntry(Entry):
-    """Where the channels are in the files; see `pivident.recording.columns`."""
+    """Where the channels are in the files; see `pivident.logs.channel_places`."""
 
     q: Any
     tau: Any
@@ -91,7 +91,7 @@ class ColumnsEntry(Entry):
 
 
 class UnitsEntry(Entry):
-    """Units of the channels; see `pivident.recording.units`."""
+    """Units of the channels; see `pivident.logs.units`."""
 
     q: Any = None
     tau: Any = None

@@ -1,8 +1,8 @@
-"""A model as C99 without dependencies: a source file and its header, no ``main``.
+"""A model as C99 that depends on ``math.h`` only: a source file and its header, no ``main``.
 
 With NAME the name of the header, the functions are ``NAME_inverse_dynamics(q, dq, ddq, tau)``,
 ``NAME_gravity(q, g)``, ``NAME_mass_matrix(q, mass)`` and ``NAME_regressor(q, dq, ddq, phi)``, each
-also with ``_samples`` behind its name for many states at once, and ``NAME_theta`` the parameters:
+also with the suffix ``_samples`` for many states at once, and ``NAME_theta`` the parameters:
 the torque is phi times theta. The numbers of the model are folded into the code.
 """
 
@@ -21,17 +21,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pivident.errors import ExportError
-from pivident.export.model_programs import (
-    NAMES,
-    header_lines,
-    model_columns,
-    model_programs,
-)
-from pivident.export.numpy_function import (
-    check_signals,
-    program_differences,
-    verify_functions,
-)
+from pivident.export.model_programs import NAMES, header_lines, model_columns, model_programs
+from pivident.export.numpy_function import check_signals, program_differences, verify_functions
 from pivident.models.exported import ExportedText, Verification
 from pivident.models.runnable_model import RunnableModel
 from pivident.text.identifiers import c_comment, identifier, one_line
@@ -39,11 +30,11 @@ from pivident.text.identifiers import c_comment, identifier, one_line
 if TYPE_CHECKING:
     from pivident.symbolic.program import Program
 
-#: How the file is compiled where it is checked.
+#: Compiler flags of the check.
 FLAGS = ("-std=c99", "-pedantic", "-O2")
 
-#: Longest that a compiler may take [s].
-PATIENCE = 120.0
+#: Time limit of the compiler [s].
+TIMEOUT = 120.0
 
 
 def to_c(model: RunnableModel, name: str = "robot_model") -> ExportedText:
@@ -52,6 +43,9 @@ def to_c(model: RunnableModel, name: str = "robot_model") -> ExportedText:
     Args:
         model: the model.
         name: what header and functions are called; made an identifier where it is none.
+
+    Returns:
+        The source with its header, and what C cannot express.
     """
     from pivident.symbolic.print_c import c_header, c_source
 
@@ -99,6 +93,9 @@ def verify_c(exported: ExportedText, model: RunnableModel) -> Verification:
         exported: what `to_c` returned.
         model: the model.
 
+    Returns:
+        Largest difference of each function, or why the comparison was skipped.
+
     Raises:
         ExportError: it does not compile; the compiler's words.
     """
@@ -117,16 +114,7 @@ def verify_c(exported: ExportedText, model: RunnableModel) -> Verification:
 
 
 def compiled(exported: ExportedText, folder: Path, compiler: str) -> ctypes.CDLL:
-    """The file as a loaded library.
-
-    Args:
-        exported: what `to_c` returned.
-        folder: where source and library are put.
-        compiler: the compiler.
-
-    Raises:
-        subprocess.SubprocessError: it does not compile, or takes too long.
-    """
+    """The exported file compiled in a folder and loaded as a library."""
     (header,) = exported.further
     source, library = folder / f"{Path(header).stem}.c", folder / f"{Path(header).stem}.so"
     source.write_bytes(exported.content)
@@ -137,7 +125,7 @@ def compiled(exported: ExportedText, folder: Path, compiler: str) -> ctypes.CDLL
         capture_output=True,
         text=True,
         errors="replace",
-        timeout=PATIENCE,
+        timeout=TIMEOUT,
     )
     return ctypes.CDLL(str(library))
 
@@ -145,7 +133,7 @@ def compiled(exported: ExportedText, folder: Path, compiler: str) -> ctypes.CDLL
 def _results(
     exported: ExportedText, library: ctypes.CDLL, model: RunnableModel
 ) -> dict[str, np.ndarray]:
-    """What the library's functions of many states give for the signals of the check."""
+    """Results of the library's functions of many states for the signals of the check."""
     (header,) = exported.further
     stem = Path(header).stem
     count = len(model_columns(model).names)

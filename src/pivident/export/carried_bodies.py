@@ -3,10 +3,10 @@
 In the file each of them is a link of its own, so what was identified together is divided again:
 
 - Behind *fixed* joints: the carrier has everything, the others get a mass of zero. An element with
-  zeros stays, because readers that find none make a mass up from the shapes.
-- Behind *frozen* joints, which can move in the file: their nominal bodies stay, and are subtracted
-  from the carrier at the frozen position. Where the rest would be no possible body, all nominal
-  bodies there are scaled down until it is one.
+  zeros is kept, because readers that find none invent a mass from the shapes.
+- Behind *frozen* joints, which can move in the file: their nominal bodies are kept, and subtracted
+  from the carrier at the frozen position. Where the rest would be physically impossible, all
+  nominal bodies there are scaled down until it is possible.
 """
 
 from __future__ import annotations
@@ -18,57 +18,40 @@ import numpy as np
 
 from pivident.models.link_bodies import is_possible
 from pivident.robot.assembly import tree_order
-from pivident.robot.frames import Pose, rotation_about, rotation_from_z_to
+from pivident.robot.frames import Pose, rotation_from_z_to
 from pivident.robot.inertia import moved
-from pivident.robot.urdf_xml import UrdfJoint, UrdfModel
+from pivident.robot.urdf import joint_motion
+from pivident.robot.urdf_xml import UrdfModel
 
 #: Halvings of the interval in which the scale of the frozen bodies is searched.
 HALVINGS = 40
 
-#: Share of the largest possible scale that is used, so that the rest is not on the edge.
+#: Fraction of the largest possible scale that is used, to keep off the boundary.
 CAUTION = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Mounted:
-    """A link of the file that hangs on an identified one.
-
-    Attributes:
-        name: name of the link.
-        carrier: index of the identified joint that moves it.
-        pose: its frame in that of the carrier's link, as the file has it.
-        frozen: whether a frozen joint is on the way.
-    """
+    """A link of the file that hangs on an identified one."""
 
     name: str
-    carrier: int
-    pose: Pose
-    frozen: bool
+    carrier: int  # index of the identified joint that moves it
+    pose: Pose  # its frame in that of the carrier's link, as in the file
+    frozen: bool  # whether a frozen joint lies between
 
 
 @dataclass(frozen=True, eq=False)
 class Division:
-    """New inertial parameters of links in their frames of the file, and what was decided.
+    """New inertial parameters of links in their frames of the file, and the decisions made."""
 
-    Attributes:
-        inertia: ten parameters by name of the link; zeros where the carrier has everything.
-        sentences: what was decided, one sentence for each carrier.
-    """
-
-    inertia: Mapping[str, np.ndarray]
-    sentences: tuple[str, ...]
+    inertia: Mapping[str, np.ndarray]  # ten by link; zeros: merged
+    sentences: tuple[str, ...]  # one for each carrier
 
 
 def mounted_links(
     file: UrdfModel, kept: Sequence[str], frozen: Mapping[str, float]
 ) -> tuple[Mounted, ...]:
-    """Links that hang on identified ones behind fixed or frozen joints.
-
-    Args:
-        file: the file's records.
-        kept: names of the identified joints, in their order.
-        frozen: positions of frozen joints by name [rad or m]; zero where not named.
-    """
+    """Links that hang on identified ones behind fixed or frozen joints."""
     carried_by = {joint.child: i for i, joint in enumerate(file.joints)}
     place: dict[str, Mounted] = {}
     for i in tree_order([carried_by.get(joint.parent, -1) for joint in file.joints]):
@@ -79,7 +62,7 @@ def mounted_links(
             continue  # the base carries it
         else:
             before = place[joint.parent]
-            pose = before.pose @ joint.origin @ _motion(joint, frozen.get(joint.name, 0.0))
+            pose = before.pose @ joint.origin @ joint_motion(joint, frozen.get(joint.name, 0.0))
             turns = before.frozen or joint.type != "fixed"
             own = Mounted(joint.child, before.carrier, pose, turns)
         place[joint.child] = own
@@ -94,14 +77,9 @@ def divide(
     identified: np.ndarray,
     with_shapes: frozenset[str],
 ) -> Division:
-    """Divide identified inertial parameters among the links of the file.
+    """Divide identified inertial parameters (joints, 10) among the links of the file.
 
-    Args:
-        file: the file's records.
-        kept: names of the identified joints, in their order.
-        frozen: positions of frozen joints by name [rad or m].
-        identified: ten parameters of each identified link in its own frame, shape (joints, 10).
-        with_shapes: links that have collision shapes, from which readers may make up a mass.
+    ``with_shapes`` are links with collision shapes, from which readers may invent a mass.
     """
     by_name = {joint.name: joint for joint in file.joints}
     mounted = mounted_links(file, kept, frozen)
@@ -117,7 +95,7 @@ def divide(
                 inertia[m.name] = np.zeros(10)
         if merged:
             sentences.append(
-                f"link {joint.child!r} has the bodies behind its fixed joints in it, and their own "
+                f"link {joint.child!r} contains the bodies behind its fixed joints, whose own "
                 f"masses are zero: {', '.join(repr(m.name) for m in merged)}"
             )
         still = [m for m in mounted if m.carrier == i and m.frozen and file.links[m.name].any()]
@@ -133,9 +111,9 @@ def divide(
 
 
 def _largest_scale(total: np.ndarray, others: np.ndarray) -> float:
-    """1 where the total less the others is a possible body, else half the scale where it is one.
+    """1 where the total less the others is possible, else half the largest possible scale.
 
-    A total that is no possible body itself (a free estimate) is divided with the scale 1.
+    A total that is impossible itself (a free estimate) is divided with the scale 1.
     """
     if is_possible(total - others) or not is_possible(total):
         return 1.0
@@ -158,13 +136,6 @@ def _frozen_sentence(carrier: str, names: list[str], others: np.ndarray, scale: 
         )
     return (
         f"the nominal bodies behind frozen joints on link {carrier!r}, {others[9]:.4g} kg, were "
-        f"scaled by {scale:.3g} in the file, because with all of them the rest of the identified "
-        f"link would be no possible body: {listed}"
+        f"scaled by {scale:.3g} in the file, because otherwise the rest of the identified link "
+        f"would be physically impossible: {listed}"
     )
-
-
-def _motion(joint: UrdfJoint, position: float) -> Pose:
-    """Displacement of the child frame at a joint position [rad or m]."""
-    if joint.type == "prismatic":
-        return Pose(np.eye(3), position * joint.axis)
-    return Pose(rotation_about(joint.axis, position), np.zeros(3))

@@ -1,4 +1,4 @@
-"""What a robot file does not say, in sentences with sizes in N m (N on prismatic joints)."""
+"""Differences of a robot file from the model, as sentences with sizes in N m (or N)."""
 
 from __future__ import annotations
 
@@ -8,53 +8,49 @@ import numpy as np
 
 from pivident.dynamics.friction import friction_column
 from pivident.dynamics.parameters import Parameter
-from pivident.export.joint_side import Word
+from pivident.export.joint_side import JointProperty
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
 from pivident.robot.friction import FrictionColumn, FrictionTerm
 
-#: Acceleration at which inertias are translated into torque [rad/s² or m/s²].
+#: Acceleration at which inertias are expressed as torque [rad/s² or m/s²].
 ACCELERATION = 10.0
 
 #: Speed and largest position where the robot's are not known [rad/s or m/s, rad or m].
 SPEED, POSITION = 1.0, np.pi
 
-#: Torque that is not worth a word [N m or N].
+#: Torque below which nothing is reported [N m or N].
 NEGLIGIBLE = 1e-6
 
 _PRESLIDING = (FrictionColumn.PRESLIDING, FrictionColumn.MAXWELL)
 
-#: What each kind of parameter is called, in the order of the sentences, and what to do about it.
+#: Each kind of parameter in the order of the sentences, and what to do about it.
 _KINDS = {
     "rotor": "rotor inertia (armature); set it in the engine, or add ia · ddq to the torque",
     "offset": "constant torque of a joint; add it to the torque",
     "spring": "spring in a joint; add ks · q to the torque",
-    "negative": "friction that is negative, as a free estimate may have it; left out",
+    "negative": "negative friction, which a free estimate may have; left out",
     "viscous": "damping that depends on the direction; the mean of both is written, and the rest "
     "times |dq| is missing",
     "friction": "friction of this form; add it to the torque",
-    "coupling": "way to say this of motors that turn with a second joint; add it to both torques",
+    "coupling": "element for motors that turn with a second joint; add it to both torques",
 }
 
 
 def differences(
-    model: RunnableModel, name: str, words: frozenset[Word], left_out: Mapping[str, float]
+    model: RunnableModel,
+    name: str,
+    supported: frozenset[JointProperty],
+    left_out: Mapping[str, float],
 ) -> tuple[str, ...]:
-    """Sentences about everything that the file says differently.
-
-    Args:
-        model: the model.
-        name: of the format, as sentences call it.
-        words: what the format has elements for.
-        left_out: parts of parameters that are not in the file, by name.
-    """
+    """Sentences on everything that the file represents differently or leaves out."""
     robot = model.robot
     found: dict[str, list[str]] = {}
     for p in model.parameters:
         part = left_out.get(p.name, 0.0)
         text, size = _sized(robot, p, part)
         if size > NEGLIGIBLE:
-            found.setdefault(_kind(p, part, words), []).append(text)
+            found.setdefault(_kind(p, part, supported), []).append(text)
     sentences = [
         f"{name} has no {what}: {', '.join(found[kind])}"
         for kind, what in _KINDS.items()
@@ -63,7 +59,7 @@ def differences(
     return (*sentences, *_dry_friction(model, name, left_out))
 
 
-def _kind(p: Parameter, part: float, words: frozenset[Word]) -> str:
+def _kind(p: Parameter, part: float, supported: frozenset[JointProperty]) -> str:
     c = FrictionColumn
     if p.stem == "ia":
         return "rotor"
@@ -71,7 +67,7 @@ def _kind(p: Parameter, part: float, words: frozenset[Word]) -> str:
         return "coupling"
     assert p.friction is not None
     column = p.friction.column
-    if column in (c.OFFSET, c.COULOMB_POSITIVE, c.COULOMB_NEGATIVE) and "offset" not in words:
+    if column in (c.OFFSET, c.COULOMB_POSITIVE, c.COULOMB_NEGATIVE) and "offset" not in supported:
         return "offset"
     if column is c.SPRING:
         return "spring"
@@ -83,7 +79,7 @@ def _kind(p: Parameter, part: float, words: frozenset[Word]) -> str:
 
 
 def _sized(robot: Robot, p: Parameter, part: float) -> tuple[str, float]:
-    """A parameter with the torque that is missing without it, and this [N m or N]."""
+    """A parameter with the torque that is missing without it, and that torque [N m or N]."""
     if part == 0.0:
         return "", 0.0
     joint = robot.joints[p.joint]
@@ -148,6 +144,6 @@ def _dry_friction(
     if elastic:
         sentences.append(
             f"{name} has no elastic displacement before friction slips; after a reversal its "
-            f"friction is at its level at once: {', '.join(elastic)}"
+            f"friction reaches its level immediately: {', '.join(elastic)}"
         )
     return tuple(sentences)

@@ -1,4 +1,4 @@
-"""All formats by name: how each is written, and how it is loaded back."""
+"""All formats by name: how each is written and loaded back."""
 
 from __future__ import annotations
 
@@ -24,34 +24,22 @@ Format = Literal["urdf", "mjcf", "sdf", "c", "numpy", "json", "latex"]
 
 @dataclass(frozen=True)
 class FileOptions:
-    """What some formats need beside the model.
+    """What some formats need besides the model."""
 
-    Attributes:
-        name: what functions of a C file are called.
-        original: URDF in which the inertials are to be replaced; None: a new one.
-        frozen: positions of that file's other joints [rad or m], by name.
-    """
-
-    name: str = "robot_model"
-    original: bytes | None = None
+    name: str = "robot_model"  # prefix of the functions of a C file
+    original: bytes | None = None  # URDF whose inertials are replaced; None: a new one
+    #: Positions of the other joints of that file [rad or m], by name.
     frozen: Mapping[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class FormatEntry:
-    """One format.
+    """One format; each of its checks loads the file with another program and compares."""
 
-    Attributes:
-        title: what it is called in a sentence.
-        write: makes the file.
-        checks: load it back, each with another program, and compare.
-        not_loaded: why there are none.
-    """
-
-    title: str
+    title: str  # name in a sentence
     write: Callable[[RunnableModel, FileOptions], ExportedText]
     checks: tuple[Callable[[Any, RunnableModel, FileOptions], Verification], ...] = ()
-    not_loaded: str = ""
+    not_loaded: str = ""  # why there are no checks
 
 
 #: All formats.
@@ -114,6 +102,9 @@ def export_model(
         original: URDF in which the inertials are to be replaced; None: a new one.
         frozen: positions of that file's other joints [rad or m], by name.
 
+    Returns:
+        The text, what the format leaves out, and further files such as a C header.
+
     Raises:
         ExportError: the format cannot say the model, or there is no such format.
     """
@@ -136,6 +127,9 @@ def verify_export(
         model: the model.
         to: the format.
         frozen: positions of a URDF's other joints [rad or m], by name.
+
+    Returns:
+        One comparison for each program that can load the file.
 
     Raises:
         ExportError: a C file does not compile, or a Python file does not run.

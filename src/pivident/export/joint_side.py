@@ -1,7 +1,7 @@
-"""What a format can say about joints: damping, dry friction, springs, rotor inertias, couplings.
+"""Joint properties of a format: damping, dry friction, springs, rotor inertias, couplings.
 
-Each parameter is divided into a part that the format says and a rest that it leaves out. Pairs for
-the two directions are turned into a mean, which is friction, and half their difference:
+Each parameter is divided into a part that the format can represent and a rest that is left out.
+Pairs for the two directions become a mean, which is friction, and half their difference:
 
     fcp (1 + s)/2 - fcn (1 - s)/2 = (fcp + fcn)/2 s + (fcp - fcn)/2
     fvp max(dq, 0) + fvn min(dq, 0) = (fvp + fvn)/2 dq + (fvp - fvn)/2 |dq|
@@ -19,12 +19,12 @@ from pivident.export.shafts import Shaft, divide_couplings
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.friction import FrictionColumn
 
-#: Things beside bodies that a format may have an element for.
-Word = Literal["damping", "dry friction", "offset", "spring", "rotor inertia", "coupling"]
+#: Properties of joints that a format may have an element for.
+JointProperty = Literal["damping", "dry friction", "offset", "spring", "rotor inertia", "coupling"]
 
-#: Terms of one parameter, and what they are; presliding and Maxwell slip are dry friction once the
-#: joint has gone some way in one direction.
-_WORD_OF: dict[FrictionColumn, Word] = {
+#: Properties of terms of one parameter; presliding and Maxwell slip are dry friction once the joint
+#: has moved some way in one direction.
+_PROPERTY_OF: dict[FrictionColumn, JointProperty] = {
     FrictionColumn.VISCOUS: "damping",
     FrictionColumn.COULOMB: "dry friction",
     FrictionColumn.PRESLIDING: "dry friction",
@@ -41,63 +41,48 @@ _FORWARDS = {
 
 @dataclass(frozen=True, eq=False)
 class JointSide:
-    """Joint properties as a format says them; arrays (joints,).
+    """Joint properties as a format represents them; arrays (joints,)."""
 
-    Attributes:
-        damping: [N m s/rad or N s/m].
-        dry_friction: level of friction against the motion [N m or N].
-        offset: constant torque [N m or N].
-        stiffness: of a spring that rests at q = 0 [N m/rad or N/m].
-        armature: rotor inertia [kg m² or kg].
-        shafts: shafts that turn with two joints.
-        dry_parts: the parts of parameters that dry friction stands for, by parameter name.
-        left_out: the parts that are not said, likewise.
-    """
-
-    damping: np.ndarray
-    dry_friction: np.ndarray
-    offset: np.ndarray
-    stiffness: np.ndarray
-    armature: np.ndarray
+    damping: np.ndarray  # [N m s/rad or N s/m]
+    dry_friction: np.ndarray  # level [N m or N]
+    offset: np.ndarray  # constant torque [N m or N]
+    stiffness: np.ndarray  # of a spring that rests at q = 0 [N m/rad or N/m]
+    armature: np.ndarray  # rotor inertia [kg m² or kg]
     shafts: tuple[Shaft, ...]
-    dry_parts: Mapping[str, float]
-    left_out: Mapping[str, float]
+    dry_parts: Mapping[str, float]  # parts of parameters in the dry friction, by name
+    left_out: Mapping[str, float]  # parts that the format cannot represent, by name
 
 
 @dataclass(frozen=True)
 class _Share:
     """One property of one joint: its size, and the parts of parameters that it consists of."""
 
-    word: Word | None
+    kind: JointProperty | None
     joint: int
     size: float
     parts: Mapping[str, float]
 
 
-def joint_side(model: RunnableModel, words: frozenset[Word]) -> JointSide:
-    """Divide the joints' parameters into what a format says and what it leaves out.
+def joint_side(model: RunnableModel, supported: frozenset[JointProperty]) -> JointSide:
+    """Divide the joints' parameters into what a format supports and what it leaves out.
 
     Negative friction and rotor inertias, which a free estimate may have, are left out.
-
-    Args:
-        model: the model.
-        words: what the format has elements for.
     """
-    place = {word: np.zeros(model.robot.size) for word in ("damping", "dry friction", "offset")}
-    place |= {word: np.zeros(model.robot.size) for word in ("spring", "rotor inertia")}
+    place = {kind: np.zeros(model.robot.size) for kind in ("damping", "dry friction", "offset")}
+    place |= {kind: np.zeros(model.robot.size) for kind in ("spring", "rotor inertia")}
     dry_parts: dict[str, float] = {}
     left_out: dict[str, float] = {}
     for share in _shares(model):
-        signed = share.word in ("offset", "spring")
-        if share.word in words and (signed or share.size >= 0.0):
-            place[share.word][share.joint] += share.size
-            if share.word == "dry friction":
+        signed = share.kind in ("offset", "spring")
+        if share.kind in supported and (signed or share.size >= 0.0):
+            place[share.kind][share.joint] += share.size
+            if share.kind == "dry friction":
                 dry_parts |= share.parts
             continue
         for name, part in share.parts.items():
             left_out[name] = left_out.get(name, 0.0) + part
     shafts, uncoupled = divide_couplings(
-        model, place["rotor inertia"], place["damping"], "coupling" in words
+        model, place["rotor inertia"], place["damping"], "coupling" in supported
     )
     return JointSide(
         place["damping"],
@@ -123,12 +108,12 @@ def _shares(model: RunnableModel) -> Iterator[_Share]:
             continue
         column = p.friction.column
         if column not in _FORWARDS:
-            yield _Share(_WORD_OF.get(column), p.joint, value, {p.name: value})
+            yield _Share(_PROPERTY_OF.get(column), p.joint, value, {p.name: value})
             continue
         other = backwards[p.joint, _FORWARDS[column]].name
         mean, half = (value + values[other]) / 2.0, (value - values[other]) / 2.0
         dry = column is FrictionColumn.COULOMB_POSITIVE
-        friction: Word = "dry friction" if dry else "damping"
+        friction: JointProperty = "dry friction" if dry else "damping"
         yield _Share(friction, p.joint, mean, {p.name: mean, other: mean})
-        rest: Word | None = "offset" if dry else None
+        rest: JointProperty | None = "offset" if dry else None
         yield _Share(rest, p.joint, half, {p.name: half, other: -half})

@@ -1,8 +1,8 @@
 r"""Tables of parameters for LaTeX (booktabs, longtable), to be read in with ``\input``.
 
 One table has the base parameters with the free estimate, its ±2σ and, for a consistent model, the
-consistent value; the other the standard parameters of every link. Names are set in mathematics,
-``zz1r`` as ``$\mathit{zz}_{1r}$``, and everything that comes from outside is escaped.
+consistent value; the other the standard parameters of every link. Names are set in math mode,
+``zz1r`` as ``$\mathit{zz}_{1r}$``, and all external text is escaped.
 """
 
 from __future__ import annotations
@@ -19,19 +19,15 @@ from pivident.text.identifiers import latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import format_significant, with_spread
 
-#: Digits of a value whose spread is not known.
+#: Digits of a value whose standard error is unknown.
 DIGITS = 5
 
-#: Smaller values are rounding errors of what is zero, in any unit of the table.
+#: Smaller values are rounding errors of zero, in any unit of the table.
 NOTHING = 1e-12
 
 
 def to_latex(model: RunnableModel) -> ExportedText:
-    """Two tables: base parameters with their spread, standard parameters of every link.
-
-    Args:
-        model: the model.
-    """
+    """Two tables: base parameters with ±2σ, standard parameters of every link."""
     robot = one_line(model.robot.name)
     parts = [
         "% Dynamic parameters of " + robot + ", " + one_line(model.origin.method) + ".",
@@ -44,12 +40,7 @@ def to_latex(model: RunnableModel) -> ExportedText:
 
 
 def latex_group(base: BaseParameters, index: int) -> str:
-    r"""A base parameter as the sum of standard ones, in mathematics.
-
-    Args:
-        base: base parameters.
-        index: which.
-    """
+    r"""A base parameter as the sum of standard ones, in math mode."""
     text = _name(base.parameters[index].name)
     for i, coefficient in zip(base.dropped, base.regrouping[index], strict=True):
         if coefficient == 0.0:

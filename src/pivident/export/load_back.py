@@ -1,12 +1,12 @@
 """Robot files loaded back by Pinocchio and MuJoCo, their torques compared with the model's.
 
-What the engine computes for q, dq, ddq is completed by hand with what the file does not say, as a
+The torque that the engine computes for q, dq, ddq is completed with what the file leaves out, as a
 user of the file would do it,
 
     tau = engine + Φ (left out) + dry friction,
 
 and the dry friction is the model's smooth one, scaled by the level that the engine has read over
-the model's. So every number in the file takes part in the comparison.
+the model's. So every number in the file enters the comparison.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ from pivident.export.shafts import Shaft
 from pivident.models.exported import SAME, Verification, compared
 from pivident.models.runnable_model import RunnableModel
 
-#: Relative difference of torques that rounding to seven digits explains.
+#: Relative difference of torques due to rounding to seven digits.
 SEVEN_DIGITS = 1e-5
 
-_WORDS = {"urdf": urdf.WORDS, "mjcf": mjcf.WORDS}
+_SUPPORTED = {"urdf": urdf.SUPPORTED, "mjcf": mjcf.SUPPORTED}
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,20 +45,16 @@ def verify_with_pinocchio(
 ) -> Verification:
     """Compare the torques of a URDF in Pinocchio with the model's at random states.
 
-    Gravity is set by hand, because a URDF has none.
-
-    Args:
-        file: the exported URDF.
-        model: the model that it was made from.
-        frozen: positions of the file's other joints [rad or m], by name; zero where not named.
+    ``frozen`` are positions of the file's other joints [rad or m]. Gravity is set here, because a
+    URDF has none.
     """
     try:
         import pinocchio as pin
     except ImportError:
         return Verification("Pinocchio", skipped="Pinocchio is not installed (pip install pin)")
     if file.format != "urdf":
-        raise ExportError(f"Pinocchio is asked to load a URDF here, not {file.format!r}")
-    side = joint_side(model, _WORDS[file.format])
+        raise ExportError(f"Pinocchio loads a URDF here, not {file.format!r}")
+    side = joint_side(model, _SUPPORTED[file.format])
     names = model.robot.joint_names
     try:
         loaded = _pinocchio_model(pin, file, names, frozen or {})
@@ -91,8 +87,8 @@ def _pinocchio_model(
 ) -> Any:
     """The robot in Pinocchio, joints that were not identified locked.
 
-    A link may be called like a joint, in URDF as here. Pinocchio searches both among its frames,
-    so those of the links get names that no joint has.
+    A link may have the name of a joint. Pinocchio searches both among its frames, so those of the
+    links are renamed to names that no joint has.
     """
     whole = pin.buildModelFromXML(file.text)
     longest = max(map(len, whole.names))
@@ -122,21 +118,16 @@ def verify_with_mujoco(
 ) -> Verification:
     """Compare the torques of an MJCF or URDF file in MuJoCo with the model's at random states.
 
-    Shapes are dropped before compiling, so missing meshes do no harm. MuJoCo's inverse dynamics
-    are taken without constraints (limits, contacts, dry friction); a motor's bias is added.
-
-    Args:
-        file: the exported file.
-        model: the model that it was made from.
-        frozen: positions of the file's other joints [rad or m], by name; zero where not named.
+    Shapes are removed before compiling, so meshes may be missing. MuJoCo's inverse dynamics are
+    computed without constraints (limits, contacts, dry friction); a motor's bias is added.
     """
     try:
         import mujoco
     except ImportError:
         return Verification("MuJoCo", skipped="MuJoCo is not installed (pip install mujoco)")
-    if file.format not in _WORDS:
+    if file.format not in _SUPPORTED:
         raise ExportError(f"MuJoCo loads URDF and MJCF, not {file.format!r}")
-    side = joint_side(model, _WORDS[file.format])
+    side = joint_side(model, _SUPPORTED[file.format])
     try:
         loaded = mujoco_model(file)
     except ExportError as error:
@@ -176,17 +167,7 @@ def verify_with_mujoco(
 
 
 def mujoco_model(file: RobotFile) -> Any:
-    """A file compiled by MuJoCo without its shapes and meshes, which need not be there.
-
-    Args:
-        file: exported MJCF or URDF.
-
-    Returns:
-        ``mujoco.MjModel``.
-
-    Raises:
-        ExportError: MuJoCo refuses the file; its own words.
-    """
+    """``mujoco.MjModel`` of a file without its shapes and meshes, which need not exist."""
     import mujoco
 
     try:
@@ -204,7 +185,7 @@ def mujoco_model(file: RobotFile) -> Any:
 def _compared(
     program: str, model: RunnableModel, side: JointSide, dry: _DryLevels, engine: Any
 ) -> Verification:
-    """The engine's torques, completed by hand, beside the model's."""
+    """The completed torques of the engine compared with the model's."""
     rest = _values(model, side.left_out)
     friction = _values(model, side.dry_parts)
     ratio, unasked = _levels(dry.joints, side.dry_friction)
@@ -214,7 +195,7 @@ def _compared(
     share, _ = _levels(read, written)
 
     def completed(q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> np.ndarray:
-        # the load that some friction grows with is that of all parameters
+        # the load of load-dependent friction is that of all parameters
         load = model.regressor.inner(q.T, dq.T, ddq.T, model.values)
 
         def part(theta: np.ndarray) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Model → MJCF, the format of MuJoCo: bodies, joints, coupled shafts and motors.
 
 Link frames are the model's, with the joint's axis as z. A motor's control is the joint torque tau
-of the model; a constant torque of the joint is a bias of its motor. Shapes are only to look at.
+of the model; a constant torque of the joint is a bias of its motor. Shapes are for display only.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ import numpy as np
 
 from pivident.errors import ExportError
 from pivident.export.differences import differences
-from pivident.export.joint_side import JointSide, Word, joint_side
+from pivident.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.export.robot_file import RobotFile
 from pivident.export.shafts import Shaft
 from pivident.export.sketch import Stick, sticks
@@ -19,12 +19,12 @@ from pivident.models.link_bodies import is_possible, written_body
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint
 
-#: What MJCF says about joints: all but friction of other forms.
-WORDS: frozenset[Word] = frozenset(
+#: Joint properties of MJCF: all but friction of other forms.
+SUPPORTED: frozenset[JointProperty] = frozenset(
     {"damping", "dry friction", "offset", "spring", "rotor inertia", "coupling"}
 )
 
-#: Time step that is written [s].
+#: Time step in the file [s].
 TIME_STEP = 1e-3
 
 #: Time constant and damping ratio of MuJoCo's dry friction, a soft constraint. Its default of 20 ms
@@ -33,14 +33,7 @@ FRICTION_REFERENCE = (4e-3, 1.0)
 
 
 def to_mjcf(model: RunnableModel) -> RobotFile:
-    """Write a model as MJCF.
-
-    Args:
-        model: the model; every link must be a possible body, which MuJoCo checks.
-
-    Raises:
-        ExportError: a link that no body can be, or a name that XML cannot write.
-    """
+    """Write a model as MJCF; MuJoCo refuses links that are not possible bodies."""
     robot = model.robot
     for i, link in enumerate(robot.links):
         if not is_possible(model.inertial(i)):
@@ -48,7 +41,7 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
                 f"no body can have the inertial parameters of link {link.name!r}, and MuJoCo "
                 "refuses it; export the physically consistent parameters"
             )
-    side = joint_side(model, WORDS)
+    side = joint_side(model, SUPPORTED)
     names = distinct([link.name for link in robot.links], robot.joint_names, ("world",))
     out = [
         '<?xml version="1.0" encoding="utf-8"?>',
@@ -75,10 +68,10 @@ def to_mjcf(model: RunnableModel) -> RobotFile:
     out += ["  <actuator>"]
     out += [f"    {_motor(j, side.offset[i])}" for i, j in enumerate(robot.joints)]
     out += ["  </actuator>", "</mujoco>", ""]
-    sentences = differences(model, "MJCF", WORDS, side.left_out)
+    sentences = differences(model, "MJCF", SUPPORTED, side.left_out)
     if side.dry_friction.any():
         sentences += (
-            "MuJoCo's dry friction is a soft constraint, so a joint that sticks creeps a little; "
+            "MuJoCo's dry friction is a soft constraint, so a joint that sticks creeps slightly; "
             f"its time constant is {1e3 * FRICTION_REFERENCE[0]:g} ms (solreffriction)",
         )
     biased = [
@@ -173,11 +166,7 @@ def _geom(stick: Stick) -> str:
 
 
 def quaternion(rotation: np.ndarray) -> np.ndarray:
-    """Unit quaternion w x y z of a rotation, the largest element computed first (Shepperd 1978).
-
-    Args:
-        rotation: shape (3, 3).
-    """
+    """Unit quaternion w x y z of a rotation, the largest element first (Shepperd 1978)."""
     r, trace = rotation, np.trace(rotation)
     # 4 q qᵀ, of which the row with the largest diagonal element has the most digits
     outer = np.array(

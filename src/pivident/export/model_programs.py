@@ -1,4 +1,4 @@
-"""A model as programs with its numbers folded in: what C and NumPy files are printed from.
+"""A model as programs with its numbers folded in, the source of C and NumPy files.
 
 The programs are customised to the robot (see `pivident.symbolic`) and written in the base
 parameters, which give the same torques with fewer operations than the standard ones.
@@ -20,33 +20,22 @@ from pivident.text.identifiers import one_line
 if TYPE_CHECKING:
     from pivident.symbolic.program import Program
 
-#: What the programs are called in the exported file.
+#: Names of the programs in the exported file.
 NAMES = ("inverse_dynamics", "gravity", "mass_matrix", "regressor")
 
 
 @dataclass(frozen=True, eq=False)
 class ModelColumns:
-    """The parameters that the programs are written in.
-
-    Attributes:
-        columns: base parameters, or standard ones.
-        parameters: the columns of the observation matrix.
-        names: their names.
-        values: their values, shape (parameters,).
-    """
+    """The parameters that the programs are written in: base parameters, or standard ones."""
 
     columns: BaseParameters | tuple[Parameter, ...]
-    parameters: tuple[Parameter, ...]
+    parameters: tuple[Parameter, ...]  # columns of the observation matrix
     names: tuple[str, ...]
-    values: np.ndarray
+    values: np.ndarray  # (parameters,)
 
 
 def model_columns(model: RunnableModel) -> ModelColumns:
-    """Base parameters; standard ones where friction is grouped with them.
-
-    Args:
-        model: the model.
-    """
+    """Base parameters; standard ones where friction is grouped with them."""
     if friction_in_groups(model.base):
         names = tuple(p.name for p in model.parameters)
         return ModelColumns(model.parameters, model.parameters, names, model.values)
@@ -55,11 +44,7 @@ def model_columns(model: RunnableModel) -> ModelColumns:
 
 
 def model_programs(model: RunnableModel) -> tuple[Program, ...]:
-    """Inverse dynamics with friction, gravity, mass matrix, and observation matrix.
-
-    Args:
-        model: the model.
-    """
+    """Inverse dynamics with friction, gravity, mass matrix, and observation matrix."""
     from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
     from pivident.symbolic.newton_euler import inverse_model
     from pivident.symbolic.observation_matrix import observation_matrix
@@ -75,14 +60,11 @@ def model_programs(model: RunnableModel) -> tuple[Program, ...]:
 
 
 def friction_in_groups(base: BaseParameters) -> bool:
-    """Whether some torque of friction cannot be told from gravity, and is grouped with it.
+    """Whether some friction is indistinguishable from gravity, and grouped with it.
 
     That is so with a ripple of order one, with struts, and with the offset of a joint whose weight
-    does not depend on the positions. Gravity alone, and the load that friction grows with, then
+    does not depend on the positions. Gravity alone, and the load of load-dependent friction, then
     need the standard parameters.
-
-    Args:
-        base: base parameters.
     """
     heads = np.array([base.standard[k].friction is not None for k in base.kept], dtype=bool)
     others = np.array([base.standard[k].friction is not None for k in base.dropped], dtype=bool)
@@ -90,11 +72,7 @@ def friction_in_groups(base: BaseParameters) -> bool:
 
 
 def header_lines(model: RunnableModel) -> list[str]:
-    """What stands on top of an exported program: robot, origin, joints with units, frames.
-
-    Args:
-        model: the model.
-    """
+    """Header of an exported program: robot, origin, joints with units, frames."""
     origin, robot = model.origin, model.robot
     lines = [
         f"Dynamic model of {one_line(robot.name)}, exported by pivident "
@@ -119,17 +97,9 @@ def header_lines(model: RunnableModel) -> list[str]:
 def inner_columns(
     model: RunnableModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What the programs need of friction with memory and load, states taken as one path.
+    """The argument ``inner`` of inverse dynamics (memory) and observation matrix (memory, load).
 
-    Args:
-        model: the model.
-        q: joint positions, shape (samples, joints); ``dq ddq`` likewise.
-        dq: joint speeds.
-        ddq: joint accelerations.
-
-    Returns:
-        The argument ``inner`` of the inverse dynamics, (samples, columns with memory), and that of
-        the observation matrix, (samples, columns with memory or load).
+    The states (samples, joints) are taken as one path.
     """
     own = model_columns(model)
     regressor = Regressor.build(model.robot, own.parameters)

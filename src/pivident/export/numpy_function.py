@@ -1,4 +1,4 @@
-"""A model as one Python file that needs nothing but NumPy.
+"""A model as one Python file that needs only NumPy.
 
 It has the functions ``inverse_dynamics(q, dq, ddq)``, ``gravity(q)``, ``mass_matrix(q)`` and
 ``regressor(q, dq, ddq)``, each for one state or many, and the constants ``JOINTS``, ``PARAMETERS``
@@ -25,21 +25,16 @@ from pivident.export.model_programs import (
     model_columns,
     model_programs,
 )
-from pivident.models.exported import (
-    ExportedText,
-    Verification,
-    compared_values,
-    random_states,
-)
+from pivident.models.exported import ExportedText, Verification, compared_values, random_states
 from pivident.models.runnable_model import RunnableModel
 
-#: Longest that the check of a file may take [s].
-PATIENCE = 120.0
+#: Time limit of the check of a file [s].
+TIMEOUT = 120.0
 
-#: How a child says that it has no NumPy.
+#: Exit status of a child process without NumPy.
 _NO_NUMPY = 3
 
-#: What the child does: load the file, call its functions, write what they return.
+#: The child process loads the file, calls its functions and writes what they return.
 _IN_THE_CHILD = f"""
 import importlib.util, pathlib, sys
 try:
@@ -60,11 +55,7 @@ numpy.savez(folder / "results.npz", THETA=model.THETA, **results)
 
 
 def to_numpy(model: RunnableModel) -> ExportedText:
-    """The model as a Python module.
-
-    Args:
-        model: the model.
-    """
+    """The model as a Python module."""
     from pivident.symbolic.print_python import python_module
 
     functions = python_module(model_programs(model)).partition("import numpy as np\n")[2]
@@ -81,11 +72,7 @@ def to_numpy(model: RunnableModel) -> ExportedText:
 
 
 def program_differences(model: RunnableModel) -> tuple[str, ...]:
-    """What functions of one state cannot say of a model.
-
-    Args:
-        model: the model.
-    """
+    """Properties of a model that functions of one state cannot represent."""
     with_memory = sorted(
         model.robot.joints[p.joint].name
         for p in model.base.parameters
@@ -95,7 +82,7 @@ def program_differences(model: RunnableModel) -> tuple[str, ...]:
         return ()
     joints = ", ".join(map(repr, dict.fromkeys(with_memory)))
     return (
-        f"friction of {joints} remembers the path: its columns are the argument `inner` of the "
+        f"friction of {joints} has a memory: its columns are the argument `inner` of the "
         "functions, to be integrated by the caller",
     )
 
@@ -103,14 +90,7 @@ def program_differences(model: RunnableModel) -> tuple[str, ...]:
 def verify_numpy(exported: ExportedText, model: RunnableModel) -> Verification:
     """Torque of the file against the model's, with its regressor, mass matrix and gravity.
 
-    The file runs in an interpreter of its own, where nothing of pivident is.
-
-    Args:
-        exported: what `to_numpy` returned.
-        model: the model.
-
-    Raises:
-        ExportError: the file does not run; the interpreter's words.
+    The file runs in an isolated interpreter, without pivident.
     """
     program = f"NumPy {np.__version__}"
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
@@ -127,7 +107,7 @@ def verify_numpy(exported: ExportedText, model: RunnableModel) -> Verification:
                 capture_output=True,
                 text=True,
                 errors="replace",
-                timeout=PATIENCE,
+                timeout=TIMEOUT,
             )
         except (OSError, subprocess.SubprocessError) as error:
             return Verification(program, skipped=f"no Python could be started ({error})")
@@ -141,11 +121,7 @@ def verify_numpy(exported: ExportedText, model: RunnableModel) -> Verification:
 
 
 def check_signals(model: RunnableModel) -> dict[str, tuple[np.ndarray, ...]]:
-    """Arguments that each exported function is called with where it is checked.
-
-    Args:
-        model: the model.
-    """
+    """Arguments of each exported function in the check."""
     q, dq, ddq = random_states(model.robot)
     memory, inner = inner_columns(model, q, dq, ddq)
     return {
@@ -159,13 +135,7 @@ def check_signals(model: RunnableModel) -> dict[str, tuple[np.ndarray, ...]]:
 def verify_functions(
     program: str, found: Mapping[str, np.ndarray], model: RunnableModel
 ) -> Verification:
-    """What a file has computed against the model's values; the worst is reported.
-
-    Args:
-        program: who computed them.
-        found: results of its functions for `check_signals`, and its ``THETA``.
-        model: the model.
-    """
+    """Results of a file for `check_signals` against the model's; the worst is reported."""
     parameters, values = _rigid(model)
     q, dq, ddq = random_states(model.robot)
     torque = model.torque(q, dq, ddq)
@@ -192,14 +162,7 @@ def verify_functions(
 def rigid_torque(
     model: RunnableModel, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> np.ndarray:
-    """Torque of the links alone, without rotors and friction, shape (samples, joints).
-
-    Args:
-        model: the model.
-        q: joint positions, shape (samples, joints); ``dq ddq`` likewise.
-        dq: joint speeds.
-        ddq: joint accelerations.
-    """
+    """Torque of the links alone, without rotors and friction, shape (samples, joints)."""
     bodies = np.where([p.is_inertial for p in model.parameters], model.values, 0.0)
     return model.regressor.torque(q, dq, ddq, bodies)
 
@@ -212,5 +175,5 @@ def _rigid(model: RunnableModel) -> tuple[Any, np.ndarray]:
 
 
 def _literal(names: tuple[str, ...]) -> str:
-    """A tuple of texts in ASCII, whatever is in them."""
+    """A tuple of texts as an ASCII literal."""
     return "(" + "".join(f"{name!a}, " for name in names).rstrip() + ")"

@@ -1,4 +1,4 @@
-"""The URDF that a robot was identified with: found again, and known by its hash."""
+"""The URDF that a robot was identified with, located and verified by its hash."""
 
 from __future__ import annotations
 
@@ -14,33 +14,17 @@ from pivident.robot.urdf_xml import file_content
 
 @dataclass(frozen=True)
 class OriginalUrdf:
-    """The file that inertials are put into.
-
-    Attributes:
-        path: the file.
-        content: its text, unpacked.
-        notes: what is to be said about it, sentences.
-    """
+    """The file that inertials are written into."""
 
     path: Path
-    content: bytes
-    notes: tuple[str, ...] = ()
+    content: bytes  # its text, unpacked
+    notes: tuple[str, ...] = ()  # sentences for the user
 
 
 def original_urdf(robot: Robot, given: Path | None, folder: Path) -> OriginalUrdf | None:
-    """The robot's URDF, by its path or beside the result.
+    """The robot's URDF, by its path or in the folder of the result; None if it has none.
 
-    Args:
-        robot: the robot.
-        given: a file to take in its place; its joints must be the robot's.
-        folder: folder of the result, where a file of the same name is looked for, too.
-
-    Returns:
-        The file; None where the robot comes from no URDF and none is given.
-
-    Raises:
-        ExportError: it is not there, or its content is another one.
-        RobotDescriptionError: it cannot be read.
+    A ``given`` file replaces it; its joints must be the robot's.
     """
     known = robot.urdf
     if given is not None:
@@ -59,7 +43,7 @@ def original_urdf(robot: Robot, given: Path | None, folder: Path) -> OriginalUrd
     present = [place for place in places if place.is_file()]
     if not present:
         raise ExportError(
-            f"the URDF of the robot {robot.name!r} is not there any more, neither {places[0]} nor "
+            f"the URDF of the robot {robot.name!r} no longer exists, neither {places[0]} nor "
             f"{places[1]}; give it with --robot FILE.urdf"
         )
     for place in present:

@@ -15,13 +15,11 @@ from pivident.robot.urdf_xml import GZIP_MAGIC, MAXIMUM_SIZE
 
 @dataclass(frozen=True)
 class RobotFile(ExportedText):
-    """A robot in the format of simulators: URDF, MJCF or SDF.
+    """A robot in the format of simulators: ``urdf``, ``mjcf`` or ``sdf``.
 
-    Attributes:
-        format: ``urdf``, ``mjcf`` or ``sdf``.
-        left_out: the parts of parameters that are not in the file, by name, in the parameters'
-            units. With Φ the observation matrix, the model's torque is what the file's readers
-            compute plus Φ · left_out; dry friction is in the file with a sharp sign.
+    ``left_out`` are the parts of parameters that are not in the file, by name, in the parameters'
+    units. With Φ the observation matrix, the model's torque is what the file's readers compute plus
+    Φ · left_out; dry friction is in the file with a sharp sign.
     """
 
     format: str = "urdf"
@@ -34,11 +32,7 @@ class RobotFile(ExportedText):
 
 
 def plain_content(content: bytes) -> bytes:
-    """A file's bytes, decompressed if they are gzip.
-
-    Raises:
-        ExportError: they are damaged, or larger than ``MAXIMUM_SIZE``.
-    """
+    """A file's bytes, decompressed if they are gzip."""
     if content[: len(GZIP_MAGIC)] == GZIP_MAGIC:
         try:
             with gzip.GzipFile(fileobj=io.BytesIO(content)) as file:

@@ -9,29 +9,21 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.export.differences import differences
-from pivident.export.joint_side import JointSide, Word, joint_side
+from pivident.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.export.robot_file import RobotFile
 from pivident.export.sketch import Stick, sticks
 from pivident.export.xml_text import comment, distinct, number, numbers, quoted, rpy, unlike
 from pivident.models.link_bodies import is_possible, link_inertias, written_body
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint
-from pivident.robot.frames import rotation_from_z_to
 
-#: What SDF says about joints.
-WORDS: frozenset[Word] = frozenset({"damping", "dry friction", "spring"})
+#: Joint properties of SDF.
+SUPPORTED: frozenset[JointProperty] = frozenset({"damping", "dry friction", "spring"})
 
 
 def to_sdf(model: RunnableModel) -> RobotFile:
-    """Write a model as SDF.
-
-    Args:
-        model: the model.
-
-    Raises:
-        ExportError: a link without positive mass, or a name that XML cannot write.
-    """
-    robot, side = model.robot, joint_side(model, WORDS)
+    """Write a model as SDF."""
+    robot, side = model.robot, joint_side(model, SUPPORTED)
     names = distinct([link.name for link in robot.links], robot.joint_names, ("world",))
     base = unlike("base", names)
     parents = [base if joint.parent < 0 else names[joint.parent] for joint in robot.joints]
@@ -60,9 +52,9 @@ def to_sdf(model: RunnableModel) -> RobotFile:
         ]
     for i, joint in enumerate(robot.joints):
         out += [f"    {line}" for line in _joint(joint, parents[i], names[i], side, i)]
-    sentences = differences(model, "SDF", WORDS, side.left_out)
+    sentences = differences(model, "SDF", SUPPORTED, side.left_out)
     sentences += (
-        "SDF keeps gravity in the world and not in the model; the model's is "
+        "SDF stores gravity in the world, not in the model; the model's is "
         f"{numbers(robot.gravity)} m/s² in the base frame",
     )
     if not all(is_possible(inertia) for inertia in link_inertias(model)):
@@ -119,11 +111,7 @@ def _elements(values: dict[str, float]) -> str:
 
 
 def _visual(stick: Stick, k: int) -> list[str]:
-    """A cylinder from end to end."""
-    middle = 0.5 * (stick.start + stick.end)
-    along = stick.end - stick.start
-    length = float(np.linalg.norm(along))
-    turn = rpy(rotation_from_z_to(along / length))
+    middle, turn, length = stick.cylinder()
     cylinder = _elements({"radius": stick.radius, "length": length})
     return [
         f'<visual name="stick_{k + 1}">',

@@ -1,19 +1,19 @@
 """Coupled motors as shafts that turn with two joints.
 
 A rotor that turns with v = dq_m + ρ dq_j and has the inertia, damping or friction d adds d v to the
-torque of joint m and ρ d v to that of joint j. In the model its products are parameters of their
-own (iam fvm), its squares are part of ia and fv of the two joints. With D the 2 × 2 matrix of the
+torque of joint m and ρ d v to that of joint j. In the model its products are separate parameters
+(iam fvm), its squares are part of ia and fv of the two joints. With D the 2 × 2 matrix of the
 model, cross = ratio · fvm,
 
     D = [D_mm  cross]   =   d [1  ρ ]   +   [D_mm - d      0       ]
         [cross  D_jj]         [ρ  ρ²]       [    0     D_jj - ρ² d ]
 
 with ρ = cross/d. The shaft's own share is d = fvm, for which ρ is the declared ratio. Where that
-would leave a joint with a negative rest, another d is taken between cross²/D_jj and D_mm: there is
-one wherever D is positive semidefinite.
+would leave a joint with a negative rest, another d between cross²/D_jj and D_mm is used: it exists
+wherever D is positive semidefinite.
 
-A rotor inertia that couples joints of two branches fills entries of M(q) that the tree leaves
-empty. Engines that keep M as sparse as the tree cannot hold it, so it is left out.
+A rotor inertia that couples joints of two branches fills entries of M(q) that are zero by the
+tree. Engines that store M as sparse as the tree cannot represent it, so it is left out.
 """
 
 from __future__ import annotations
@@ -28,36 +28,22 @@ from pivident.robot.description import Coupling, Robot
 
 @dataclass(frozen=True)
 class Shaft:
-    """Something that turns with v = dq_motor + ratio · dq_joint.
-
-    Attributes:
-        motor: index of the first joint.
-        joint: index of the second one.
-        ratio: speed of the shaft per speed of the second joint.
-        armature: rotor inertia [kg m² or kg].
-        damping: viscous friction [N m s/rad or N s/m].
-        dry_friction: Coulomb friction [N m or N].
-    """
+    """A shaft that turns with v = dq_motor + ratio · dq_joint."""
 
     motor: int
     joint: int
     ratio: float
-    armature: float = 0.0
-    damping: float = 0.0
-    dry_friction: float = 0.0
+    armature: float = 0.0  # rotor inertia [kg m² or kg]
+    damping: float = 0.0  # viscous friction [N m s/rad or N s/m]
+    dry_friction: float = 0.0  # Coulomb friction [N m or N]
 
 
 def divide_couplings(
-    model: RunnableModel, armature: np.ndarray, damping: np.ndarray, sayable: bool
+    model: RunnableModel, armature: np.ndarray, damping: np.ndarray, supported: bool
 ) -> tuple[tuple[Shaft, ...], dict[str, float]]:
     """Shafts of a model, and the coupling parameters that are left out.
 
-    Args:
-        model: the model.
-        armature: rotor inertias of the joints, shape (joints,); what shafts say is taken out of
-            them, in place.
-        damping: viscous friction of the joints, likewise.
-        sayable: whether the format knows shafts; if not, all couplings are left out.
+    What the shafts represent is subtracted in place from rotor inertias and damping (joints,).
     """
     shafts: dict[tuple[int, int, float], Shaft] = {}
     left_out: dict[str, float] = {}
@@ -72,7 +58,7 @@ def divide_couplings(
             split = _rank_one(value, c.ratio, own[c.motor], own[c.joint])
             if p.stem == "iam" and not _on_one_chain(model.robot, c):
                 split = None
-        if split is None or not sayable:
+        if split is None or not supported:
             left_out[p.name] = value
             continue
         size, ratio = split
@@ -98,14 +84,7 @@ def _on_one_chain(robot: Robot, coupling: Coupling) -> bool:
 
 
 def _rank_one(value: float, ratio: float, motor: float, joint: float) -> tuple[float, float] | None:
-    """Size d and ratio ρ of the shaft, None where no shaft leaves both joints a rest.
-
-    Args:
-        value: parameter of the product, iam or fvm.
-        ratio: declared ratio of the coupling.
-        motor: D_mm.
-        joint: D_jj.
-    """
+    """Size d and ratio ρ of the shaft, None if every shaft leaves a joint a negative rest."""
     cross = ratio * value
     if motor <= 0.0 or joint <= 0.0 or cross**2 > motor * joint:
         return None

@@ -1,4 +1,4 @@
-"""A robot as sticks to look at: along each link, and across it where its joint's axis is."""
+"""A robot as sticks for display: along each link, and along its joint's axis."""
 
 from __future__ import annotations
 
@@ -6,38 +6,37 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.export.xml_text import rpy
 from pivident.models.link_bodies import link_inertias
 from pivident.models.runnable_model import RunnableModel
+from pivident.robot.frames import rotation_from_z_to
 
 #: Radius of a stick over the sum of all link lengths; axes are twice as thick.
 SLENDERNESS = 0.02
 
-#: Reach that is assumed where all joints sit in one point [m].
+#: Reach that is assumed where all joints are in one point [m].
 MIN_REACH = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class Stick:
-    """A straight stick in the frame of its link.
+    """A straight stick in the frame of its link."""
 
-    Attributes:
-        start: one end [m], shape (3,).
-        end: the other end [m], shape (3,).
-        radius: [m].
-    """
+    start: np.ndarray  # [m], shape (3,)
+    end: np.ndarray  # [m], shape (3,)
+    radius: float  # [m]
 
-    start: np.ndarray
-    end: np.ndarray
-    radius: float
+    def cylinder(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Centre [m], roll pitch yaw [rad] and length [m] of a cylinder from end to end."""
+        along = self.end - self.start
+        length = float(np.linalg.norm(along))
+        return 0.5 * (self.start + self.end), rpy(rotation_from_z_to(along / length)), length
 
 
 def sticks(model: RunnableModel) -> dict[int, tuple[Stick, ...]]:
     """Sticks of every link by its index, -1 for the base.
 
     A link reaches to the joints that it carries; the last ones to their centre of mass.
-
-    Args:
-        model: the model.
     """
     robot = model.robot
     reach = sum(float(np.linalg.norm(joint.translation)) for joint in robot.joints)

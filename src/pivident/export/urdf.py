@@ -1,8 +1,8 @@
 """Model → URDF: into the file that the robot was read from, or as a new file.
 
 Into a file: the inertials of the identified links and damping and friction of the identified joints
-are replaced, everything else stays byte for byte. The frame of an identified link is that of the
-URDF turned by the frame rule's A (`pivident.robot.urdf`), so its parameters are turned back.
+are replaced, everything else is kept byte for byte. The frame of an identified link is that of the
+URDF turned by the frame rule's A (`pivident.robot.urdf`), so its parameters are rotated back.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from pivident.errors import ExportError
 from pivident.export.carried_bodies import divide
 from pivident.export.differences import differences
-from pivident.export.joint_side import JointSide, Word, joint_side
+from pivident.export.joint_side import JointProperty, JointSide, joint_side
 from pivident.export.robot_file import RobotFile, plain_content
 from pivident.export.urdf_elements import dynamics_line, inertial_lines
 from pivident.export.urdf_new import new_urdf, unknown_limits
@@ -26,8 +26,8 @@ from pivident.robot.description import Robot
 from pivident.robot.urdf import DOWN, parse_urdf
 from pivident.robot.urdf_xml import parse_model
 
-#: What a URDF says about joints.
-WORDS: frozenset[Word] = frozenset({"damping", "dry friction"})
+#: Joint properties of URDF.
+SUPPORTED: frozenset[JointProperty] = frozenset({"damping", "dry friction"})
 
 #: Largest difference of a frame that is still the same robot [m, or element of a rotation].
 SAME_FRAME = 1e-6
@@ -39,7 +39,7 @@ def to_urdf(
     *,
     frozen: Mapping[str, float] | None = None,
 ) -> RobotFile:
-    """Write a model as URDF.
+    """Write a model into the URDF that the robot was read from (gzip or not), or as a new file.
 
     Args:
         model: the model.
@@ -48,12 +48,15 @@ def to_urdf(
         frozen: positions at which joints of that file were frozen [rad or m], by name; None: as
             the robot was read.
 
+    Returns:
+        The file and the sentences that say where it differs from the model.
+
     Raises:
         RobotDescriptionError: the original is no URDF, or lacks a joint; names the nearest.
         ExportError: the original is another robot, or a link has no positive mass.
     """
-    side = joint_side(model, WORDS)
-    sentences = [*differences(model, "URDF", WORDS, side.left_out), *_gravity(model.robot)]
+    side = joint_side(model, SUPPORTED)
+    sentences = [*differences(model, "URDF", SUPPORTED, side.left_out), *_gravity(model.robot)]
     if frozen is None:
         frozen = {} if model.robot.urdf is None else model.robot.urdf.frozen
     if original is None:
@@ -67,7 +70,7 @@ def to_urdf(
 def _changed(
     model: RunnableModel, side: JointSide, original: bytes, frozen: Mapping[str, float]
 ) -> tuple[bytes, tuple[str, ...]]:
-    """The original with new inertials and dynamics, and what had to be decided."""
+    """The original with new inertials and dynamics, and the decisions made."""
     kept = model.robot.joint_names
     nominal = parse_urdf(original, joints=kept, frozen=frozen, source="the original URDF")
     _check_same_robot(model.robot, nominal)
@@ -87,8 +90,8 @@ def _changed(
         if ours.inertia.any()
     ):
         sentences.append(
-            "the original's nominal inertias are not those of the robot that was identified; it "
-            "has been changed since, or joints were frozen at other positions"
+            "the original's nominal inertias are not those of the identified robot; the file has "
+            "changed since, or joints were frozen at other positions"
         )
     left = [
         repr(name)
@@ -97,18 +100,14 @@ def _changed(
     ]
     if left:
         sentences.append(
-            "the original has bodies that nothing can be, which were left as they are; MuJoCo "
+            "the original has physically impossible bodies, which were left unchanged; MuJoCo "
             f"refuses them: {', '.join(left)}"
         )
     return text.content(), tuple(sentences)
 
 
 def _check_same_robot(ours: Robot, theirs: Robot) -> None:
-    """Refuse a file whose identified joints sit elsewhere.
-
-    Raises:
-        ExportError: names the first such joint.
-    """
+    """Refuse a file whose identified joints differ in kind, parent or frame."""
     for own, other in zip(ours.joints, theirs.joints, strict=True):
         if own.kind != other.kind or own.parent != other.parent:
             what = f"is {other.kind} there and {own.kind} in the model"

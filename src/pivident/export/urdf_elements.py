@@ -9,15 +9,7 @@ from pivident.models.link_bodies import written_body
 
 
 def inertial_lines(name: str, inertia: np.ndarray) -> list[str]:
-    """An ``<inertial>`` element about the centre of mass, in axes of the link.
-
-    Args:
-        name: name of the link, for errors.
-        inertia: ten parameters in the link's frame, shape (10,); zeros: a mass of zero.
-
-    Raises:
-        ExportError: the mass is not positive.
-    """
+    """An ``<inertial>`` element about the centre of mass, in axes of the link; zeros: no mass."""
     mass, center, tensor = 0.0, np.zeros(3), np.zeros((3, 3))
     if inertia.any():
         body = written_body(name, inertia)
@@ -35,10 +27,5 @@ def inertial_lines(name: str, inertia: np.ndarray) -> list[str]:
 
 
 def dynamics_line(damping: float, friction: float) -> str:
-    """A ``<dynamics>`` element.
-
-    Args:
-        damping: viscous friction [N m s/rad or N s/m].
-        friction: Coulomb friction [N m or N].
-    """
+    """A ``<dynamics>`` element."""
     return f'<dynamics damping="{number(damping)}" friction="{number(friction)}"/>'

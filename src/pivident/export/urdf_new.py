@@ -1,8 +1,6 @@
-"""A whole URDF of a robot that had none: frames, limits, inertials, and cylinders to look at."""
+"""A new URDF of a robot without one: frames, limits, inertials, cylinders for display."""
 
 from __future__ import annotations
-
-import numpy as np
 
 from pivident.export.joint_side import JointSide
 from pivident.export.sketch import Stick, sticks
@@ -11,25 +9,16 @@ from pivident.export.xml_text import comment, distinct, number, numbers, quoted,
 from pivident.models.link_bodies import link_inertias
 from pivident.models.runnable_model import RunnableModel
 from pivident.robot.description import Joint, Robot
-from pivident.robot.frames import rotation_from_z_to
 
-#: Written where speed or torque limits are not known; zero would stop the joint in simulators.
+#: Value of unknown speed and torque limits; zero would stop the joint in simulators.
 UNKNOWN = 1e6
 
-#: Range that is written for a slide of unknown range [m].
+#: Range in the file of a prismatic joint of unknown range [m].
 UNKNOWN_RANGE = (-100.0, 100.0)
 
 
 def new_urdf(model: RunnableModel, side: JointSide) -> str:
-    """The text of a URDF.
-
-    Args:
-        model: the model.
-        side: its joints as a URDF says them.
-
-    Raises:
-        ExportError: a name that XML cannot write, or a link without positive mass.
-    """
+    """The text of a URDF."""
     robot = model.robot
     names = distinct([link.name for link in robot.links], robot.joint_names)
     base = unlike("base", names)
@@ -54,7 +43,7 @@ def new_urdf(model: RunnableModel, side: JointSide) -> str:
 
 
 def unknown_limits(robot: Robot) -> tuple[str, ...]:
-    """A sentence about limits that the robot's description does not have."""
+    """Sentences on limits that the robot's description does not have."""
     what = {
         "speed": [j.name for j in robot.joints if j.rated_speed is None],
         "torque": [j.name for j in robot.joints if j.torque_limit is None],
@@ -63,7 +52,7 @@ def unknown_limits(robot: Robot) -> tuple[str, ...]:
     return tuple(
         f"no {key} limit is known of {', '.join(map(repr, names))}, and "
         + (
-            f"they turn without end (a slide goes from {UNKNOWN_RANGE[0]:g} to "
+            f"they turn without limit (a slide goes from {UNKNOWN_RANGE[0]:g} to "
             f"{UNKNOWN_RANGE[1]:g} m)"
             if key == "range"
             else f"{UNKNOWN:g} is written"
@@ -99,15 +88,11 @@ def _joint(joint: Joint, parent: str, child: str, damping: float, friction: floa
 
 
 def _visual(stick: Stick) -> list[str]:
-    """A cylinder from end to end."""
-    middle = 0.5 * (stick.start + stick.end)
-    along = stick.end - stick.start
-    length = float(np.linalg.norm(along))
-    turn = numbers(rpy(rotation_from_z_to(along / length)))
+    middle, turn, length = stick.cylinder()
     cylinder = f'<cylinder radius="{number(stick.radius)}" length="{number(length)}"/>'
     return [
         "<visual>",
-        f'  <origin xyz="{numbers(middle)}" rpy="{turn}"/>',
+        f'  <origin xyz="{numbers(middle)}" rpy="{numbers(turn)}"/>',
         f"  <geometry>{cylinder}</geometry>",
         "</visual>",
     ]

@@ -1,4 +1,4 @@
-"""Changes in an XML text at byte positions; everything else stays as it is, byte for byte."""
+"""Changes in an XML text at byte positions; everything else is kept byte for byte."""
 
 from __future__ import annotations
 
@@ -25,24 +25,14 @@ _MARKS = (
 
 @dataclass
 class Element:
-    """An element and where it stands in the text, in bytes of UTF-8.
-
-    Attributes:
-        tag: its name.
-        attributes: its attributes, in order.
-        start: position of its start tag.
-        inside: end of its start tag.
-        close: position of its end tag; of an empty element its end.
-        end: end of its end tag.
-        children: elements in it.
-    """
+    """An element and its position in the text, in bytes of UTF-8."""
 
     tag: str
     attributes: Mapping[str, str]
-    start: int
-    inside: int
-    close: int = -1
-    end: int = -1
+    start: int  # of its start tag
+    inside: int  # end of its start tag
+    close: int = -1  # position of its end tag; of an empty element its end
+    end: int = -1  # of its end tag
     children: list[Element] = field(default_factory=list)
 
     @property
@@ -56,30 +46,19 @@ class Element:
 
 
 class XmlText:
-    """An XML text, where its elements stand, and the changes asked for.
-
-    Attributes:
-        root: its root element.
-    """
+    """A well-formed XML text, its elements, and the requested changes."""
 
     root: Element
 
     def __init__(self, content: bytes) -> None:
-        """Find the elements.
-
-        Args:
-            content: a well-formed XML file.
-
-        Raises:
-            ExportError: its encoding cannot be written back.
-        """
+        """Find the elements."""
         self._mark, self._encoding = _encoding(content)
         body = content[len(self._mark) :]
         self._bytes = body.decode(self._encoding).encode()
         if self._bytes.decode().encode(self._encoding) != body:
             raise ExportError(
-                f"the original file's encoding {self._encoding} does not lead back to the same "
-                "bytes; save it as UTF-8"
+                f"the original file's encoding {self._encoding} does not reproduce the same bytes; "
+                "save it as UTF-8"
             )
         self._newline = b"\r\n" if b"\r\n" in self._bytes else b"\n"
         self._changes: list[tuple[int, int, bytes]] = []
@@ -109,11 +88,11 @@ class XmlText:
             element.end = self._bytes.index(b">", element.close) + 1
 
     def replace(self, element: Element, lines: list[str]) -> None:
-        """Put other lines in the place of an element."""
+        """Replace an element by other lines."""
         self._changes.append((element.start, element.end, self._laid_out(element, lines)))
 
     def set_attributes(self, element: Element, values: Mapping[str, str]) -> None:
-        """Change values of attributes in a start tag, and add those that are not there."""
+        """Change values of attributes in a start tag, and add missing ones."""
         missing = dict(values)
         position = element.start + 1 + len(element.tag.encode())
         for found in _ATTRIBUTE.finditer(self._bytes, position, element.inside):

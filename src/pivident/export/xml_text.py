@@ -15,11 +15,7 @@ _FORBIDDEN = re.compile("[^\t\n\r -\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
 def quoted(name: str) -> str:
-    """A name as the value of an attribute, quotes included.
-
-    Raises:
-        ExportError: it holds a character that XML cannot write.
-    """
+    """A name as the value of an attribute, quotes included."""
     bad = _FORBIDDEN.search(name)
     if bad:
         raise ExportError(
@@ -30,11 +26,7 @@ def quoted(name: str) -> str:
 
 
 def number(value: float) -> str:
-    """The shortest text that is read back as the same number; no negative zero.
-
-    Raises:
-        ExportError: it is not finite.
-    """
+    """The shortest text that reads back as the same number; no negative zero."""
     if not np.isfinite(value):
         raise ExportError(f"a value is {value}, which robot files cannot hold; identify again")
     return repr(float(value) + 0.0).removesuffix(".0")
@@ -46,12 +38,12 @@ def numbers(values: Iterable[float]) -> str:
 
 
 def comment(text: str) -> str:
-    """A comment; two hyphens would end it and are drawn apart."""
+    """A comment; two hyphens would end it and are separated."""
     return f"<!-- {_FORBIDDEN.sub('?', text).replace('--', '- -').rstrip('-')} -->"
 
 
 def unlike(name: str, taken: Iterable[str]) -> str:
-    """A name that is not taken: the name itself, or with an underscore more."""
+    """A name that is not taken: the name itself, or with underscores added."""
     used = set(taken)
     while name in used:
         name += "_"
@@ -61,13 +53,7 @@ def unlike(name: str, taken: Iterable[str]) -> str:
 def distinct(
     names: Sequence[str], others: Sequence[str], reserved: Sequence[str] = ()
 ) -> tuple[str, ...]:
-    """Names of links, each once: repeated or empty ones become ``<joint>_link``.
-
-    Args:
-        names: names of the links.
-        others: names of their joints.
-        reserved: names that the format keeps for itself.
-    """
+    """Names of links, each once: repeated or empty ones become ``<joint>_link``."""
     out: list[str] = []
     for name, joint in zip(names, others, strict=True):
         own = name if name and names.count(name) == 1 else f"{joint}_link"
@@ -76,13 +62,10 @@ def distinct(
 
 
 def rpy(rotation: np.ndarray) -> np.ndarray:
-    """Roll, pitch and yaw [rad] with R = Rz(yaw) Ry(pitch) Rx(roll), accurate at pitch = ±90° too.
+    """Roll, pitch and yaw [rad] of R = Rz(yaw) Ry(pitch) Rx(roll), accurate at pitch = ±90° too.
 
-    The yaw is taken out of R first, then roll and pitch are read from what is left; where roll and
-    yaw cannot be told apart, whatever the yaw was, the roll makes up for it.
-
-    Args:
-        rotation: R, shape (3, 3).
+    The yaw is removed from R first, then roll and pitch are read from the rest; where roll and yaw
+    cannot be separated, the roll compensates for any yaw.
     """
     yaw = np.arctan2(rotation[1, 0], rotation[0, 0])
     c, s = np.cos(yaw), np.sin(yaw)

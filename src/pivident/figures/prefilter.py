@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
 from pivident.figures.joint_panels import chosen_joints, chosen_recording
 from pivident.figures.paper import FigureError, line_style, new_figure, paper_style, plain
@@ -40,7 +39,7 @@ def figure_of_prefilters(
         raise FigureError(
             "the identification holds no equations, as after reading it from a file; identify again"
         )
-    if not isinstance(equations.records[0], FullRateRecord):
+    if not equations.full_rate:
         raise FigureError(f"{result.method} filters by a band-pass and has no prefilters")
     rate = chosen_recording(result, 0).whitened_rate
     frequency = np.geomspace(rate / 2.0e4, 0.5 * rate, _POINTS)

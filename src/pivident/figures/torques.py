@@ -26,7 +26,7 @@ def figure_of_torques(
 ) -> Figure:
     """Measured torque, reconstructed torque Φθ, and their difference, one panel for each joint.
 
-    Rows that did not vote are shaded.
+    Rows that were not used are shaded.
 
     Args:
         result: an identification with its signals.
@@ -46,7 +46,7 @@ def figure_of_torques(
         for ax, j in zip(axes, chosen, strict=True):
             fit = result.joints[j]
             tau, model = record.tau[:, j], record.tau_model[:, j]
-            for start, stop in stretches(np.asarray(record.mask, dtype=bool)[:, j], t):
+            for start, stop in stretches(~np.asarray(record.used, dtype=bool)[:, j], t):
                 ax.axvspan(start, stop, color="#000000", alpha=0.07, linewidth=0)
             draw_trace(ax, t, tau, label="measured", color=MEASURED, linewidth=1.8)
             draw_trace(ax, t, model, label="reconstructed", color="#000000", linewidth=0.8)

@@ -19,9 +19,10 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.recording.recording import Recording
+from pivident.text.finding import Severity
 
-#: Error of the inertia above which there is a warning, and above which the model is wrong [%].
-WARNING, WRONG = 2.0, 10.0
+#: Error of the inertia above which there is a warning, and above which it is an error [%].
+WARNING, ERROR = 2.0, 10.0
 
 #: Share of the antiresonance up to which a loop or a filter is acceptable.
 REACH = 1.0 / 3.0
@@ -48,7 +49,7 @@ class RigidValidity:
     viscous_error: float  # of the viscous friction [N m s/rad]
     coulomb_error: float  # of the Coulomb friction [N m]
     missing_torque: float  # rms of the torque missing in the rigid model after the fit [N m]
-    severity: Literal["fine", "warning", "wrong"]
+    severity: Severity
     sentences: tuple[str, ...]
 
 
@@ -179,13 +180,13 @@ def _judged(
     bandwidth: float | None,
     error: float,
     at_edge: float,
-) -> tuple[Literal["fine", "warning", "wrong"], tuple[str, ...]]:
+) -> tuple[Severity, tuple[str, ...]]:
     """Severity and sentences."""
-    severity: Literal["fine", "warning", "wrong"] = "fine"
+    severity: Severity = "ok"
     if abs(error) >= WARNING or band > REACH * antiresonance:
         severity = "warning"
-    if abs(error) >= WRONG or band >= antiresonance:
-        severity = "wrong"
+    if abs(error) >= ERROR or band >= antiresonance:
+        severity = "error"
     size = "without bound" if not np.isfinite(at_edge) else f"by {at_edge:+.2g} %"
     sentences = [
         f"the rigid model's inertia of {joint} is wrong by about {error:+.2g} % on this motion",
@@ -203,8 +204,8 @@ def _judged(
             f"the loop's bandwidth of {bandwidth:.3g} Hz is {bandwidth / antiresonance:.2g} of it: "
             "a rigid simulation does not represent the loop; lower the bandwidth of the virtual law"
         )
-        severity = "warning" if severity == "fine" else severity
-    if cutoff > REACH * antiresonance and severity != "fine":
+        severity = "warning" if severity == "ok" else severity
+    if cutoff > REACH * antiresonance and severity != "ok":
         sentences.append(
             f"signals up to {cutoff:.3g} Hz enter the fit; a cut-off below "
             f"{REACH * antiresonance:.2g} Hz would exclude the resonance"

@@ -1,1 +1,5 @@
-"""Friction laws seen, chosen and fitted: maps, shapes, ripple."""
+"""Friction: maps against its states, laws and their choice, ripple."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -112,11 +112,12 @@ def _joint_json(joint: JointFriction) -> dict[str, Any]:
         ],
         "findings": [
             {
-                "key": f.key,
-                "sentence": f.sentence,
-                "value": _finite(f.value),
-                "two_sigma": _finite(f.spread),
-                "unit": f.unit,
+                "kind": f.kind,
+                "severity": f.severity,
+                "message": f.message,
+                "value": _finite(f.evidence["value"].value),
+                "two_sigma": _finite(f.evidence["two_sigma"].value),
+                "unit": f.evidence["value"].unit,
                 "clear": bool(f.clear),
                 "terms": f.terms,
             }

@@ -1,4 +1,4 @@
-"""What is seen in a joint's friction, in plain sentences, each backed by a number with 2σ.
+"""What is seen in a joint's friction, each effect with a number and its 2σ.
 
 A finding is *clear* if it is larger than its interval and of practical size; where its place was
 searched for (the deepest point of a curve, its largest range) the bar is 3σ. What depends on
@@ -22,6 +22,7 @@ from pivident.friction.contrasts import (
 from pivident.friction.friction_torque import FrictionTorque
 from pivident.friction.held_out_friction import HeldOut
 from pivident.friction.state_dependent import StateDependentFit, StateDependentParameter
+from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant, plus_minus
 
 #: Points at which a curve is searched.
@@ -35,36 +36,53 @@ PRACTICAL = 2.0
 
 
 @dataclass(frozen=True)
-class Finding:
-    """One thing seen.
+class FrictionFinding(Finding):
+    """One effect; a warning is what viscous and Coulomb friction do not describe.
+
+    Its kind is ``level``, ``asymmetry``, ``stribeck``, ``bend``, ``load``, ``position``, ``drift``
+    or ``prediction``, its evidence ``value`` and ``two_sigma``.
 
     Attributes:
-        key: ``level``, ``asymmetry``, ``stribeck``, ``bend``, ``load``, ``position``, ``drift``
-            or ``prediction``.
-        sentence: in words, with number, unit and 2σ.
-        value: the number.
-        spread: 2σ of it.
-        unit: of both.
         clear: whether it stands out of its interval and is of practical size.
         brief: the same in a few words, for the joint's one sentence; empty where it is not clear.
         terms: terms of a friction law that would describe it, in words.
     """
 
-    key: str
-    sentence: str
-    value: float
-    spread: float
-    unit: str
-    clear: bool
+    clear: bool = False
     brief: str = ""
     terms: str = ""
+
+
+def _seen(
+    kind: str,
+    message: str,
+    value: float,
+    two_sigma: float,
+    unit: str,
+    clear: bool,
+    brief: str = "",
+    terms: str = "",
+) -> FrictionFinding:
+    """One effect with its number."""
+    evidence = {"value": Quantity(value, unit), "two_sigma": Quantity(two_sigma, unit)}
+    severity: Severity = "warning" if clear and brief else "note"
+    return FrictionFinding(
+        severity,
+        "friction",
+        kind,
+        message,
+        evidence=evidence,
+        clear=clear,
+        brief=brief,
+        terms=terms,
+    )
 
 
 def findings(
     torque: FrictionTorque,
     fit: StateDependentFit,
     held_out: HeldOut,
-) -> tuple[Finding, ...]:
+) -> tuple[FrictionFinding, ...]:
     """All findings of a joint.
 
     Args:
@@ -86,7 +104,7 @@ def findings(
     return tuple(found)
 
 
-def _level(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
+def _level(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
     low, high = common_speeds(fit)
     at_low, low_std = fit.contrast(against_motion(fit, low))
     at_high, high_std = fit.contrast(against_motion(fit, high))
@@ -95,10 +113,10 @@ def _level(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
         f"Friction against the motion is {pm(at_low, low_std)} {unit} at {_speed(torque, low)} "
         f"and {pm(at_high, high_std)} {unit} at {_speed(torque, high)}."
     )
-    return Finding("level", sentence, at_high, 2.0 * high_std, unit, True, "", "viscous, Coulomb")
+    return _seen("level", sentence, at_high, 2.0 * high_std, unit, True, "", "viscous, Coulomb")
 
 
-def _asymmetry(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
+def _asymmetry(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
     """Twice o(v) as a share of g(v), at low and at high speed."""
     low, high = common_speeds(fit)
     shares = []
@@ -123,10 +141,10 @@ def _asymmetry(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
         terms = "offset, or asymmetric Coulomb friction"
         if differs:
             terms = "viscous friction of its own for each direction, offset"
-    return Finding("asymmetry", sentence, at_fast, 2.0 * fast_std, "%", clear, brief, terms)
+    return _seen("asymmetry", sentence, at_fast, 2.0 * fast_std, "%", clear, brief, terms)
 
 
-def _stribeck(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
+def _stribeck(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
     """Fall of g from the lowest speed to its lowest point below half speed."""
     low, high = common_speeds(fit)
     lowest = _lowest_friction(fit)
@@ -140,7 +158,7 @@ def _stribeck(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
             f"No Stribeck effect is seen: friction rises by {pm(rise, std)} {unit} from "
             f"{_speed(torque, low)} to {_speed(torque, speeds[4])}."
         )
-        return Finding("stribeck", sentence, -rise, 2.0 * std, unit, False)
+        return _seen("stribeck", sentence, -rise, 2.0 * std, unit, False)
     drop, std = fit.contrast(
         combined([(1.0, against_motion(fit, low)), (-1.0, against_motion(fit, lowest))])
     )
@@ -151,7 +169,7 @@ def _stribeck(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
         f"{_speed(torque, lowest)} (Stribeck effect)."
     )
     brief = f"a fall of {pm(drop, std)} {unit} from standstill to {_speed(torque, lowest)}"
-    return Finding(
+    return _seen(
         "stribeck", sentence, drop, 2.0 * std, unit, clear, *(brief, "Stribeck") if clear else ()
     )
 
@@ -164,7 +182,7 @@ def _lowest_friction(fit: StateDependentFit) -> float:
     return float(speeds[int(np.argmin(levels))])
 
 
-def _bend(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
+def _bend(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
     """Mean slope of g over the upper half of the speeds less that over the lower half."""
     low, high = common_speeds(fit)
     # What lies below the lowest friction, and a tenth beyond it, belongs to the Stribeck effect.
@@ -199,10 +217,10 @@ def _bend(torque: FrictionTorque, fit: StateDependentFit) -> Finding:
             f"Viscous friction is straight within the intervals: slopes {pm(*slopes[0])} and "
             f"{pm(*slopes[1])} {unit} below and above {_speed(torque, middle)}."
         )
-    return Finding("bend", sentence, change, 2.0 * std, unit, clear, brief, terms)
+    return _seen("bend", sentence, change, 2.0 * std, unit, clear, brief, terms)
 
 
-def _load(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> Finding:
+def _load(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> FrictionFinding:
     """Slope of p₃ against |load|, up to the load that is exceeded a tenth of the time."""
     reach = float(np.quantile(np.abs(torque.load[torque.moving]), 0.9))
     weights = {"load": slope_over_size(fit["load"])}
@@ -224,10 +242,10 @@ def _load(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> 
     elif predicts and gain > PRACTICAL:
         brief = "a dependence on load that is not one on its size"
         terms = "no usual law: presliding, or inertia that the rigid part lacks"
-    return Finding("load", sentence, share, 2.0 * spread, "%", bool(brief), brief, terms)
+    return _seen("load", sentence, share, 2.0 * spread, "%", bool(brief), brief, terms)
 
 
-def _position(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> Finding:
+def _position(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> FrictionFinding:
     """Range of p₂ where there are samples, and whether it predicts."""
     p = fit["position"]
     seen = p.density > 0.25 * float(np.median(p.density))
@@ -258,7 +276,7 @@ def _position(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut)
             sentence += f" It repeats {often} ({100.0 * carried:.0f} % of its variance)."
             brief += f", {often}"
             terms = "position ripple"
-    return Finding("position", sentence, reach, 2.0 * std, unit, clear, brief, terms)
+    return _seen("position", sentence, reach, 2.0 * std, unit, clear, brief, terms)
 
 
 def main_period(p: StateDependentParameter) -> tuple[float, float]:
@@ -286,7 +304,7 @@ def main_period(p: StateDependentParameter) -> tuple[float, float]:
     return best
 
 
-def _drift(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> Finding:
+def _drift(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> FrictionFinding:
     """Change from the beginning to the end, in percent of the friction."""
     p = fit["time"]
     weights = at(p, p.state[-1]) - at(p, p.state[0])
@@ -297,7 +315,7 @@ def _drift(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) ->
     large = abs(share) > 2.0 * std and abs(share) > PRACTICAL
     if not large:
         sentence = f"No drift is seen: {pm(share, std)} % of the friction over {length:.3g} s."
-        return Finding("drift", sentence, share, 2.0 * std, "%", False)
+        return _seen("drift", sentence, share, 2.0 * std, "%", False)
     size = f"{pm(abs(share), std)} % over {length:.3g} s"
     words = "falls" if share < 0.0 else "rises"
     sentence = f"Friction {words} by {size}; a drift gains {_gain(gain, gain_std)}."
@@ -305,10 +323,10 @@ def _drift(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) ->
     if gain > 2.0 * gain_std:
         brief = f"{'a fall' if share < 0.0 else 'a rise'} of {size}"
         terms = "none in speed: warming up, or a wrong rigid part"
-    return Finding("drift", sentence, share, 2.0 * std, "%", bool(brief), brief, terms)
+    return _seen("drift", sentence, share, 2.0 * std, "%", bool(brief), brief, terms)
 
 
-def _prediction(held_out: HeldOut) -> Finding:
+def _prediction(held_out: HeldOut) -> FrictionFinding:
     """Whether functions predict better than constants."""
     gain, std = held_out.full.gain(held_out.constant)
     of_speed, speed_std = held_out.speed.gain(held_out.constant)
@@ -317,10 +335,10 @@ def _prediction(held_out: HeldOut) -> Finding:
         f"{_gain(of_speed, speed_std)}, all functions together {_gain(gain, std)} (rms error "
         f"below {held_out.band:g} Hz)."
     )
-    return Finding("prediction", sentence, gain, 2.0 * std, "%", abs(gain) > 2.0 * std)
+    return _seen("prediction", sentence, gain, 2.0 * std, "%", abs(gain) > 2.0 * std)
 
 
-def headline(found: tuple[Finding, ...]) -> str:
+def headline(found: tuple[FrictionFinding, ...]) -> str:
     """One short sentence about a joint: what stands out.
 
     Args:

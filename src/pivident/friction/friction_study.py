@@ -10,7 +10,7 @@ import numpy as np
 from pivident.errors import IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.problem import Problem
-from pivident.friction.friction_findings import Finding, findings
+from pivident.friction.friction_findings import FrictionFinding, findings
 from pivident.friction.friction_map import FrictionMap, FrictionPlane, friction_map, friction_plane
 from pivident.friction.friction_torque import FrictionTorque, friction_torques
 from pivident.friction.held_out_friction import HeldOut, constant_law_error, held_out_error
@@ -43,7 +43,7 @@ class JointFriction:
     # the other functions
     maps: dict[str, FrictionMap]
     plane: FrictionPlane  # residual of the functions of speed, over speed and position
-    findings: tuple[Finding, ...]
+    findings: tuple[FrictionFinding, ...]
 
     @property
     def name(self) -> str:
@@ -79,6 +79,9 @@ def study_friction(
         standstill: share of the rated speed that counts as standstill; None: 1 %.
         bins: number of bins of every map.
         progress: called with one line for each joint.
+
+    Returns:
+        Maps of friction over speed, position and load for each joint, with their findings.
 
     Raises:
         IdentificationError: no joint moves enough.

@@ -23,7 +23,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identification import Identification
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import RandomWalk
@@ -154,9 +153,8 @@ def _coupling_theta(found: Identification) -> np.ndarray:
 def _kinematics(problem: Problem, found: Identification) -> list[Kinematics]:
     """Motion and aligned torque at the full rate, the estimate's own where it has them."""
     if found.equations is not None and len(found.equations.records) == len(problem.recordings):
-        kept = [r.kinematics for r in found.equations.records if isinstance(r, FullRateRecord)]
-        if len(kept) == len(problem.recordings):
-            return kept
+        if found.equations.full_rate:
+            return [r.kinematics for r in found.equations.records]
     return [estimate_kinematics(recording, RandomWalk()) for recording in problem.recordings]
 
 

@@ -1,5 +1,5 @@
-"""From log and robot to a first experiment file, every guess in it with its reason."""
+"""From log and robot to a first experiment file, every assumption in it with its reason."""
 
-from pivident.init.draft import Draft as Draft
-from pivident.init.draft import draft_experiment as draft_experiment
-from pivident.init.guess import Guess as Guess
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

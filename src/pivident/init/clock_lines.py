@@ -5,31 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from pivident.init.bag_topics import OwnClock
-from pivident.init.clock_guess import Clock
-from pivident.init.guess import Guess, Question
+from pivident.init.assumption import Assumption, Question
+from pivident.logs.bags.bag_table import OwnClock
 from pivident.logs.bags.read_bag import STAMP
-from pivident.recording.clock_alignment import ClockedChannel
+from pivident.logs.clocks.clock_alignment import ClockedChannel
+from pivident.logs.recognition.log_clock import LogClock
 
 
-def clock_lines(clock: Clock, others: Mapping[str, OwnClock]) -> list[Guess]:
-    """Rate and resampling.
-
-    Args:
-        clock: that of the positions.
-        others: clocks of the channels that have one of their own, by name.
-    """
+def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumption]:
+    """Rate and resampling."""
     lines = []
     correct = "In Hz; every speed and acceleration depends on it."
     if clock.by_rate:
         question = None
-        if clock.sure == "guess":
+        if clock.sure == "assumed":
             question = Question("rate", "At what rate was the log taken, in Hz?")
         rate = float(f"{clock.rate:.8g}")
-        lines.append(Guess("recording", "rate", rate, clock.sure, clock.seen, correct, question))
+        lines.append(
+            Assumption("recording", "rate", rate, clock.sure, clock.seen, correct, question)
+        )
     elif others:
         lines.append(
-            Guess(
+            Assumption(
                 "recording", "rate", _common_rate(clock, others.get("tau")), "likely",
                 "new samples are made at the rate of the positions, or of the torques where these "
                 "are slower; without this line they are made at that of the slowest channel "
@@ -41,25 +38,19 @@ def clock_lines(clock: Clock, others: Mapping[str, OwnClock]) -> list[Guess]:
         seen = f"{_listed(others)} by clocks of their own, so that all channels are interpolated"
         if clock.resample:
             seen = f"the clock is irregular ({clock.seen}), so that samples are interpolated"
-        lines.append(Guess("recording", "resample", True, "certain", seen))
+        lines.append(Assumption("recording", "resample", True, "certain", seen))
     return lines
 
 
 def clock_place(column: str, others: Mapping[str, OwnClock], channels: Iterable[str]) -> Any:
-    """Where the stamps are: one column, whose name also finds those of other topics, or several.
-
-    Args:
-        column: stamps of the positions.
-        others: clocks of the channels that have one of their own, by name.
-        channels: all channels that are read.
-    """
+    """Where the stamps are: one column, whose name also finds those of other topics, or several."""
     kind = column.rpartition("/")[2]
     if kind != STAMP or all(own.column.endswith(f"/{STAMP}") for own in others.values()):
         return column
     return {name: others[name].column if name in others else column for name in channels}
 
 
-def _common_rate(clock: Clock, torque: OwnClock | None) -> float:
+def _common_rate(clock: LogClock, torque: OwnClock | None) -> float:
     """The rate of the positions to three digits: new samples need not hit the old ones.
 
     References are smooth, and a spline carries them to any rate; torques are not.

@@ -6,22 +6,22 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from pivident.init.bag_topics import OwnClock
-from pivident.init.channel_guess import JointMap
-from pivident.init.clock_guess import Clock
+from pivident.init.assumption import Assumption, Question
 from pivident.init.clock_lines import clock_place
-from pivident.init.guess import Guess, Question
+from pivident.init.joint_columns import JointMap
 from pivident.init.kept_joints import KeptJoints
-from pivident.init.position_units import UnitGuess
-from pivident.init.torque_scale_guess import TorqueUnit
+from pivident.init.torque_unit import TorqueUnit
+from pivident.logs.bags.bag_table import OwnClock
+from pivident.logs.recognition.log_clock import LogClock
+from pivident.logs.recognition.position_units import AssumedUnits
 
 #: Time before and after the motion that is kept [s].
 MARGIN = 0.5
 
 
 def window_line(
-    clock: Clock, window: tuple[float, float], still: float, motion: tuple[float, float]
-) -> list[Guess]:
+    clock: LogClock, window: tuple[float, float], still: float, motion: tuple[float, float]
+) -> list[Assumption]:
     """The part of the log that is kept.
 
     Args:
@@ -38,41 +38,30 @@ def window_line(
             "on both sides"
         )
         value = [round(window[0], 3), round(window[1], 3)]
-        return [Guess("recording", "part", value, "likely", seen, "Times on the log's clock.")]
+        return [Assumption("recording", "part", value, "likely", seen, "Times on the log's clock.")]
     return []
 
 
-def side_line(torque: TorqueUnit) -> list[Guess]:
-    """The side of the gear.
-
-    Args:
-        torque: says whether the torques are those of the motors.
-    """
+def side_line(torque: TorqueUnit) -> list[Assumption]:
+    """The side of the gear."""
     if torque.motor_side:
         value: Any = {"q": "joint", "tau": "motor"}
-        return [Guess("recording", "side", value, "likely", torque.seen, torque.correct)]
+        return [Assumption("recording", "side", value, "likely", torque.seen, torque.correct)]
     seen = "positions and torques are taken for those of the joints, behind the gear"
-    return [Guess("recording", "side", "joint", "likely", seen, 'Or {q = "joint", tau = "motor"}.')]
+    return [
+        Assumption("recording", "side", "joint", "likely", seen, 'Or {q = "joint", tau = "motor"}.')
+    ]
 
 
 def column_lines(
     joints: JointMap,
     kept: KeptJoints,
-    clock: Clock,
+    clock: LogClock,
     others: Mapping[str, OwnClock],
     references: Mapping[str, Any],
     keys: Mapping[str, int],
-) -> list[Guess]:
-    """Where every channel is.
-
-    Args:
-        joints: columns by channel and joint.
-        kept: joints that are identified.
-        clock: the clock.
-        others: clocks of the channels that have one of their own, by name.
-        references: references that are believed, with unit and reason.
-        keys: number of each file by its key.
-    """
+) -> list[Assumption]:
+    """Where every channel is."""
     numbers = {number: key for key, number in keys.items()}
     read = ["q", "tau", *(name for name in ("q_ref", "dq_ref") if name in references)]
     lines = []
@@ -80,26 +69,26 @@ def column_lines(
         place: Any = clock_place(clock.column, others, read)
         if len(keys) > 1 and isinstance(place, str):
             place = {"file": numbers[joints.channels["q"].file], "columns": clock.column}
-        lines.append(Guess("recording.columns", "t", place, clock.sure, clock.seen))
+        lines.append(Assumption("recording.columns", "t", place, clock.sure, clock.seen))
     for name in read:
         channel = joints.channels[name]
         value: Any = [channel.columns[joint] for joint in kept.names]
         if len(keys) > 1 and numbers[channel.file] != name:
             value = {"file": numbers[channel.file], "columns": value}
-        seen = f"told from the names; {joints.seen}"
+        seen = f"by their names; {joints.seen}"
         if name in references:
-            seen = f"told from the names; {references[name][1]}"
+            seen = f"by their names; {references[name][1]}"
         if name in others:
             seen += f"; it comes at {others[name].rate:.5g} Hz by a clock of its own"
         if channel.others:
             seen += f". Other series that could be meant begin with {', '.join(channel.others[:4])}"
-        sure = joints.sure if name == "q" or joints.sure == "guess" else "likely"
-        lines.append(Guess("recording.columns", name, value, sure, seen))
+        sure = joints.sure if name == "q" or joints.sure == "assumed" else "likely"
+        lines.append(Assumption("recording.columns", name, value, sure, seen))
     speed = joints.channels.get("dq")
     if "q_ref" not in references:
         seen = "no column follows the positions as their reference; name one if there is"
         lines.append(
-            Guess("recording.columns", "q_ref", None, "likely", seen, example='["r1", "r2"]')
+            Assumption("recording.columns", "q_ref", None, "likely", seen, example='["r1", "r2"]')
         )
     if speed is not None:
         first = next(iter(speed.columns.values()), "dq")
@@ -109,42 +98,36 @@ def column_lines(
     return lines
 
 
-def _with_note(guess: Guess, note: str) -> Guess:
+def _with_note(line: Assumption, note: str) -> Assumption:
     """The same line with one more sentence."""
-    return replace(guess, correct=f"{guess.correct} {note}.".strip())
+    return replace(line, correct=f"{line.correct} {note}.".strip())
 
 
 def unit_lines(
-    clock: Clock,
-    unit: UnitGuess,
+    clock: LogClock,
+    unit: AssumedUnits,
     own: Sequence[int],
     torque: TorqueUnit,
     references: Mapping[str, tuple[Any, str]],
-) -> list[Guess]:
-    """Unit of every channel.
-
-    Args:
-        clock: the clock.
-        unit: unit of the positions of all logged joints.
-        own: which of them are identified.
-        torque: unit of the torques.
-        references: units of the references, with reasons.
-    """
+) -> list[Assumption]:
+    """Unit of every channel."""
     lines = []
     if clock.column is not None:
-        lines.append(Guess("recording.units", "t", clock.unit, clock.sure, clock.seen))
-    mine = UnitGuess(tuple(unit.units[j] for j in own), unit.sure, unit.seen)
+        lines.append(Assumption("recording.units", "t", clock.unit, clock.sure, clock.seen))
+    mine = AssumedUnits(tuple(unit.units[j] for j in own), unit.sure, unit.seen)
     question = None
-    if unit.sure == "guess":
+    if unit.sure == "assumed":
         question = Question("unit of q", "In what unit are the angles?", ("rad", "deg"))
     correct = '"rad", "deg", "rev", or {unit = "counts", per_revolution = 4096}.'
-    lines.append(Guess("recording.units", "q", mine.value, mine.sure, mine.seen, correct, question))
     lines.append(
-        Guess(
+        Assumption("recording.units", "q", mine.value, mine.sure, mine.seen, correct, question)
+    )
+    lines.append(
+        Assumption(
             "recording.units", "tau", torque.value, torque.sure, torque.seen, torque.correct,
             torque.question,
         )
     )  # fmt: skip
     for name, (value, seen) in references.items():
-        lines.append(Guess("recording.units", name, value, "likely", seen))
+        lines.append(Assumption("recording.units", name, value, "likely", seen))
     return lines

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pivident.init.guess import Guess
+from pivident.init.assumption import Assumption
 
 if TYPE_CHECKING:
     from pivident.init.recording_lines import RecordingLines
@@ -14,31 +14,30 @@ if TYPE_CHECKING:
 SLOWEST_LOOP = 200.0
 
 
-def control_lines(found: RecordingLines, findings: Findings) -> list[Guess]:
-    """Lines of ``[controller]``, ``[identify]`` and ``[validation]``.
-
-    Args:
-        found: what is known of the log.
-        findings: what did not work so far.
-    """
-    lines: list[Guess] = []
+def control_lines(found: RecordingLines, findings: Findings) -> list[Assumption]:
+    """Lines of ``[controller]``, ``[identify]`` and ``[validation]``."""
+    lines: list[Assumption] = []
     law = law_to_try(found, findings)
     example = '"pd"\n# kp = [1000.0, 800.0]\n# kd = [50.0, 40.0]'
     if law == "identify":
         seen = "nobody said which law it is, but the log has a reference: the law is found from it"
         seen += f"{findings.law_found}"
-        lines.append(Guess("controller", "type", law, "likely", seen, "Known gains are better."))
+        lines.append(
+            Assumption("controller", "type", law, "likely", seen, "Known gains are better.")
+        )
     elif law == "virtual_pd":
         seen = findings.law_failed or "the control law is not known and the log has no reference"
         seen += ": a declared law follows the smoothed motion; results say so"
-        lines.append(Guess("controller", "type", law, "likely", seen, "Known gains are better."))
+        lines.append(
+            Assumption("controller", "type", law, "likely", seen, "Known gains are better.")
+        )
     else:
         reason = findings.loop_failed or (
             f"the control law is not known, and {found.rate:.4g} Hz are too slow for a declared one"
         )
         seen = f"{reason}: instrumental variables cannot be had; complete this table where the "
         seen += "law is known"
-        lines.append(Guess("controller", "type", None, "likely", seen, example=example))
+        lines.append(Assumption("controller", "type", None, "likely", seen, example=example))
     if law is None:
         methods = ["ls"]
         seen = "least squares needs no controller. Where the log was taken in a feedback loop its "
@@ -51,7 +50,7 @@ def control_lines(found: RecordingLines, findings: Findings) -> list[Guess]:
             seen += ". " + ". ".join(
                 f"{m} is left out: {why}" for m, why in findings.failed.items()
             )
-    lines.append(Guess("identify", "methods", methods, "likely", seen))
+    lines.append(Assumption("identify", "methods", methods, "likely", seen))
     return lines
 
 

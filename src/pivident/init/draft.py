@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pivident.init.assumption import Answers, Assumption, DraftError, Question
 from pivident.init.control_lines import control_lines
 from pivident.init.experiment_text import HEADING, experiment_text
-from pivident.init.guess import Answers, DraftError, Guess, Question
 from pivident.init.log_files import Run, read_runs
 from pivident.init.recording_lines import RecordingLines, recording_lines
 from pivident.init.robot_file import RobotFile, robot_file
@@ -25,20 +25,20 @@ class Draft:
 
     Attributes:
         text: the file.
-        guesses: its lines, those of the first recording only.
+        assumptions: its lines, those of the first recording only.
         troubles: what stands in the way of an identification, as sentences.
         explained: relative error of a first least squares, by joint; empty where there was none.
     """
 
     text: str
-    guesses: tuple[Guess, ...]
+    assumptions: tuple[Assumption, ...]
     troubles: tuple[str, ...]
     explained: dict[str, float]
 
     @property
     def questions(self) -> tuple[Question, ...]:
         """What only a person knows."""
-        return tuple(guess.question for guess in self.guesses if guess.question is not None)
+        return tuple(a.question for a in self.assumptions if a.question is not None)
 
 
 def draft_experiment(
@@ -50,7 +50,7 @@ def draft_experiment(
     answers: Answers | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Draft:
-    """Guess what an experiment file needs, and try whether it runs.
+    """Find what an experiment file needs, and try whether it runs.
 
     The file is not written. What it says is held against the log: its recordings are read as
     `pivident identify` would read them, a control law is looked for where there is a reference,
@@ -60,15 +60,15 @@ def draft_experiment(
         logs: files of one run side by side, or several runs of the same columns.
         robot: gallery name, .toml, .urdf or .urdf.gz; None: the only URDF beside the logs.
         out: where the file is going to be; its paths are relative to that folder.
-        joints: joints of a URDF that are to be identified; all that the log speaks of otherwise.
+        joints: joints of a URDF that are to be identified; all that are in the log otherwise.
         answers: what a person answered to `Draft.questions`, by what they are about.
         progress: called with one line at each stage.
 
     Returns:
-        The text of the file, every guess in it, and what only a person can answer.
+        The text of the file, every assumption in it, and what only a person can answer.
 
     Raises:
-        DraftError: no robot, no positions or no torques can be told.
+        DraftError: no robot, no positions or no torques can be found.
         FileFormatError: a log cannot be read.
         RobotDescriptionError: the robot cannot be used.
     """
@@ -96,18 +96,14 @@ def draft_experiment(
         if findings.settled:
             break
         findings = try_out(text, out, findings, say)
-    robot_part = [guess for guess in lines if guess.table == "robot"]
-    rest = [guess for guess in lines if guess.table != "robot"]
-    guesses = (*robot_part, *recordings[0], *rest)
-    return Draft(text, guesses, findings.troubles, findings.explained)
+    robot_part = [a for a in lines if a.table == "robot"]
+    rest = [a for a in lines if a.table != "robot"]
+    assumptions = (*robot_part, *recordings[0], *rest)
+    return Draft(text, assumptions, findings.troubles, findings.explained)
 
 
 def relative_path(path: Path, out: Path) -> str:
     """A path as the file names it: relative where that is short, with forward slashes.
-
-    Args:
-        path: a file.
-        out: the experiment file.
 
     Raises:
         DraftError: the name holds bytes that no TOML file can.
@@ -126,17 +122,17 @@ def relative_path(path: Path, out: Path) -> str:
     return relative.replace(os.sep, "/")
 
 
-def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[Guess]:
+def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[Assumption]:
     """The table ``[robot]``."""
     is_file = machine.name.endswith((".toml", ".urdf", ".urdf.gz"))
     model = relative_path(Path(machine.name), out) if is_file else machine.name
     seen = "the only URDF beside the log" if machine.found else "as given"
     sure = "likely" if machine.found else "certain"
-    lines = [Guess("robot", "model", model, sure, seen)]  # type: ignore[arg-type]
+    lines = [Assumption("robot", "model", model, sure, seen)]  # type: ignore[arg-type]
     lines += found.robot
     law = found.machine.joints[0].friction
     lines.append(
-        Guess(
+        Assumption(
             "robot", "friction", None, "likely",
             f"friction of every joint is {law}, as of the robot's description or by default; "
             "`pivident laws` compares others",
@@ -145,7 +141,7 @@ def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[G
     )  # fmt: skip
     if not np.any(found.machine.rotor_inertia):
         lines.append(
-            Guess(
+            Assumption(
                 "robot", "rotor_inertia", None, "likely",
                 "rotor inertias are not in the description; they are estimated (ia1 …), starting "
                 "at zero. Nominal values on the joint side, in kg m², help where they are known",
@@ -155,13 +151,13 @@ def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[G
     return lines
 
 
-def _recording(run: Run, found: RecordingLines, findings: Findings, out: Path) -> list[Guess]:
+def _recording(run: Run, found: RecordingLines, findings: Findings, out: Path) -> list[Assumption]:
     """The tables of one recording."""
     files = {key: relative_path(run.files[k].path, out) for key, k in found.file_keys.items()}
     single = len(files) == 1 and not any(c in next(iter(files.values())) for c in "*?")
     value = next(iter(files.values())) if single else files
     seen = "as given" if len(files) == 1 else "one run in files side by side, with the same rows"
-    lines = [Guess("recording", "files", value, "certain", seen)]
+    lines = [Assumption("recording", "files", value, "certain", seen)]
     tried = {line.key for line in findings.recording}
-    guessed = [g for g in found.recording if g.table != "recording" or g.key not in tried]
-    return [*lines, *findings.recording, *guessed]
+    others = [a for a in found.recording if a.table != "recording" or a.key not in tried]
+    return [*lines, *findings.recording, *others]

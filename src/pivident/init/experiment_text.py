@@ -1,4 +1,4 @@
-"""Guesses as the text of an experiment file: every line below a comment that says why."""
+"""Assumptions as the text of an experiment file: every line below a comment that says why."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from typing import Any
 
-from pivident.init.guess import Guess
+from pivident.init.assumption import Assumption
 from pivident.text.printable import escaped
 
 #: Width of the comments, in characters.
@@ -16,8 +16,8 @@ WIDTH = 98
 #: What stands in front of the first table.
 HEADING = """\
 First draft by pivident init: {names}.
-Every line was guessed from the log and the robot's description; the comment above it says how
-sure it is and what was seen. Correct it here, then:
+Every line follows from the log and the robot's description; the comment above it says how sure
+it is and what was seen. Correct it here, then:
     pivident check {file}       what is wrong with file, robot and log
     pivident identify {file}    the parameters
 All keys: docs/experiment_file.md
@@ -35,13 +35,16 @@ ORDER = (
 )
 
 #: How sure a line is, as its comment says it.
-SURE = {"certain": "seen", "likely": "likely", "guess": "GUESSED, please check"}
+SURE = {"certain": "seen", "likely": "likely", "assumed": "ASSUMED, please check"}
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 
 
 def experiment_text(
-    runs: Sequence[Sequence[Guess]], rest: Iterable[Guess], heading: str, troubles: Sequence[str]
+    runs: Sequence[Sequence[Assumption]],
+    rest: Iterable[Assumption],
+    heading: str,
+    troubles: Sequence[str],
 ) -> str:
     """The whole file.
 
@@ -57,44 +60,40 @@ def experiment_text(
     rest = list(rest)
     for table in ORDER:
         if not table.startswith("recording"):
-            own = [guess for guess in rest if guess.table == table]
+            own = [line for line in rest if line.table == table]
             parts += _table(table, own, commented=True) if own else []
         elif table == "recording":
             several = len(runs) > 1
-            for number, guesses in enumerate(runs):
+            for number, run in enumerate(runs):
                 for name in ("recording", "recording.columns", "recording.units"):
-                    own = [guess for guess in guesses if guess.table == name]
+                    own = [line for line in run if line.table == name]
                     head = f"[[{name}]]" if several and name == "recording" else f"[{name}]"
                     parts += _table(name, own, commented=number == 0, head=head) if own else []
     return "\n".join(parts) + "\n"
 
 
 def _table(
-    name: str, guesses: Sequence[Guess], *, commented: bool, head: str | None = None
+    name: str, lines: Sequence[Assumption], *, commented: bool, head: str | None = None
 ) -> list[str]:
     """One table with its comments."""
     head = head or f"[{name}]"
-    if all(guess.value is None for guess in guesses):
+    if all(line.value is None for line in lines):
         head = f"# {head}"
-    lines = ["", head]
-    for guess in guesses:
+    text = ["", head]
+    for line in lines:
         if commented:
-            seen = guess.seen[:1].upper() + guess.seen[1:]
-            said = f"{SURE[guess.sure]}: {guess.seen}" if guess.value is not None else seen
-            lines.append(comment(f"{said.rstrip('.')}. {guess.correct}".rstrip()))
-        if guess.value is not None:
-            lines.append(f"{key_text(guess.key)} = {value_text(guess.value)}")
+            seen = line.seen[:1].upper() + line.seen[1:]
+            said = f"{SURE[line.sure]}: {line.seen}" if line.value is not None else seen
+            text.append(comment(f"{said.rstrip('.')}. {line.correct}".rstrip()))
+        if line.value is not None:
+            text.append(f"{key_text(line.key)} = {value_text(line.value)}")
         elif commented:
-            lines.append(f"# {guess.key} = {guess.example}")
-    return lines
+            text.append(f"# {line.key} = {line.example}")
+    return text
 
 
 def comment(text: str) -> str:
-    """Text as comment lines that nothing in it can break out of.
-
-    Args:
-        text: may hold anything that a file or a column is called.
-    """
+    """Text as comment lines that nothing in it can break out of."""
     clean = escaped(text.replace("\n", " ").replace("\r", " ").replace("\t", " "))
     clean = clean.encode("utf-8", "backslashreplace").decode()
     if text.startswith("    ") or not clean:
@@ -109,11 +108,7 @@ def key_text(key: str) -> str:
 
 
 def string_text(text: str) -> str:
-    """A string of TOML in quotation marks.
-
-    Args:
-        text: may hold quotation marks, line ends and control characters.
-    """
+    """A string of TOML in quotation marks."""
     out = []
     for character in text:
         code = ord(character)
@@ -127,12 +122,7 @@ def string_text(text: str) -> str:
 
 
 def value_text(value: Any, width: int = WIDTH) -> str:
-    """A value of TOML; long lists take a line for each entry.
-
-    Args:
-        value: text, number, truth value, list, or table with text keys.
-        width: longest value that is kept on one line, in characters.
-    """
+    """A value of TOML; long lists take a line for each entry."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.init.channel_guess import STILL, JointMap, is_informative
-from pivident.init.guess import DraftError
+from pivident.init.assumption import DraftError
+from pivident.init.joint_columns import STILL, JointMap, is_informative
 from pivident.init.log_files import Run
 from pivident.init.robot_file import RobotFile
 
@@ -19,7 +19,7 @@ class KeptJoints:
 
     Attributes:
         names: those that are identified, parents first.
-        left_out: why each of the others that the log speaks of is not, by name.
+        left_out: why each of the others in the log is not, by name.
         logged: all joints with a column of positions.
     """
 

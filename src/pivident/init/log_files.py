@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.audit.clocked_reading import shown
-from pivident.audit.file_columns import read_columns
-from pivident.init.bag_topics import OwnClock, bag_table
-from pivident.init.guess import DraftError
+from pivident.init.assumption import DraftError
+from pivident.logs.bags.bag_table import OwnClock, bag_table
 from pivident.logs.bags.read_bag import is_bag
-from pivident.recording.channel_words import Reading, read_words, words_of
-from pivident.recording.column_series import JOINT, Series, column_series
+from pivident.logs.file_columns import read_columns
+from pivident.logs.recognition.channel_words import Reading, read_words, words_of
+from pivident.logs.recognition.column_series import JOINT, Series, column_series
+from pivident.logs.source_files import printable_name
 
 #: Endings that say nothing about a log.
 ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
@@ -45,7 +45,7 @@ class LogFile:
     @property
     def shown(self) -> str:
         """Its name as it can be printed."""
-        return shown(self.path)
+        return printable_name(self.path)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,14 +56,10 @@ class Run:
 
 
 def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
-    """Read the files and tell runs from parts of one run.
+    """Read the files, and separate runs from parts of one run.
 
-    Files with the same columns and names that speak of no different quantities are runs; all
+    Files with the same columns and names of no different quantities are runs; all
     others lie side by side.
-
-    Args:
-        paths: the files.
-        joint_names: names of the robot's joints.
 
     Raises:
         FileFormatError: a file cannot be read.
@@ -85,11 +81,7 @@ def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
 
 
 def file_reading(path: Path) -> Reading:
-    """What the name of a file says about its columns: ``arm_effort.csv``.
-
-    Args:
-        path: the file.
-    """
+    """What the name of a file says about its columns: ``arm_effort.csv``."""
     name = path.name
     for ending in ENDINGS:
         name = name.removesuffix(ending)

@@ -8,23 +8,22 @@ from typing import Any
 
 import numpy as np
 
-from pivident.init.channel_guess import JointMap, joint_map
-from pivident.init.clock_guess import Clock, read_clock, speed_rate
+from pivident.init.assumption import Answers, Assumption, DraftError
 from pivident.init.clock_lines import clock_lines
 from pivident.init.column_lines import MARGIN, column_lines, side_line, unit_lines, window_line
-from pivident.init.guess import Answers, DraftError, Guess
+from pivident.init.joint_columns import JointMap, joint_map
 from pivident.init.kept_joints import KeptJoints, kept_joints
 from pivident.init.log_files import Run
-from pivident.init.position_units import (
-    UnitGuess,
-    following_unit,
-    motion_window,
-    position_unit,
-    speeds,
-)
+from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
-from pivident.init.torque_scale_guess import Comparison, compare, torque_unit
-from pivident.recording.units import POSITION, SPEED, TORQUE
+from pivident.init.torque_unit import Comparison, compare, torque_unit
+from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
+from pivident.logs.recognition.position_units import (
+    AssumedUnits,
+    following_unit,
+    position_unit,
+)
+from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
 
 #: Standstill at the ends that is worth cutting off [s].
@@ -52,8 +51,8 @@ class RecordingLines:
     """
 
     machine: Robot
-    robot: tuple[Guess, ...]
-    recording: tuple[Guess, ...]
+    robot: tuple[Assumption, ...]
+    recording: tuple[Assumption, ...]
     file_keys: dict[str, int]
     has_reference: bool
     rate: float
@@ -63,7 +62,7 @@ class RecordingLines:
 def recording_lines(
     run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
 ) -> RecordingLines:
-    """Guess everything about one log.
+    """Everything that is assumed about one log.
 
     Args:
         run: its files.
@@ -72,7 +71,7 @@ def recording_lines(
         answers: what a person said.
 
     Raises:
-        DraftError: positions, torques or joints cannot be told.
+        DraftError: positions, torques or joints cannot be found.
     """
     joints = joint_map(run, machine.joint_names)
     kept = kept_joints(run, joints, machine, wanted)
@@ -128,7 +127,7 @@ def recording_lines(
     )
 
 
-def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> Clock:
+def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> LogClock:
     """Clock of the file with the positions; those of other files must agree with it."""
     q, dq = joints.channels["q"], joints.channels.get("dq")
     hint = None
@@ -153,7 +152,7 @@ def _clock(run: Run, joints: JointMap, kept: KeptJoints, answers: Answers) -> Cl
     return clock
 
 
-def _window(clock: Clock, first: float, last: float) -> tuple[float, float]:
+def _window(clock: LogClock, first: float, last: float) -> tuple[float, float]:
     """The motion with a margin; the whole log where little would be cut off."""
     start, end = float(clock.seconds[0]), float(clock.seconds[-1])
     low, high = max(start, first - MARGIN), min(end, last + MARGIN)
@@ -167,7 +166,7 @@ def _frozen(
     logged: Robot,
     kept: KeptJoints,
     si: np.ndarray,
-    clock: Clock,
+    clock: LogClock,
     motion: tuple[float, float],
 ) -> dict[str, tuple[float, float]]:
     """Median position of logged joints that are not identified, and their range [rad or m]."""
@@ -187,7 +186,7 @@ def _joint_lines(
     joints: JointMap,
     kept: KeptJoints,
     frozen: Mapping[str, tuple[float, float]],
-) -> list[Guess]:
+) -> list[Assumption]:
     """Which joints are identified."""
     if not machine.is_urdf:
         return []
@@ -196,7 +195,7 @@ def _joint_lines(
     if kept.left_out:
         seen += ". Left out: " + ", ".join(f"{n} ({why})" for n, why in kept.left_out.items())
     correct = "The order is that of the columns below; a joint that goes has to go in both places."
-    lines = [Guess("robot", "joints", list(kept.names), joints.sure, seen, correct)]
+    lines = [Assumption("robot", "joints", list(kept.names), joints.sure, seen, correct)]
     if frozen:
         moving = [f"{n} by {span:.3g}" for n, (_, span) in frozen.items() if span > 0.05]
         seen = "joints that are logged but not identified stand at their median position"
@@ -205,14 +204,14 @@ def _joint_lines(
                 f", although they move ({', '.join(moving)} rad or m): their motion is model error"
             )
         values = {name: value for name, (value, _) in frozen.items()}
-        sure = "guess" if moving else "likely"
+        sure = "assumed" if moving else "likely"
         lines.append(
-            Guess("robot", "frozen", values, sure, f"{seen}. All others stand at zero")  # type: ignore[arg-type]
+            Assumption("robot", "frozen", values, sure, f"{seen}. All others stand at zero")  # type: ignore[arg-type]
         )
     elif len(kept.names) < len(machine.joint_names) + len(machine.fixed):
-        seen = "joints that the log does not speak of stand at zero; name those that do not"
+        seen = "joints that the log does not name stand at zero; name those that do not"
         lines.append(
-            Guess("robot", "frozen", None, "likely", seen, example="{gripper_joint = 0.02}")
+            Assumption("robot", "frozen", None, "likely", seen, example="{gripper_joint = 0.02}")
         )
     return lines
 
@@ -232,8 +231,8 @@ def _references(
     joints: JointMap,
     kept: KeptJoints,
     si: np.ndarray,
-    clock: Clock,
-    unit: UnitGuess,
+    clock: LogClock,
+    unit: AssumedUnits,
     own: list[int],
 ) -> dict[str, tuple[Any, str]]:
     """References that follow the measurement, with their unit and what was seen."""
@@ -258,7 +257,7 @@ def _references(
     speed = joints.channels.get("dq_ref")
     if speed is None or not set(kept.names) <= set(speed.columns) or len(judged) < len(own):
         return found
-    slope = speeds(values * POSITION[match[0]], clock.seconds[rows])
+    slope = np.gradient(values * POSITION[match[0]], clock.seconds[rows], axis=0)
     tried = tuple(SPEED) if turning else ("m/s", "mm/s")
     fits = following_unit(speed.values(run, kept.names)[rows], slope, tried, SPEED)
     if fits is not None:
@@ -266,9 +265,9 @@ def _references(
     return found
 
 
-def _other_angle(unit: UnitGuess) -> UnitGuess:
+def _other_angle(unit: AssumedUnits) -> AssumedUnits:
     """Degrees for radians or the reverse, as the inverse model has it."""
     other = {"rad": "deg", "deg": "rad"}
     units = tuple(other.get(u, u) for u in unit.units)
     seen = f"{unit.seen}; torque and gravity fit twice as well or better with {units[0]}"
-    return UnitGuess(units, "likely", seen)
+    return AssumedUnits(units, "likely", seen)

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pivident.errors import RobotDescriptionError
-from pivident.init.guess import DraftError
-from pivident.robot import Robot, gallery_names, load_robot, read_urdf
+from pivident.init.assumption import DraftError
+from pivident.robot.description import Robot
+from pivident.robot.gallery import gallery_names, load_robot
 from pivident.robot.naming import errors_name
+from pivident.robot.urdf import read_urdf
 from pivident.robot.urdf_xml import MOVING, UrdfJoint, file_content, parse_model
 
 URDF = (".urdf", ".urdf.gz")

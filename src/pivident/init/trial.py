@@ -15,13 +15,13 @@ from pivident.errors import (
     PividentError,
     SaturatedSignal,
 )
+from pivident.errors.stretches import written
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
-from pivident.init.guess import Guess
-from pivident.recording.gaps import written
+from pivident.init.assumption import Assumption
 from pivident.recording.recording import Recording
 from pivident.text.toml import parse_toml
 
@@ -44,7 +44,7 @@ class Findings:
         settled: whether nothing more is to be tried.
     """
 
-    recording: tuple[Guess, ...] = ()
+    recording: tuple[Assumption, ...] = ()
     law_failed: str = ""
     law_found: str = ""
     loop_failed: str = ""
@@ -121,26 +121,26 @@ def _try_methods(
     return replace(known, failed=failed, explained=explained, settled=True)
 
 
-def _remedy(error: PividentError) -> Guess | None:
+def _remedy(error: PividentError) -> Assumption | None:
     """The line that makes a recording acceptable that has one fault."""
     said = str(error).partition(";")[0]
     if isinstance(error, SaturatedSignal):
-        return Guess(
-            "recording", "saturation", "allow", "guess", f"{said}",
+        return Assumption(
+            "recording", "saturation", "allow", "assumed", f"{said}",
             "Torque beyond a limit is not what the model says; better cut those parts out.",
         )  # fmt: skip
     if isinstance(error, ConstantChannel):
-        seen = f"{said}; what only its motion tells cannot be determined"
-        return Guess("recording", "allow_constant", True, "guess", seen)
+        seen = f"{said}; what needs its motion cannot be determined"
+        return Assumption("recording", "allow_constant", True, "assumed", seen)
     if isinstance(error, (MissingSamples, GapInClock)) and error.stretches.lost:
         longest = error.stretches.longest
         others = [written(part) for part in error.stretches.parts if part != longest]
         more = f"A copy of this table for each adds {', '.join(others)}." if others else ""
         seen = f"{said}; this is the longest stretch without such a gap"
-        return Guess("recording", "part", list(longest), "likely", seen, more)
+        return Assumption("recording", "part", list(longest), "likely", seen, more)
     if isinstance(error, IrregularSampling):
         seen = f"{said}; samples are interpolated"
-        return Guess("recording", "resample", True, "guess", seen)
+        return Assumption("recording", "resample", True, "assumed", seen)
     return None
 
 

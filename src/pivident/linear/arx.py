@@ -3,12 +3,12 @@
     A(z⁻¹) y_k = Σ_i B_i(z⁻¹) u_i,k-delay_i + e_k
 
 is linear in its coefficients. The estimate is consistent only when the equation error e is white:
-for a controller, whose input and output are both exact signals of its computer, it is the right
-method; a measured output biases A, and :func:`pivident.linear.sriv.sriv` is.
+it suits a controller, whose input and output are both exact signals of its computer. A measured
+output biases A; use :func:`pivident.linear.sriv.sriv` then.
 
 Columns of slow signals sampled fast are nearly parallel: a condition number of 10⁷ is usual. The
 regression is therefore solved by QR of the columns scaled to unit length, never by its normal
-equations, which would square it.
+equations, which would square that number.
 """
 
 from __future__ import annotations
@@ -78,12 +78,7 @@ def arx(
 
 
 def least_squares(record: DiscreteRecord, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """θ, (ΦᵀΦ)⁻¹ and the variance of the equation error, for some output.
-
-    Args:
-        record: inputs and orders.
-        y: output, shape (samples,).
-    """
+    """θ, (ΦᵀΦ)⁻¹ and the variance of the equation error, for the output y."""
     structure, samples = record.structure, y.size
     output = lfilter(record.fixed, [1.0], y)
     rows = [-lagged(output, range(1, record.free_order + 1))]
@@ -94,7 +89,7 @@ def least_squares(record: DiscreteRecord, y: np.ndarray) -> tuple[np.ndarray, np
     size = structure.parameters
     if len(phi) <= size:
         raise OrdersNotSupported(
-            size, f"{len(phi)} of {samples} samples have a whole past that is not left out"
+            size, f"{len(phi)} of {samples} samples have a complete past that is not left out"
         )
     scale = np.linalg.norm(phi, axis=0)
     if scale.min() == 0:
@@ -108,7 +103,7 @@ def least_squares(record: DiscreteRecord, y: np.ndarray) -> tuple[np.ndarray, np
 
 
 def _without_masked(u: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
-    """The inputs with zeros for NaN where samples are left out anyway."""
+    """The inputs with zeros for NaN where samples are left out."""
     columns = np.array(u, dtype=float)
     if mask is not None and len(columns) == len(mask):
         left_out = np.asarray(mask, dtype=bool)

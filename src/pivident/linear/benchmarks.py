@@ -1,9 +1,9 @@
 """Published benchmark systems of continuous-time identification, with known truth.
 
 Each is a transfer function, an input, a signal-to-noise ratio 10 log10(var x/var ξ) and a noise
-model; :meth:`Benchmark.record` makes one record of it from a seed and :meth:`Benchmark.bound`
-the deviations that no unbiased estimator undercuts. Where the source does not print the input or
-the ratio, ours is stated here.
+model; :meth:`Benchmark.record` makes one record of it from a seed and :meth:`Benchmark.bound` the
+smallest standard errors of an unbiased estimator. Where the source does not print the input or the
+ratio, ours is stated here.
 
 * ``RAO_GARNIER``: two modes, 2 rad/s and 20 rad/s, and a right half-plane zero; CONTSID.
 * ``RIVBJ``: modes at 1 rad/s and 60 rad/s, ARMA noise; CAPTAIN's ``rivbjdem2`` (its input and
@@ -22,62 +22,40 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.signal import lfilter, max_len_seq
 
-from pivident.linear.estimate import Noise
 from pivident.linear.refined_iv import iv_step, linearised
 from pivident.linear.sampled_data import SampledData
 from pivident.linear.simulation import continuous_response, delayed
 from pivident.linear.state_variable_filter import discretised_chain
 from pivident.linear.structure import Structure
+from pivident.signals.arma import Noise
 
 
 @dataclass(frozen=True, eq=False)
 class BenchmarkRecord:
-    """One record.
+    """One record, arrays of shape (samples,)."""
 
-    Attributes:
-        u: input of the plant, shape (samples,).
-        x: noise-free output, given that input's noise-free part.
-        y: measured output.
-        external: the signal that enters the loop; None in open loop.
-    """
-
-    u: np.ndarray
-    x: np.ndarray
-    y: np.ndarray
-    external: np.ndarray | None
+    u: np.ndarray  # input of the plant
+    x: np.ndarray  # noise-free output, given that input's noise-free part
+    y: np.ndarray  # measured output
+    external: np.ndarray | None  # the signal that enters the loop; None in open loop
 
 
 @dataclass(frozen=True)
 class Benchmark:
-    """A system to identify, (C.3).
-
-    Attributes:
-        name: short name.
-        numerator: B, highest power of p first.
-        denominator: A, monic.
-        dt: sampling period [s].
-        stages: stages of the shift register that makes the PRBS of ±1.
-        clock: samples for which it holds each value.
-        samples: length of a record; the PRBS is cut or repeated.
-        ratio: signal-to-noise ratio [dB].
-        delay: delay of the input [samples].
-        ar: D of the noise C/D e.
-        ma: C.
-        gains: K_p and K_i [1/s] of the PI controller of the loop; None: open loop.
-    """
+    """A system to identify, (C.3)."""
 
     name: str
-    numerator: tuple[float, ...]
-    denominator: tuple[float, ...]
-    dt: float
-    stages: int
-    clock: int
-    samples: int
-    ratio: float
-    delay: int = 0
-    ar: tuple[float, ...] = (1.0,)
-    ma: tuple[float, ...] = (1.0,)
-    gains: tuple[float, float] | None = None
+    numerator: tuple[float, ...]  # B, highest power of p first
+    denominator: tuple[float, ...]  # A, monic
+    dt: float  # [s]
+    stages: int  # of the shift register of the PRBS of ±1
+    clock: int  # samples for which it holds each value
+    samples: int  # of a record; the PRBS is cut or repeated
+    ratio: float  # signal-to-noise ratio [dB]
+    delay: int = 0  # of the input [samples]
+    ar: tuple[float, ...] = (1.0,)  # D of the noise C/D e
+    ma: tuple[float, ...] = (1.0,)  # C
+    gains: tuple[float, float] | None = None  # K_p, K_i [1/s] of the PI controller; None: open loop
 
     @property
     def orders(self) -> tuple[int, int]:
@@ -102,7 +80,7 @@ class Benchmark:
         return BenchmarkRecord(u, y - noise, y, source)
 
     def bound(self) -> np.ndarray:
-        """Deviations by (C4) at the true parameters, shape (parameters,)."""
+        """Standard errors by (C4) at the true parameters, shape (parameters,)."""
         source = self._source()
         u = source if self.gains is None else self._loop(source, np.zeros(self.samples))[0]
         structure = Structure((self.orders[0],), (self.orders[1],), (self.delay,), "zoh")
@@ -127,7 +105,7 @@ class Benchmark:
         return np.resize(sequence, self.samples)
 
     def _innovation_std(self) -> float:
-        """Deviation of e that gives the ratio."""
+        """Standard deviation of e that gives the ratio."""
         source = self._source()
         if self.gains is None:
             x = self._noise_free(source)

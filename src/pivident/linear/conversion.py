@@ -1,4 +1,4 @@
-"""Linear models from scipy.signal and python-control, as models known exactly."""
+"""Linear models from scipy.signal and python-control, with exactly known parameters."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.extras import require
-from pivident.linear.estimate import Fit, Hold, LinearEstimate
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import Fit, Hold
 from pivident.linear.structure import Structure
 
 
@@ -77,18 +78,7 @@ def known_model(
     continuous: bool,
     hold: Hold = "zoh",
 ) -> LinearEstimate:
-    """A model of given polynomials in p or z, highest power first, with zero covariance.
-
-    Args:
-        numerators: B_i, one for each input.
-        denominators: A_i, likewise.
-        dt: sampling period [s].
-        continuous: whether the polynomials are in p, else in z.
-        hold: behaviour of the inputs between samples (continuous time).
-
-    Raises:
-        IdentificationError: a numerator of higher degree than its denominator.
-    """
+    """A model of given polynomials in p or z, highest power first, with zero covariance."""
     above, below = [], []
     for b, a in zip(numerators, denominators, strict=True):
         b, a = (np.trim_zeros(np.asarray(part, dtype=float), "f") for part in (b, a))

@@ -1,9 +1,9 @@
-"""What the discrete-time estimators share: the record, its regressors, the form of the answer.
+"""Shared by the discrete-time estimators: the record, its regressors, the form of the result.
 
     y_k = Σ_i B_i(z⁻¹)/A(z⁻¹) u_i,k-delay_i + ξ_k,    A = F A_f
 
 with one denominator for all inputs. F holds poles that are known, such as 1 for an integrator;
-A_f is what is estimated. A pole at 1 that is estimated under noise becomes a leak.
+A_f is estimated. A pole at 1 that is estimated under noise becomes a leak.
 """
 
 from __future__ import annotations
@@ -15,27 +15,22 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError, OrdersNotSupported, UnusableSignal
-from pivident.linear.estimate import LinearEstimate, Noise, fit_of
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import fit_of
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
 from pivident.linear.structure import Structure, structure_of
+from pivident.signals.arma import Noise
 from pivident.signals.noise_models import unmasked_stretches
 
 
 @dataclass(frozen=True, eq=False)
 class DiscreteRecord:
-    """A record and the model asked for.
+    """A record and the orders of its model; the denominator counts the estimated poles only."""
 
-    Attributes:
-        data: signals, inputs shifted by their delays; left-out samples of y interpolated.
-        structure: orders; that of the denominator counts the estimated poles only.
-        fixed: F, coefficients of z⁰, z⁻¹, …
-        mask: True where samples are left out, shape (samples,).
-    """
-
-    data: SampledData
+    data: SampledData  # inputs shifted by their delays; left-out samples of y interpolated
     structure: Structure
-    fixed: np.ndarray
-    mask: np.ndarray
+    fixed: np.ndarray  # F, coefficients of z⁰, z⁻¹, …
+    mask: np.ndarray  # True where samples are left out, (samples,)
 
     @property
     def stretches(self) -> np.ndarray:
@@ -70,18 +65,11 @@ def discrete_record(
     fixed_poles: Sequence[complex],
     external: np.ndarray | None = None,
 ) -> DiscreteRecord:
-    """Check what an estimator is given.
-
-    Raises:
-        UnusableSignal: shapes, NaN outside the mask, constant signals.
-        DelayTooLong: a delay beyond the record.
-        OrdersNotSupported: too few samples for so many parameters.
-        IdentificationError: orders or fixed poles that make no model.
-    """
+    """Check the arguments of an estimator."""
     fixed = np.poly(np.asarray(fixed_poles)) if len(fixed_poles) else np.ones(1)
     if np.abs(np.imag(fixed)).max() > 1e-12:
         raise IdentificationError(
-            f"fixed_poles {tuple(fixed_poles)} make no real polynomial; "
+            f"fixed_poles {tuple(fixed_poles)} do not give a real polynomial; "
             "give complex poles in conjugate pairs"
         )
     free = denominator_order - len(fixed_poles)
@@ -130,7 +118,7 @@ def discrete_estimate(
     converged: bool = True,
     warnings: Sequence[str] = (),
 ) -> LinearEstimate:
-    """The answer: A = F A_f multiplied out, all polynomials with equally many coefficients."""
+    """The result: A = F A_f expanded, all polynomials with equally many coefficients."""
     structure, fixed = record.structure, record.fixed
     a_free, numerators = record.split(theta)
     a = np.convolve(fixed, a_free)
@@ -172,11 +160,7 @@ def discrete_estimate(
 
 
 def require_rank(parameters: int, singular: np.ndarray, what: str) -> None:
-    """Refuse columns that depend on each other.
-
-    Raises:
-        OrdersNotSupported: the smallest singular value is rounding.
-    """
+    """Refuse linearly dependent columns: the smallest singular value is rounding."""
     rank = int(np.sum(singular > 1e-13 * singular[0]))
     if rank < parameters:
         raise OrdersNotSupported(parameters, f"its {what} have numerical rank {rank}")

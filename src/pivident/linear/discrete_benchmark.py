@@ -1,6 +1,6 @@
 """The discrete-time benchmark of Taylor et al. (2007), with known truth.
 
-    y = 2/(1 - 0.8 z⁻¹) u + e/(1 - 1.2 z⁻¹ + 0.8 z⁻²),    e of deviation 0.02
+    y = 2/(1 - 0.8 z⁻¹) u + e/(1 - 1.2 z⁻¹ + 0.8 z⁻²),    std of e 0.02
 
 with gain 10 and a time constant of 4.48 samples, driven by two unit impulses at samples 10 and 61
 of 112. Least squares is biased on it, SRIV is not, and RIV reaches the Cramér-Rao bound.
@@ -21,25 +21,15 @@ _WARM_UP = 200
 
 @dataclass(frozen=True)
 class DiscreteBenchmark:
-    """A discrete-time system of one pole and one coefficient above it, (C.3).
-
-    Attributes:
-        name: short name.
-        pole: its pole.
-        numerator: b0.
-        noise_ar: D of the noise e/D.
-        noise_std: deviation of e.
-        impulses: samples at which the input is one.
-        samples: length of the record.
-    """
+    """A discrete-time system of one pole and one coefficient above it, (C.3)."""
 
     name: str
     pole: float
-    numerator: float
-    noise_ar: tuple[float, ...]
-    noise_std: float
-    impulses: tuple[int, ...]
-    samples: int
+    numerator: float  # b0
+    noise_ar: tuple[float, ...]  # D of the noise e/D
+    noise_std: float  # standard deviation of e
+    impulses: tuple[int, ...]  # samples at which the input is one
+    samples: int  # length of the record
     dt: float = 1.0
     delay: int = 0
     orders: tuple[int, int] = (0, 1)
@@ -50,11 +40,7 @@ class DiscreteBenchmark:
         return np.array([-self.pole, self.numerator])
 
     def record(self, seed: int) -> BenchmarkRecord:
-        """One record.
-
-        Args:
-            seed: of the noise.
-        """
+        """One record with the noise of this seed."""
         u = np.zeros(self.samples)
         u[list(self.impulses)] = 1.0
         x = lfilter([self.numerator], [1.0, -self.pole], u)
@@ -63,9 +49,9 @@ class DiscreteBenchmark:
         return BenchmarkRecord(u, x, x + noise, None)
 
     def bound(self) -> np.ndarray:
-        """Cramér-Rao bound of the deviations, from the sensitivities of the whitened output.
+        """Cramér-Rao bound of the standard errors, from sensitivities of the whitened output.
 
-        What the noise had been before the record is unknown; its first samples carry no signal.
+        The noise before the record is unknown; its first samples carry no signal.
         """
         u = self.record(0).u
         pole = [1.0, -self.pole]

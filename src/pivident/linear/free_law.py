@@ -1,10 +1,10 @@
 """A control law of free structure: a transfer function from the error to the output, by joint.
 
 Error and output are exact signals of the controller, so that a discrete ARX model by least squares
-is exact where the output is logged without noise; with noise or quantisation on it the refined
+is exact where the output is logged without noise. With noise or quantisation the refined
 instrumental variable method (RIV) is unbiased; the continuous-time search over orders (SRIVC) is
-what Brunot et al. (2018, section 5.3) do. An integrator's pole is fixed at one: estimated, it
-comes out a little inside and leaks.
+that of Brunot et al. (2018, section 5.3). An integrator's pole is fixed at one: an estimated one
+lies slightly inside the unit circle and leaks.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 FreeMethod = Literal["arx", "riv", "srivc"]
 
-#: Orders (numerator, denominator) that the continuous-time search tries.
+#: Orders (numerator, denominator) of the continuous-time search.
 SEARCHED = ((0, 1, 2), (1, 2))
 
 
@@ -35,17 +35,11 @@ INTEGRATOR = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class FreeLaw:
-    """Transfer functions of all joints.
+    """Transfer functions of all joints."""
 
-    Attributes:
-        law: the controller, ready for a ``Loop``.
-        estimates: the linear models, one for each joint.
-        relative_error: rms of what the law does not explain over the rms of the output.
-    """
-
-    law: TransferLaw
-    estimates: tuple[LinearEstimate, ...]
-    relative_error: tuple[float, ...]
+    law: TransferLaw  # the controller, ready for a ``Loop``
+    estimates: tuple[LinearEstimate, ...]  # one linear model per joint
+    relative_error: tuple[float, ...]  # rms of the residual over that of the output
 
     def __str__(self) -> str:
         return "\n\n".join(
@@ -130,7 +124,9 @@ def _estimate(
     name: str,
 ) -> LinearEstimate:
     """One joint's linear model from error to output."""
-    from pivident.linear import arx, riv, select_orders
+    from pivident.linear.arx import arx
+    from pivident.linear.order_selection import select_orders
+    from pivident.linear.riv import riv
 
     poles = (1.0,) if integrator else ()
     degree = orders[1] + len(poles)

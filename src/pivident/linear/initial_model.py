@@ -1,13 +1,13 @@
-"""A first continuous-time model, for the refined iteration to start from.
+"""An initial continuous-time model for the refined iteration.
 
 Filtered by 1/A_f = 1/(p + λ)^n, every model of order n is a linear regression, whatever its
-parameters. Least squares on it are biased by the noise; one instrumental-variable pass, with the
-least-squares model as auxiliary model, removes most of that. Both need λ near the bandwidth of
-the system, which is not known: a handful of λ over the sampled band are tried, and the models
-ranked by their simulation error.
+parameters. Least squares is biased by the noise; one instrumental-variable pass, with the
+least-squares model as auxiliary model, removes most of that bias. Both need λ near the bandwidth
+of the system, which is unknown: a few λ over the sampled band are tried, and the models ranked by
+their simulation error.
 
-With separate denominators the inputs are fitted in turn, each to what the others leave of the
-output (back-fitting).
+With separate denominators the inputs are fitted in turn, each to the output less the contributions
+of the others (back-fitting).
 """
 
 from __future__ import annotations
@@ -29,16 +29,7 @@ _ROUNDS = 3
 def initial_models(
     data: SampledData, structure: Structure, svf_pole: float | None
 ) -> list[tuple[float, np.ndarray]]:
-    """Mean square of the simulation error and θ, best first.
-
-    Args:
-        data: signals.
-        structure: orders.
-        svf_pole: λ [rad/s]; None: several are tried.
-
-    Raises:
-        OrdersNotSupported: no λ gives a model.
-    """
+    """Mean square of the simulation error and θ, best first; λ [rad/s] is tried if not given."""
     poles = candidate_poles(data) if svf_pole is None else np.array([svf_pole])
     found: list[tuple[float, np.ndarray]] = []
     failure: OrdersNotSupported | None = None

@@ -1,14 +1,14 @@
 """Inputs of a closed loop without the noise that the loop feeds back.
 
-In a loop the input u = S r - C S ξ carries the output's noise ξ, and instruments made from it
+In a loop the input u = S r - C S ξ carries the output's noise ξ, and instruments computed from it
 are correlated with ξ. The first stage of the two-stage method (Van den Hof and Schrama, 1993)
 keeps the part that the external signals r explain,
 
     û = Σ_k c_k L_k(z) r,     L_k(z) = √(1 - a²)/(z - a) ((1 - a z)/(z - a))^(k-1)
 
 on Laguerre functions and a direct term: linear in c, always stable, and the orders are nested,
-so that one Cholesky factorisation prices all of them by BIC. The pole a is searched on a grid.
-Estimates are consistent for any û made of r alone; a good û only makes them precise.
+so that one Cholesky factorisation gives the BIC of all of them. The pole a is searched on a grid.
+Estimates are consistent for any û that depends on r alone; a good û makes them precise.
 """
 
 from __future__ import annotations
@@ -19,26 +19,21 @@ from scipy.signal import lfilter
 
 from pivident.linear.state_variable_filter import combined
 
-#: Laguerre functions for each external signal, at most.
+#: Maximum number of Laguerre functions for each external signal.
 _FUNCTIONS = 24
 
-#: Poles tried: time constants of the loop, spread evenly in their logarithm [samples].
+#: Poles tried: time constants of the loop, logarithmically spaced [samples].
 _TIME_CONSTANTS = np.geomspace(2.0, 1000.0, 12)
 
-#: Keeps functions that depend on each other apart, relative to their energy.
+#: Regularisation of linearly dependent functions, relative to their energy.
 _RIDGE = 1e-10
 
-#: Samples summed at a time.
+#: Samples per block of a sum.
 _STRETCH = 512
 
 
 def noise_free_inputs(u: np.ndarray, external: np.ndarray) -> np.ndarray:
-    """û, shape (samples, inputs).
-
-    Args:
-        u: inputs of the plant, shape (samples, inputs).
-        external: signals that enter the loop from outside, shape (samples, signals).
-    """
+    """û (samples, inputs) from u (samples, inputs) and r (samples, signals)."""
     samples, inputs = u.shape
     best = np.full(inputs, np.inf)
     found = np.zeros_like(u)

@@ -1,13 +1,13 @@
 """Orders and delay of a linear model: all candidates estimated and ranked.
 
-Young's criterion (C5) adds the relative variance of the parameters to the fit. It is very
-negative for a model that explains the output with parameters that are well determined, and jumps
-up as soon as a pole and a zero cancel. It is blind, though, to a model that is too small, whose
-few parameters are excellently determined; so it only chooses among the models whose R_T² is
-within half a percent of the best one.
+Young's criterion (C5) adds the relative variance of the parameters to the fit. It is very negative
+for a model that explains the output with well-determined parameters, and rises sharply as soon as
+a pole and a zero cancel. It does not detect a model that is too small, whose few parameters are
+very well determined; so it only chooses among the models whose R_T² is within half a percent of
+the best one.
 
 A candidate is rejected where it could not be estimated, did not converge, or has poles outside
-the sampled band; the reason stays in its row.
+the sampled band; its row states the reason.
 """
 
 from __future__ import annotations
@@ -21,10 +21,22 @@ import numpy as np
 
 from pivident.errors import DelayTooLong, IdentificationError, UnusableSignal
 from pivident.linear.estimate import LinearEstimate
+from pivident.linear.riv import riv
+from pivident.linear.rivc import rivc
+from pivident.linear.sriv import sriv
+from pivident.linear.srivc import srivc
 
 OrderCriterion = Literal["yic", "aic", "bic", "r2"]
 Method = Literal["srivc", "rivc", "sriv", "riv"]
 Orders = int | tuple[int, ...]
+
+#: Estimators by name.
+_ESTIMATORS: dict[str, Callable[..., LinearEstimate]] = {
+    "srivc": srivc,
+    "rivc": rivc,
+    "sriv": sriv,
+    "riv": riv,
+}
 
 #: Models within this distance of the best R_T² explain the output equally well.
 R2_BAND = 0.005
@@ -32,21 +44,13 @@ R2_BAND = 0.005
 
 @dataclass(frozen=True, eq=False)
 class OrderCandidate:
-    """One row of the table.
-
-    Attributes:
-        numerator_order: degree of the numerators.
-        denominator_order: degree of the denominators.
-        delay: delay of the inputs [samples].
-        estimate: the model; None: it could not be estimated.
-        rejected: why it cannot be chosen; empty: it can.
-    """
+    """One row of the table; orders are degrees, the delay is in samples."""
 
     numerator_order: Orders
     denominator_order: Orders
     delay: Orders
-    estimate: LinearEstimate | None
-    rejected: str
+    estimate: LinearEstimate | None  # None: it could not be estimated
+    rejected: str  # why it cannot be chosen; empty: it can
 
     @property
     def converged(self) -> bool:
@@ -54,7 +58,7 @@ class OrderCandidate:
         return self.estimate is not None and self.estimate.converged
 
     def score(self, criterion: OrderCriterion) -> float:
-        """Value of a criterion, infinite without a model; small is good, but for R_T²."""
+        """Value of a criterion, infinite without a model; smaller is better, except for R_T²."""
         if self.estimate is None:
             return -np.inf if criterion == "r2" else np.inf
         return float(getattr(self.estimate.fit, criterion))
@@ -62,23 +66,14 @@ class OrderCandidate:
 
 @dataclass(frozen=True, eq=False)
 class OrderTable:
-    """All candidates, best first; prints as a table.
-
-    Attributes:
-        rows: the candidates.
-        criterion: what ranked them.
-    """
+    """All candidates, best first by the criterion; prints as a table."""
 
     rows: tuple[OrderCandidate, ...]
     criterion: OrderCriterion
 
     @property
     def best(self) -> LinearEstimate:
-        """The chosen model.
-
-        Raises:
-            IdentificationError: every candidate was rejected.
-        """
+        """The chosen model."""
         first = self.rows[0]
         if first.rejected or first.estimate is None:
             raise IdentificationError(
@@ -129,7 +124,7 @@ def select_orders(
         method: ``srivc`` or ``rivc`` in continuous time, ``sriv`` or ``riv`` in discrete time.
         criterion: ``yic`` (among the models within half a percent of the best R_T²), ``aic``,
             ``bic`` or ``r2``.
-        options: handed to the estimator, such as ``external`` or ``hold``.
+        options: passed to the estimator, such as ``external`` or ``hold``.
 
     Returns:
         The candidates, the best first.
@@ -142,7 +137,9 @@ def select_orders(
         raise IdentificationError(
             f"criterion {criterion!r} for orders; expected yic, aic, bic or r2"
         )
-    estimator = _estimator(method)
+    if method not in _ESTIMATORS:
+        raise IdentificationError(f"method {method!r}; expected srivc, rivc, sriv or riv")
+    estimator = _ESTIMATORS[method]
     combinations = [
         (m, n, delay)
         for m, n, delay in itertools.product(numerator_orders, denominator_orders, delays)
@@ -157,27 +154,6 @@ def select_orders(
     return OrderTable(tuple(_ranked(rows, criterion)), criterion)
 
 
-def _estimator(method: str) -> Callable[..., LinearEstimate]:
-    """The function of a method."""
-    if method == "srivc":
-        from pivident.linear.srivc import srivc
-
-        return srivc
-    if method == "rivc":
-        from pivident.linear.rivc import rivc
-
-        return rivc
-    if method == "sriv":
-        from pivident.linear.sriv import sriv
-
-        return sriv
-    if method == "riv":
-        from pivident.linear.riv import riv
-
-        return riv
-    raise IdentificationError(f"method {method!r}; expected srivc, rivc, sriv or riv")
-
-
 def _candidate(
     estimator: Callable[..., LinearEstimate],
     u: np.ndarray,
@@ -188,7 +164,7 @@ def _candidate(
     delay: Orders,
     options: dict[str, Any],
 ) -> OrderCandidate:
-    """One row; what is wrong with the signals themselves is raised, not tabled."""
+    """One row; errors of the signals themselves are raised, not tabulated."""
     try:
         estimate = estimator(u, y, dt, m, n, delay=delay, **options)
     except (UnusableSignal, DelayTooLong):
@@ -212,7 +188,7 @@ def _objection(estimate: LinearEstimate) -> str:
 
 
 def _ranked(rows: Sequence[OrderCandidate], criterion: OrderCriterion) -> list[OrderCandidate]:
-    """Best first: eligible models, then those that explain less, then the rejected."""
+    """Best first: eligible models, then those with a lower R_T², then the rejected."""
     best = max((row.score("r2") for row in rows if not row.rejected), default=-np.inf)
 
     def key(row: OrderCandidate) -> tuple[int, float]:

@@ -1,7 +1,7 @@
 """Frequency and step responses of linear models with ±2σ bands, as plotly figures.
 
-The bands are those of the delta method: what the covariance of θ means for the curve, to first
-order. They know nothing of a wrong structure.
+The bands are those of the delta method: the covariance of θ propagated to the curve, to first
+order. They do not account for a wrong structure.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.extras import require
-from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import LinearModel
 from pivident.linear.sensitivity import polynomials, response_and_gradient
 from pivident.linear.simulation import continuous_response, delayed
 from pivident.report.plotly_figures import colour
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 #: Points of a curve.
 _POINTS = 400
 
-#: Deviations on each side of a curve.
+#: Standard errors on each side of a curve.
 _BAND = 2.0
 
-#: Step of a parameter for the derivative of a step response, in its deviations.
+#: Step of a parameter for the derivative of a step response, in its standard errors.
 _DIFFERENCE = 1e-3
 
 
-def bode(model: LinearEstimate) -> go.Figure:
+def bode(model: LinearModel) -> go.Figure:
     """Magnitude [dB] and phase [°] of every input over frequency [Hz], delays included.
 
     Args:
@@ -48,8 +48,8 @@ def bode(model: LinearEstimate) -> go.Figure:
     for which in range(len(model.numerators)):
         response, gradient = response_and_gradient(model, at, which)
         relative = gradient / response
-        decibel = 20 / np.log(10) * _deviation(model, relative.real)
-        degrees = np.degrees(_deviation(model, relative.imag))
+        decibel = 20 / np.log(10) * _standard_error(model, relative.real)
+        degrees = np.degrees(_standard_error(model, relative.imag))
         lag = omega * model.delays[which] * model.dt
         phase = np.degrees(np.unwrap(np.angle(response)) - lag)
         _curve(plot, frequency, 20 * np.log10(np.abs(response)), decibel, model, which, "y")
@@ -57,7 +57,7 @@ def bode(model: LinearEstimate) -> go.Figure:
     return plot
 
 
-def step(model: LinearEstimate) -> go.Figure:
+def step(model: LinearModel) -> go.Figure:
     """Response of the output to a unit step of every input over time [s].
 
     Args:
@@ -79,40 +79,32 @@ def step(model: LinearEstimate) -> go.Figure:
             )
             slopes[i] = (above - below) / (2 * h[i])
         time = dt * np.arange(samples)
-        _curve(plot, time, response, _deviation(model, slopes), model, which, "y")
+        _curve(plot, time, response, _standard_error(model, slopes), model, which, "y")
     return plot
 
 
 def step_response(
-    model: LinearEstimate, theta: np.ndarray, which: int, dt: float, samples: int
+    model: LinearModel, theta: np.ndarray, which: int, dt: float, samples: int
 ) -> np.ndarray:
-    """Response to a unit step of one input with other parameters, shape (samples,).
-
-    Args:
-        model: the model.
-        theta: parameters in the place of its own.
-        which: index of the input.
-        dt: distance of the points [s]; in discrete time that of the model.
-        samples: number of points.
-    """
+    """Response to a unit step of one input with the parameters θ, points ``dt`` [s] apart."""
     b, a = polynomials(model, theta, which)
     u = delayed(np.ones(samples), round(model.delays[which] * model.dt / dt))
     return continuous_response(b, a, u, dt, "zoh") if model.continuous else lfilter(b, a, u)
 
 
-def _deviation(model: LinearEstimate, slopes: np.ndarray) -> np.ndarray:
+def _standard_error(model: LinearModel, slopes: np.ndarray) -> np.ndarray:
     """σ of a curve whose derivatives are the rows of ``slopes``, shape (points,)."""
     variance = np.einsum("ik,ij,jk->k", slopes, model.covariance, slopes)
     return np.sqrt(np.maximum(variance, 0.0))
 
 
-def _rates(model: LinearEstimate, which: int) -> np.ndarray:
+def _rates(model: LinearModel, which: int) -> np.ndarray:
     """Poles as continuous-time ones [rad/s]; those at the origin of z are left out."""
     poles = np.roots(model.denominators[which]).astype(complex)
     return poles if model.continuous else np.log(poles[np.abs(poles) > 1e-9]) / model.dt
 
 
-def _frequencies(model: LinearEstimate) -> np.ndarray:
+def _frequencies(model: LinearModel) -> np.ndarray:
     """From a decade below the slowest pole to a decade above the fastest, or to Nyquist [Hz]."""
     nyquist = 0.5 / model.dt
     moduli = np.concatenate([np.abs(_rates(model, i)) for i in range(len(model.denominators))])
@@ -123,7 +115,7 @@ def _frequencies(model: LinearEstimate) -> np.ndarray:
     return np.geomspace(0.1 * slowest, max(highest, slowest), _POINTS)
 
 
-def _horizon(model: LinearEstimate, which: int) -> tuple[float, int]:
+def _horizon(model: LinearModel, which: int) -> tuple[float, int]:
     """Distance and number of points until the slowest decaying pole has settled."""
     decay = -_rates(model, which).real
     decay = decay[decay > 1e-6 / model.dt]
@@ -139,7 +131,7 @@ def _curve(
     x: np.ndarray,
     y: np.ndarray,
     std: np.ndarray,
-    model: LinearEstimate,
+    model: LinearModel,
     which: int,
     axis: str,
 ) -> None:

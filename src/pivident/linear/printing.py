@@ -1,4 +1,4 @@
-"""A linear model in plain text: fraction, parameters with deviations, poles, gain, noise, fit."""
+"""A linear model in plain text: fraction, parameters with standard errors, poles, gain, fit."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.linear.estimate import LinearEstimate, Noise
+from pivident.linear.model import LinearModel
 from pivident.linear.sensitivity import gain
+from pivident.signals.arma import Noise
 
-#: Digits of a value whose deviation is rounding.
-_MOST_DIGITS = 9
+#: Digits of a value whose standard error is rounding.
+_MAX_DIGITS = 9
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
-def printed(model: LinearEstimate) -> str:
+def printed(model: LinearModel) -> str:
     """The model as text of several lines.
 
     Args:
@@ -35,7 +36,7 @@ def printed(model: LinearEstimate) -> str:
     for which in range(len(model.numerators)):
         value, std = gain(model, which)
         label = "gain" if len(model.numerators) == 1 else f"gain of u{which + 1}"
-        shown = "infinite (integrator)" if math.isinf(value) else with_deviation(value, std)
+        shown = "infinite (integrator)" if math.isinf(value) else with_standard_error(value, std)
         lines.append(f"{label:<13} {shown}")
     if model.noise is not None:
         lines += _noise(model.noise)
@@ -51,8 +52,8 @@ def printed(model: LinearEstimate) -> str:
     return "\n".join([*lines, *(f"warning: {sentence}" for sentence in model.warnings)])
 
 
-def with_deviation(value: float, std: float) -> str:
-    """``-0.8000 ± 0.0021``: two digits of the deviation, and as many decimals of the value."""
+def with_standard_error(value: float, std: float) -> str:
+    """``-0.8000 ± 0.0021``: two digits of the standard error, as many decimals of the value."""
     if not (math.isfinite(std) and std > 0):
         return f"{value:.6g}"
     digits = 1 - math.floor(math.log10(std))
@@ -60,8 +61,8 @@ def with_deviation(value: float, std: float) -> str:
         places = max(digits, 0)
         return f"{value:.{places}f} ± {std:.{places}f}"
     significant = max(math.floor(math.log10(max(abs(value), std))) + digits, 1)
-    if significant > _MOST_DIGITS:
-        return f"{value:.{_MOST_DIGITS}g} ± {std:.1e}"
+    if significant > _MAX_DIGITS:
+        return f"{value:.{_MAX_DIGITS}g} ± {std:.1e}"
     return f"{value:.{significant}e} ± {std:.1e}"
 
 
@@ -88,7 +89,7 @@ def polynomial_text(coefficients: Sequence[float] | np.ndarray, continuous: bool
     return text or "0"
 
 
-def _fraction(model: LinearEstimate, which: int) -> list[str]:
+def _fraction(model: LinearModel, which: int) -> list[str]:
     """Three lines: numerator, bar, denominator."""
     above = polynomial_text(model.numerators[which], model.continuous)
     below = polynomial_text(model.denominators[which], model.continuous)
@@ -108,9 +109,9 @@ def _fraction(model: LinearEstimate, which: int) -> list[str]:
     ]
 
 
-def _parameters(model: LinearEstimate) -> list[str]:
+def _parameters(model: LinearModel) -> list[str]:
     """One line per parameter, decimal points and ± below each other."""
-    shown = [with_deviation(v, s) for v, s in zip(model.theta, model.std, strict=True)]
+    shown = [with_standard_error(v, s) for v, s in zip(model.theta, model.std, strict=True)]
     parts = [text.partition(" ± ") for text in shown]
     split = [(value.partition(".")[0], value, std) for value, _, std in parts]
     before = max((len(whole) for whole, _, _ in split), default=0)
@@ -123,7 +124,7 @@ def _parameters(model: LinearEstimate) -> list[str]:
     ]
 
 
-def _poles(model: LinearEstimate, which: int, label: str) -> list[str]:
+def _poles(model: LinearModel, which: int, label: str) -> list[str]:
     """Poles with time constants or frequency and damping; of a conjugate pair one line."""
     poles = [p for p in np.roots(model.denominators[which]) if p.imag >= 0 and p != 0]
     lines: list[str] = []

@@ -5,15 +5,15 @@ With x_i = B_i/A_i u_i at the current θ, the residual ε = y - Σ x_i is, exact
     ε - φᵀ(θ̂ - θ) = 0,   φ = (-p^k/A_i (y - Σ_{j≠i} x_j) …, p^k/A_i u_i …)      (C3)
 
 a linear regression in the change of θ whose noise enters through y. The instruments ζ are φ
-without noise: x_i in the place of the outputs, û_i in that of the inputs. Filtered by the
-inverse noise model D/C, they solve
+without noise: x_i instead of the outputs, û_i instead of the inputs. Filtered by the inverse noise
+model D/C, they give
 
     θ̂ = θ + (Σ ζ φᵀ)⁻¹ Σ ζ ε
 
-until θ stands still. There Σ ζ ε = 0: the estimate makes the *simulation* error orthogonal to
-its own gradient, whatever was interpolated on the way. With one denominator for all inputs this
-is the algorithm of Young and Jakeman (1980); with separate ones it has the fixed point of the
-back-fitting of Garnier, Gilson, Young and Huselstein (2007), all inputs in one solve.
+until θ converges. There Σ ζ ε = 0: the estimate makes the *simulation* error orthogonal to its own
+gradient, whatever was interpolated in between. With one denominator for all inputs this is the
+algorithm of Young and Jakeman (1980); with separate ones it has the fixed point of the back-fitting
+of Garnier, Gilson, Young and Huselstein (2007), all inputs in one solve.
 """
 
 from __future__ import annotations
@@ -26,43 +26,37 @@ from numba import njit
 from scipy.signal import lfilter
 
 from pivident.errors import OrdersNotSupported
-from pivident.linear.estimate import Noise
 from pivident.linear.sampled_data import SampledData
 from pivident.linear.simulation import continuous_response
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
 from pivident.linear.structure import Structure
+from pivident.signals.arma import Noise
 
 NoiseFit = Callable[[np.ndarray], Noise]
 
 #: Reciprocal condition number of the normalised sums below which columns count as dependent.
 _RANK_TOLERANCE = 1e-13
 
-#: Variance of the residual, relative to the output's, that is rounding.
+#: Variance of the residual relative to the output's below which it is rounding.
 EXACT = 1e-18
 
-#: Samples summed at a time.
+#: Samples per block of a sum.
 _STRETCH = 512
 
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """The regression in the change of θ.
+    """The regression in the change of θ."""
 
-    Attributes:
-        residual: ε = y - x, shape (samples,).
-        regressors: φ, shape (parameters, samples).
-        instruments: ζ, likewise.
-    """
-
-    residual: np.ndarray
-    regressors: np.ndarray
-    instruments: np.ndarray
+    residual: np.ndarray  # ε = y - x, (samples,)
+    regressors: np.ndarray  # φ, (parameters, samples)
+    instruments: np.ndarray  # ζ, (parameters, samples)
 
     def whitened(self, noise: Noise | None) -> Linearised:
-        """All of it filtered by D/C.
+        """Residual, regressors and instruments filtered by D/C.
 
         Samples for which D reaches before the record are left out: the noise was not zero
-        there, and with a nearly integrating noise one of them outweighs the whole record.
+        there, and with nearly integrating noise one of them would dominate the record.
         """
         if noise is None or max(noise.ar.size, noise.ma.size) == 1:
             return self
@@ -78,27 +72,16 @@ class Linearised:
 
 @dataclass(frozen=True, eq=False)
 class Refined:
-    """Where the iteration ended.
-
-    Attributes:
-        theta: the parameters.
-        covariance: P = s² (Σ ζ ζᵀ)⁻¹, (C4).
-        residual: y - x, not whitened.
-        variance: s², of the whitened residual.
-        noise: noise model.
-        iterations: iterations made.
-        converged: whether θ stood still.
-        reflected: unstable poles of the last solution before their reflection [rad/s].
-    """
+    """Result of the iteration."""
 
     theta: np.ndarray
-    covariance: np.ndarray
-    residual: np.ndarray
-    variance: float
+    covariance: np.ndarray  # P = s² (Σ ζ ζᵀ)⁻¹, (C4)
+    residual: np.ndarray  # y - x, not whitened
+    variance: float  # s², of the whitened residual
     noise: Noise | None
     iterations: int
     converged: bool
-    reflected: np.ndarray
+    reflected: np.ndarray  # unstable poles of the last solution before reflection [rad/s]
 
 
 def linearised(
@@ -107,14 +90,7 @@ def linearised(
     theta: np.ndarray,
     auxiliary: np.ndarray | None = None,
 ) -> Linearised:
-    """Residual, regressors and instruments at θ.
-
-    Args:
-        data: signals.
-        structure: orders.
-        theta: parameters, whose denominators are the filters.
-        auxiliary: parameters of the model that makes the instruments; None: θ itself.
-    """
+    """Residual, regressors and instruments at θ; those by the ``auxiliary`` model if given."""
     groups, numerators = structure.split(theta)
     denominators = structure.per_input(groups)
 
@@ -157,11 +133,8 @@ def simulated_parts(data: SampledData, structure: Structure, theta: np.ndarray) 
 def iv_step(at: Linearised) -> tuple[np.ndarray, np.ndarray]:
     """(Σ ζ φᵀ)⁻¹ Σ ζ ε and (Σ ζ ζᵀ)⁻¹.
 
-    The sums are formed, which squares the condition number. That is harmless here: it is the
-    change of θ that they give, and where the iteration ends is decided by Σ ζ ε alone.
-
-    Raises:
-        OrdersNotSupported: dependent instruments or regressors.
+    Forming the sums squares the condition number. That is harmless here: they give the change of
+    θ, and the fixed point of the iteration depends on Σ ζ ε alone.
     """
     size = len(at.regressors)
     of_zeta, cross, right, of_phi = _sums(at.instruments, at.regressors, at.residual)
@@ -214,17 +187,9 @@ def refine(
 ) -> Refined:
     """Iterate until no parameter changes by more than ``tolerance``.
 
-    A change counts relative to the parameter or to its deviation, whichever is larger: a
-    parameter whose true value is zero would never stand still otherwise. Without convergence
-    the iterate of smallest whitened residual is returned.
-
-    Args:
-        data: signals.
-        structure: orders.
-        theta: initial parameters, stable.
-        tolerance: largest relative change.
-        max_iterations: most iterations.
-        fit_noise: noise model of a residual; None: white.
+    A change counts relative to the parameter or to its standard error, whichever is larger: a
+    parameter whose true value is zero would never converge otherwise. Without convergence the
+    iterate of smallest whitened residual is returned.
     """
     best: Refined | None = None
     reflected = np.zeros(0, dtype=complex)
@@ -245,7 +210,7 @@ def refine(
         following, reflected = structure.stabilised(theta + change)
         scale = np.maximum(np.abs(theta), np.sqrt(np.diag(now.covariance)))
         still = bool(np.all(np.abs(following - theta) <= tolerance * scale))
-        # without noise the deviations are rounding, and so is what a zero still changes by
+        # without noise the standard errors are rounding, and so are the changes of a zero
         converged = still or variance < EXACT * float(np.var(data.y))
         theta = following
     assert best is not None

@@ -3,8 +3,8 @@
     y_k = Σ_i B_i/A u_i,k-delay_i + (C/D) e_k,    e white
 
 Every iteration of :mod:`pivident.linear.sriv` fits the noise model to ε = y - x and filters
-regressors and instruments by D/C. At convergence the estimate is that of maximum likelihood, its
-covariance s² (Σ ζ ζᵀ)⁻¹ the Cramér-Rao bound, and noise and system parameters are independent.
+regressors and instruments by D/C. At convergence the estimate is the maximum likelihood estimate,
+its covariance s² (Σ ζ ζᵀ)⁻¹ the Cramér-Rao bound, and noise and system parameters are independent.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.linear.discrete import discrete_record
-from pivident.linear.estimate import LinearEstimate, Noise
+from pivident.linear.estimate import LinearEstimate
 from pivident.linear.sriv import refined_estimate
-from pivident.signals.arma import ar, arma
+from pivident.signals.arma import Noise, ar, arma
 
 #: Largest order of the AR noise model that is searched; half of it is CAPTAIN's default.
 _AR_ORDER_MAX = 64
 
-#: Residuals below this part of the output's range are rounding; there is no noise to model.
+#: Residuals below this fraction of the output's range are rounding: no noise to model.
 _ROUNDING = 1e-11
 
-#: Fits after which the order stays: two orders of equal AIC would alternate forever.
+#: Fits after which the order is fixed: two orders of equal AIC would alternate forever.
 _SEARCHES = 8
 
 
@@ -59,7 +59,7 @@ def riv(
         external: in closed loop, the signals that enter the loop from outside, shape (samples,)
             or (samples, signals); None: open loop.
         tolerance: largest change of a parameter at convergence, relative to it or to its
-            deviation.
+            standard error.
         max_iterations: most iterations.
 
     Returns:

@@ -4,7 +4,7 @@
 
 has a continuous-time plant and a discrete-time noise model (Young, Garnier and Gilson, 2008).
 SRIVC gives the residual ξ = y - x; its noise model is estimated, everything in (C3) is filtered
-by D/C, and both are repeated until the plant stands still. Plant and noise parameters are
+by D/C, and both are repeated until the plant converges. Plant and noise parameters are
 asymptotically independent, so (C4) with the whitened instruments is the Cramér-Rao bound again.
 """
 
@@ -14,7 +14,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.linear.estimate import Hold, LinearEstimate
+from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import Hold
 from pivident.linear.refined_iv import NoiseFit, refine
 from pivident.linear.sampled_data import columns_of, sampled_data
 from pivident.linear.srivc import continuous_estimate, refined_from_data
@@ -25,7 +26,7 @@ from pivident.signals.noise_models import fit_ar
 #: Largest AR order searched (CAPTAIN's default).
 _ORDER_MAX = 32
 
-#: Residuals smaller than this part of the output are rounding, not noise.
+#: Residuals smaller than this fraction of the output are rounding, not noise.
 _ROUNDING = 1e-7
 
 
@@ -59,7 +60,7 @@ def rivc(
         external: in closed loop, the signals that enter the loop from outside, shape (samples,)
             or (samples, signals); None: open loop.
         tolerance: largest change of a parameter at convergence, relative to it or to its
-            deviation.
+            standard error.
         max_iterations: most iterations, of SRIVC and of the refinement each.
         svf_pole: pole of the first state-variable filter [rad/s], about the bandwidth; None:
             several are tried.
@@ -94,10 +95,7 @@ def rivc(
 
 
 def _noise_fit(residual: np.ndarray, noise_order: tuple[int, int] | None) -> NoiseFit:
-    """The noise model of a residual.
-
-    An order to be searched is searched once, so that the iteration has something to converge to.
-    """
+    """The noise model of a residual; an order is searched once, so that the iteration converges."""
     if noise_order is None:
         order = fit_ar(residual, min(_ORDER_MAX, residual.size // 10)).order
         return lambda v: ar(v, order)

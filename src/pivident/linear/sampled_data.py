@@ -12,26 +12,18 @@ from pivident.linear.noise_free_input import noise_free_inputs
 from pivident.linear.simulation import delayed
 from pivident.linear.structure import Structure
 
-#: Samples wanted for each parameter; with fewer no deviation means anything.
+#: Minimum number of samples per parameter; with fewer no standard error is meaningful.
 _SAMPLES_PER_PARAMETER = 3
 
 
 @dataclass(frozen=True, eq=False)
 class SampledData:
-    """Signals of one record, inputs already shifted by their delays.
+    """Signals of one record, inputs already shifted by their delays."""
 
-    Attributes:
-        u: inputs, shape (inputs, samples).
-        clean: inputs free of the output's noise, from which instruments are made, likewise:
-            ``u`` itself in open loop.
-        y: output, shape (samples,).
-        dt: sampling period [s].
-    """
-
-    u: np.ndarray
-    clean: np.ndarray
-    y: np.ndarray
-    dt: float
+    u: np.ndarray  # inputs, (inputs, samples)
+    clean: np.ndarray  # inputs free of the output's noise, for instruments; u itself in open loop
+    y: np.ndarray  # output, (samples,)
+    dt: float  # [s]
 
     @property
     def duration(self) -> float:
@@ -45,11 +37,7 @@ class SampledData:
 
 
 def columns_of(name: str, signal: np.ndarray) -> np.ndarray:
-    """A signal as (samples, columns).
-
-    Raises:
-        UnusableSignal: another number of dimensions.
-    """
+    """A signal as (samples, columns)."""
     array = np.asarray(signal, dtype=float)
     columns = array[:, None] if array.ndim == 1 else array
     if columns.ndim != 2 or columns.size == 0:
@@ -66,20 +54,7 @@ def sampled_data(
     structure: Structure,
     external: np.ndarray | None = None,
 ) -> SampledData:
-    """Check the signals and shift the inputs by their delays.
-
-    Args:
-        u: inputs, shape (samples,) or (samples, inputs).
-        y: output, shape (samples,).
-        dt: sampling period [s].
-        structure: orders and delays of the model.
-        external: external signals of the loop, shape (samples,) or (samples, signals).
-
-    Raises:
-        UnusableSignal: shapes, NaN, constant signals, a sampling period that is none.
-        DelayTooLong: a delay beyond the record.
-        OrdersNotSupported: too few samples for so many parameters.
-    """
+    """Check the signals and shift the inputs by their delays."""
     if not (math.isfinite(dt) and dt > 0):
         raise UnusableSignal("dt", f"is {dt!r}", "give the sampling period in seconds")
     columns = columns_of("u", u)
@@ -92,7 +67,7 @@ def sampled_data(
             raise UnusableSignal(
                 name,
                 f"has {len(signal)} samples, but u has {len(columns)}",
-                "cut both to the same samples; time is the first axis",
+                "trim both to the same samples; time is the first axis",
             )
     for name, signal in (("u", columns), ("y", output), ("external", references)):
         _check_values(name, signal)

@@ -1,7 +1,7 @@
-"""How a linear model answers to a change of its parameters, for first-order error bands.
+"""Sensitivity of a linear model to its parameters, for first-order error bands.
 
 The covariance P of θ gives any function f(θ) the variance (∂f/∂θ)ᵀ P (∂f/∂θ). For the frequency
-response G = B/A of an input, with s the power of the operator that belongs to a coefficient,
+response G = B/A of an input, with s the power of the operator that multiplies a coefficient,
 
     ∂G/∂b = s/A,    ∂G/∂a = -G s/A.
 """
@@ -12,12 +12,12 @@ import re
 
 import numpy as np
 
-from pivident.linear.estimate import LinearEstimate
+from pivident.linear.model import LinearModel
 
 _NAME = re.compile(r"([ab])(\d+)(?:_u(\d+))?")
 
 
-def roles(model: LinearEstimate, which: int) -> list[tuple[str, int] | None]:
+def roles(model: LinearModel, which: int) -> list[tuple[str, int] | None]:
     """For every parameter its polynomial, ``a`` or ``b``, and place there; None: another input's.
 
     Args:
@@ -33,15 +33,9 @@ def roles(model: LinearEstimate, which: int) -> list[tuple[str, int] | None]:
 
 
 def response_and_gradient(
-    model: LinearEstimate, at: np.ndarray, which: int
+    model: LinearModel, at: np.ndarray, which: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """B/A of one input without its delay, shape (points,), and ∂(B/A)/∂θ, (parameters, points).
-
-    Args:
-        model: the model.
-        at: values of p, or of z in discrete time, shape (points,).
-        which: index of the input.
-    """
+    """B/A without delay at points of p or z, (points,), and ∂(B/A)/∂θ, (parameters, points)."""
     b, a = model.numerators[which], model.denominators[which]
     at = np.asarray(at, dtype=complex)
     denominator = np.polyval(a, at)
@@ -57,7 +51,7 @@ def response_and_gradient(
     return response, gradient
 
 
-def gain(model: LinearEstimate, which: int) -> tuple[float, float]:
+def gain(model: LinearModel, which: int) -> tuple[float, float]:
     """Static gain of an input and its standard deviation; infinite for an integrator."""
     at = np.array([0.0 if model.continuous else 1.0])
     a = model.denominators[which]
@@ -68,9 +62,7 @@ def gain(model: LinearEstimate, which: int) -> tuple[float, float]:
     return float(value[0].real), float(np.sqrt(max(slope @ model.covariance @ slope, 0.0)))
 
 
-def polynomials(
-    model: LinearEstimate, theta: np.ndarray, which: int
-) -> tuple[np.ndarray, np.ndarray]:
+def polynomials(model: LinearModel, theta: np.ndarray, which: int) -> tuple[np.ndarray, np.ndarray]:
     """Numerator and denominator of an input at other parameters."""
     b, a = model.numerators[which].copy(), model.denominators[which].copy()
     for value, role in zip(theta, roles(model, which), strict=True):

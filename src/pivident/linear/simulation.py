@@ -4,8 +4,8 @@ In continuous time the inputs are known at the samples and, by their hold, betwe
 
     x(t_k) = Σ_i B_i(p)/A_i(p) u_i(t_k - delay_i)
 
-has an exact discretisation: x is read from the states of the chain (C2). In discrete time the
-model is its own recursion. Both start from rest, the inputs being zero before the record.
+has an exact discretisation: x is an output of the chain (C2). In discrete time the model itself is
+the recursion. Both start from rest, with zero inputs before the record.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ import numpy as np
 from scipy.signal import lfilter
 
 from pivident.errors import UnusableSignal
-from pivident.linear.estimate import Hold, LinearEstimate
+from pivident.linear.model import Hold, LinearModel
 from pivident.linear.state_variable_filter import combined, filtered_derivatives
 
 
-def simulate(model: LinearEstimate, u: np.ndarray) -> np.ndarray:
+def simulate(model: LinearModel, u: np.ndarray) -> np.ndarray:
     """Noise-free output from rest, shape (samples,).
 
     Args:
@@ -49,15 +49,7 @@ def simulate(model: LinearEstimate, u: np.ndarray) -> np.ndarray:
 def continuous_response(
     numerator: np.ndarray, denominator: np.ndarray, u: np.ndarray, dt: float, hold: Hold
 ) -> np.ndarray:
-    """B(p)/A(p) u at the samples, from rest, shape (samples,).
-
-    Args:
-        numerator: B, highest power of p first, of no higher order than A.
-        denominator: A, monic.
-        u: input, shape (samples,).
-        dt: sampling period [s].
-        hold: behaviour of u between samples.
-    """
+    """B(p)/A(p) u at the samples, from rest, shape (samples,)."""
     rows = filtered_derivatives(u, denominator, dt, hold)[-len(numerator) :]
     return combined(np.asarray(numerator, dtype=float), rows)
 

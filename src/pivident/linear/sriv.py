@@ -4,15 +4,15 @@ With x = Σ_i B_i/A u_i at the current θ, the residual ε = y - x is linear in 
 
     ε - φᵀ(θ̂ - θ) = 0,    φ = (-y_{k-1}/A …, u_{k}/A …)
 
-whose noise enters through y. The instruments ζ are φ with x in the place of y, and in a closed
-loop û in that of u. Both are filtered by the inverse noise model D/C (Young and Jakeman, 1980):
+whose noise enters through y. The instruments ζ are φ with x instead of y, and in a closed loop û
+instead of u. Both are filtered by the inverse noise model D/C (Young and Jakeman, 1980):
 
     θ̂ = θ + (Σ ζ φᵀ)⁻¹ Σ ζ ε
 
-until θ stands still. SRIV takes D/C = 1, which is efficient for white ξ and consistent for any;
-the prefilter 1/A is part of φ. Poles that leave the unit circle are reflected into it.
+until θ converges. SRIV sets D/C = 1, which is efficient for white ξ and consistent for any; the
+prefilter 1/A is part of φ. Poles that leave the unit circle are reflected into it.
 
-Left-out samples of y give no equation; where 1/A needs them, x stands in for them.
+Left-out samples of y give no equation; where 1/A needs them, x replaces them.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from scipy.signal import lfilter
 from pivident.errors import OrdersNotSupported
 from pivident.linear.arx import least_squares
 from pivident.linear.discrete import DiscreteRecord, discrete_estimate, discrete_record, lagged
-from pivident.linear.estimate import LinearEstimate, Noise
+from pivident.linear.estimate import LinearEstimate
 from pivident.linear.refined_iv import Linearised, iv_step
-from pivident.signals.arma import inside
+from pivident.signals.arma import Noise, inside
 
 #: Fits a noise model to ε over stretches, rows of (start, stop).
 DiscreteNoiseFit = Callable[[np.ndarray, np.ndarray], Noise]
@@ -36,7 +36,7 @@ DiscreteNoiseFit = Callable[[np.ndarray, np.ndarray], Noise]
 #: Poles are kept within this radius.
 _LARGEST_POLE = 1.0 - 1e-6
 
-#: Order of the ARX model whose simulation makes the second start.
+#: Order of the ARX model whose simulation gives the second start.
 _HIGH_ORDER = 20
 
 
@@ -68,7 +68,7 @@ def sriv(
         external: in closed loop, the signals that enter the loop from outside, shape (samples,)
             or (samples, signals); None: open loop.
         tolerance: largest change of a parameter at convergence, relative to it or to its
-            deviation.
+            standard error.
         max_iterations: most iterations.
 
     Returns:
@@ -92,15 +92,7 @@ def refined_estimate(
     max_iterations: int,
     fit_noise: DiscreteNoiseFit | None = None,
 ) -> LinearEstimate:
-    """The iteration from the first start from which it settles.
-
-    Args:
-        method: name of the estimator.
-        record: signals and orders.
-        tolerance: largest relative change at convergence.
-        max_iterations: most iterations.
-        fit_noise: noise model of ε; None: white.
-    """
+    """The iteration from the first start from which it converges."""
     best: _Iterate | None = None
     failure: OrdersNotSupported | None = None
     for start in (_by_least_squares, _by_high_order):
@@ -116,11 +108,11 @@ def refined_estimate(
     if best is None:
         assert failure is not None
         raise failure
-    doubts = []
+    warnings = []
     if not best.converged:
-        doubts.append("The iteration did not converge; lower the orders or check the delay.")
+        warnings.append("The iteration did not converge; lower the orders or check the delay.")
     if best.reflected:
-        doubts.append(
+        warnings.append(
             "An unstable pole was reflected into the unit circle; lower denominator_order, or "
             "give an integrator as fixed_poles=(1.0,)."
         )
@@ -133,7 +125,7 @@ def refined_estimate(
         noise=best.noise,
         iterations=best.iterations,
         converged=best.converged,
-        warnings=(*doubts, *(best.noise.warnings if best.noise else ())),
+        warnings=(*warnings, *(best.noise.warnings if best.noise else ())),
     )
 
 
@@ -162,7 +154,7 @@ def _iterate(
     max_iterations: int,
     fit_noise: DiscreteNoiseFit | None,
 ) -> _Iterate:
-    """Iterate until θ stands still; without convergence, the iterate of smallest variance."""
+    """Iterate until θ converges; if it does not, the iterate of smallest variance."""
     theta, reflected = _stabilised(record, theta)
     best: _Iterate | None = None
     converged = False
@@ -207,10 +199,7 @@ def _linearised(record: DiscreteRecord, theta: np.ndarray) -> Linearised:
 
 
 def _whitened(at: Linearised, stretches: np.ndarray, noise: Noise | None) -> Linearised:
-    """The samples between gaps, filtered by D/C, each stretch by itself.
-
-    A stretch that is no longer than D has no equation.
-    """
+    """The stretches longer than D between gaps, each filtered by D/C on its own."""
     shortest = 1 if noise is None else noise.ar.size
     parts = [
         Linearised(
@@ -234,12 +223,12 @@ def _stabilised(record: DiscreteRecord, theta: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _by_least_squares(record: DiscreteRecord) -> np.ndarray:
-    """ARX at the orders asked for; under noise its poles are too fast."""
+    """ARX at the requested orders; under noise its poles are too fast."""
     return least_squares(record, record.data.y)[0]
 
 
 def _by_high_order(record: DiscreteRecord) -> np.ndarray:
-    """ARX on the simulation of a high-order ARX model, which has little bias left."""
+    """ARX on the simulation of a high-order ARX model, which has little bias."""
     order = min(_HIGH_ORDER, record.data.y.size // (10 * (record.structure.inputs + 1)))
     structure = record.structure
     high = replace(

@@ -1,8 +1,8 @@
 """SRIVC: the simplified refined instrumental variable method for continuous-time models.
 
 y(t_k) = Σ_i B_i(p)/A_i(p) u_i(t_k - delay_i) + ξ_k is estimated directly from samples, without
-a discrete-time model between, by iterating (C3) from a state-variable-filter start. With white ξ
-the estimate is statistically efficient: its covariance (C4) is the Cramér-Rao bound. With
+an intermediate discrete-time model, by iterating (C3) from a state-variable-filter start. With
+white ξ the estimate is statistically efficient: its covariance (C4) is the Cramér-Rao bound. With
 coloured ξ it stays consistent, but (C4) is then wrong; use :func:`pivident.linear.rivc.rivc`.
 
 In a closed loop give the external signal. This is CLSRIVC (Gilson, Garnier, Young and Van den
@@ -10,8 +10,8 @@ Hof, 2008), whose instruments are the noise-free signals of the loop, with one c
 controller need not be known, the noise-free input is estimated from the external signal as in
 the first stage of the two-stage method (Van den Hof and Schrama, 1993).
 
-Estimates are consistent when ``hold`` is what the input really does between samples (Pan,
-González, Welsh and Rojas, 2020), which a digital controller behind a D/A converter fulfils.
+Estimates are consistent when ``hold`` is the true behaviour of the input between samples (Pan,
+González, Welsh and Rojas, 2020), as with a digital controller and a D/A converter.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.errors import OrdersNotSupported, UnstableFit
-from pivident.linear.estimate import Hold, LinearEstimate, fit_of
+from pivident.linear.estimate import LinearEstimate
 from pivident.linear.initial_model import initial_models
+from pivident.linear.model import Hold, fit_of
 from pivident.linear.refined_iv import Refined, refine
 from pivident.linear.sampled_data import SampledData, columns_of, sampled_data
 from pivident.linear.structure import Structure, structure_of
@@ -30,7 +31,7 @@ from pivident.linear.structure import Structure, structure_of
 #: Starts refined, best first, until one converges.
 _STARTS = 3
 
-#: Mean of the residual, in its deviations, above which an offset is suspected.
+#: Mean of the residual, in its standard deviations, above which an offset is suspected.
 _OFFSET = 0.5
 
 
@@ -62,7 +63,7 @@ def srivc(
         external: in closed loop, the signals that enter the loop from outside, shape (samples,)
             or (samples, signals); None: open loop.
         tolerance: largest change of a parameter at convergence, relative to it or to its
-            deviation.
+            standard error.
         max_iterations: most iterations.
         svf_pole: pole of the first state-variable filter [rad/s], about the bandwidth; None:
             several are tried.
@@ -92,11 +93,7 @@ def refined_from_data(
     max_iterations: int,
     svf_pole: float | None,
 ) -> Refined:
-    """The iteration with white noise from the best start from which it converges.
-
-    Raises:
-        OrdersNotSupported: every start ends in a regression without full rank.
-    """
+    """The iteration with white noise from the best start from which it converges."""
     best: Refined | None = None
     failure: OrdersNotSupported | None = None
     for _, theta in initial_models(data, structure, svf_pole)[:_STARTS]:
@@ -120,11 +117,7 @@ def refined_from_data(
 def continuous_estimate(
     method: str, data: SampledData, structure: Structure, refined: Refined
 ) -> LinearEstimate:
-    """The answer, or an error where the end of the iteration is no answer.
-
-    Raises:
-        UnstableFit: poles had to be reflected that are faster than the record is long.
-    """
+    """The result, or an error where only an unstable model fits."""
     unstable = unstable_poles(data, refined)
     if unstable.size:
         raise UnstableFit(tuple(unstable))
@@ -153,19 +146,19 @@ def continuous_estimate(
         iterations=refined.iterations,
         converged=refined.converged,
         warnings=(
-            *_doubts(data, groups, refined),
+            *_warnings(data, groups, refined),
             *(refined.noise.warnings if refined.noise else ()),
         ),
     )
 
 
 def unstable_poles(data: SampledData, refined: Refined) -> np.ndarray:
-    """Reflected poles that the record is long enough to call unstable [rad/s]."""
+    """Reflected poles that are unstable within the length of the record [rad/s]."""
     return refined.reflected[refined.reflected.real > 1.0 / data.duration]
 
 
-def _doubts(data: SampledData, denominators: Sequence[np.ndarray], refined: Refined) -> list[str]:
-    """Sentences on what may be wrong with the estimate."""
+def _warnings(data: SampledData, denominators: Sequence[np.ndarray], refined: Refined) -> list[str]:
+    """Possible faults of the estimate, in sentences."""
     found = []
     if not refined.converged:
         found.append(
@@ -185,7 +178,7 @@ def _doubts(data: SampledData, denominators: Sequence[np.ndarray], refined: Refi
     mean, spread = float(refined.residual.mean()), float(refined.residual.std())
     if abs(mean) > _OFFSET * spread and spread > 1e-9 * float(np.std(data.y)):
         found.append(
-            f"The residual has a mean of {mean:.3g} beside a deviation of {spread:.3g}; "
+            f"The residual has a mean of {mean:.3g} and a standard deviation of {spread:.3g}; "
             "subtract the operating point from u and y."
         )
     return found

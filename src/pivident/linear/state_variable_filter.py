@@ -10,7 +10,7 @@ which is discretised exactly for the behaviour of v between its samples (Van Loa
     X_{k+1} = Φ X_k + Γ_0 v_k + Γ_1 v_{k+1},      Γ_1 = 0 with a zero-order hold.
 
 The recursion runs on the states, not on the polynomial det(zI - Φ): with fast sampling that
-one has n zeros close to z = 1, and its direct form loses (ω dt)^-n in accuracy.
+polynomial has n zeros close to z = 1, and its direct form loses (ω dt)^-n in accuracy.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from pivident.linear.estimate import Hold
+from pivident.linear.model import Hold
 
-#: States that the recursion sums side by side.
+#: States that the recursion sums in parallel.
 _LANES = 4
 
 #: 0.5^15 / 15! is 2e-17.
@@ -30,14 +30,7 @@ _TAYLOR_TERMS = 15
 def filtered_derivatives(
     signal: np.ndarray, denominator: np.ndarray, dt: float, hold: Hold
 ) -> np.ndarray:
-    """p^n/A v, …, p/A v, 1/A v from rest, shape (n + 1, samples).
-
-    Args:
-        signal: v, shape (samples,).
-        denominator: A, monic, highest power of p first, shape (n + 1,).
-        dt: sampling period [s].
-        hold: behaviour of v between samples: ``zoh`` or ``foh`` (straight lines).
-    """
+    """p^n/A v, …, p/A v, 1/A v from rest, shape (n + 1, samples); A highest power first."""
     signal = np.ascontiguousarray(signal, dtype=float)
     order = len(denominator) - 1
     out = np.empty((order + 1, signal.size))
@@ -58,13 +51,8 @@ def discretised_chain(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Φ, Γ_0, Γ_1 of the chain in normalised frequency, and the units of its states.
 
-    With p = ω p' and ω = max |a_i|^(1/i) no entry of the companion matrix exceeds one; the
-    states of (C2) are ``units`` times the normalised ones.
-
-    Args:
-        denominator: A, monic, highest power of p first.
-        dt: sampling period [s].
-        hold: ``zoh`` or ``foh``.
+    With p = ω p' and ω = max |a_i|^(1/i) no entry of the companion matrix exceeds one; the states
+    of (C2) are ``units`` times the normalised ones.
     """
     order = len(denominator) - 1
     powers = np.arange(1, order + 1)
@@ -88,8 +76,8 @@ def discretised_chain(
 def small_exponential(matrix):
     """exp(M) of a few rows: Taylor series of M/2^s with norm below 1/2, squared s times.
 
-    As accurate as ``scipy.linalg.expm`` at these sizes; that one wakes the threads of a BLAS for
-    six rows, which on a busy machine takes milliseconds, and it is called for every iterate.
+    As accurate as ``scipy.linalg.expm`` at these sizes, which starts the threads of a BLAS for six
+    rows: milliseconds on a busy machine, for every iterate.
     """
     size = len(matrix)
     norm = np.abs(matrix).sum(axis=1).max()
@@ -122,7 +110,7 @@ def _product(a, b):
 
 @njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
 def combined(weights, rows):
-    """Σ_i w_i rows_i, shape (samples,); too small a product to wake the threads of a BLAS."""
+    """Σ_i w_i rows_i, shape (samples,); too small a product for the threads of a BLAS."""
     total = weights[0] * rows[0]
     for i in range(1, weights.size):
         for k in range(total.size):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.linear.estimate import Hold
+from pivident.linear.model import Hold
 
 #: Poles on the imaginary axis are moved this far to the left, relative to their modulus.
 _MARGIN = 1e-6
@@ -19,17 +19,11 @@ class Structure:
     """Orders, delays and hold of y = Σ_i B_i/A_i u_i(t - delay_i).
 
     θ holds the denominators without their ones, then the numerators, highest power first.
-
-    Attributes:
-        numerator_orders: degree of B_i, one for each input.
-        denominator_orders: degree of A_i; a single one when the denominator is common.
-        delays: delay of each input [samples].
-        hold: behaviour of the inputs between samples.
     """
 
     numerator_orders: tuple[int, ...]
-    denominator_orders: tuple[int, ...]
-    delays: tuple[int, ...]
+    denominator_orders: tuple[int, ...]  # a single one when the denominator is common
+    delays: tuple[int, ...]  # [samples]
     hold: Hold
 
     @property
@@ -114,19 +108,7 @@ def structure_of(
     hold: Hold,
     common: bool,
 ) -> Structure:
-    """Structure from what the estimators are given.
-
-    Args:
-        inputs: number of inputs.
-        numerator_order: degree of the numerators, one for all inputs or one each.
-        denominator_order: degree of the denominators; only with ``common=False`` one each.
-        delay: delays in samples, one for all or one each.
-        hold: ``zoh`` or ``foh``.
-        common: whether one denominator serves all inputs.
-
-    Raises:
-        IdentificationError: orders, delays or hold that make no model.
-    """
+    """Structure from the arguments of the estimators."""
     if hold not in ("zoh", "foh"):
         raise IdentificationError(f"hold is {hold!r}; expected 'zoh' or 'foh'")
     common = common or inputs == 1

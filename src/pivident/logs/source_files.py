@@ -42,6 +42,11 @@ class SourceFile:
         return cls(escaped(path.name), sha256(path))
 
 
+def printable_name(path: Path) -> str:
+    """Name of a file as it can be printed and written: it may hold any byte."""
+    return escaped(path.name.encode("utf-8", "backslashreplace").decode())
+
+
 def existing_file(path: str | PathLike[str]) -> Path:
     """The path, once it is known to be a file with content that can be opened.
 
@@ -67,9 +72,6 @@ def existing_file(path: str | PathLike[str]) -> Path:
 
 def bag_files(folder: Path) -> list[Path]:
     """The files of a ROS 2 bag that hold its messages, in the order of their numbers.
-
-    Args:
-        folder: the bag, with files ``…_0.db3``, ``…_1.db3`` or ``.mcap``, packed or not.
 
     Raises:
         FileFormatError: it holds none, or cannot be listed.
@@ -97,10 +99,6 @@ def sha256(path: Path) -> str:
 
 def refuse_bomb(path: Path, expanded: int) -> None:
     """Refuse a file that promises to expand beyond what a log would.
-
-    Args:
-        path: the file on disk.
-        expanded: bytes that its content would take in memory.
 
     Raises:
         FileFormatError: the content is large and out of proportion to the file.

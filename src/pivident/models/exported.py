@@ -1,4 +1,4 @@
-"""What every export gives back: the file's content, what the format cannot say, and the check."""
+"""Results of exports: content of the file, differences of the format, and the check."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import numpy as np
 
 from pivident.robot.description import Robot
 
-#: Largest deviation of a torque from the model's, relative to the largest torque of its joint,
-#: that still counts as the same.
+#: Largest difference of a torque from the model's, relative to the largest torque of its joint,
+#: that counts as equal.
 SAME = 1e-9
 
-#: Largest values of a joint below this share of the robot's largest ones count as that share.
+#: Largest values of a joint below this fraction of the robot's count as that fraction.
 ROUNDING = 1e-6
 
 #: Random states of a check, and their seed.
@@ -25,16 +25,11 @@ USUAL_SPEED, USUAL_ACCELERATION, USUAL_RANGE = 2.0, 10.0, np.pi
 
 @dataclass(frozen=True)
 class ExportedText:
-    """A model in some format.
+    """A model in some format."""
 
-    Attributes:
-        content: content of the file.
-        differences: what the format cannot say, whole sentences with sizes.
-        further: contents of files that belong beside it, by name.
-    """
-
-    content: bytes
-    differences: tuple[str, ...] = ()
+    content: bytes  # of the file
+    differences: tuple[str, ...] = ()  # what the format cannot represent, complete sentences
+    #: Contents of accompanying files, by name.
     further: Mapping[str, bytes] = field(default_factory=dict)
 
     @property
@@ -45,23 +40,14 @@ class ExportedText:
 
 @dataclass(frozen=True)
 class Verification:
-    """An exported file loaded back and compared with the model.
+    """An exported file loaded back and compared with the model."""
 
-    Attributes:
-        program: what loaded it (``Pinocchio 3.4``, ``gcc -std=c99`` …).
-        compared: what was compared, such as ``torques``.
-        largest: largest difference [N m or N].
-        relative: the same, each joint over its largest torque.
-        states: number of random states.
-        skipped: why nothing was compared; empty where something was.
-    """
-
-    program: str
+    program: str  # that loaded it (``Pinocchio 3.4``, ``gcc -std=c99`` …)
     compared: str = "torques"
-    largest: float = np.nan
-    relative: float = np.nan
-    states: int = 0
-    skipped: str = ""
+    largest: float = np.nan  # difference [N m or N]
+    relative: float = np.nan  # the same, each joint over its largest torque
+    states: int = 0  # number of random states
+    skipped: str = ""  # why nothing was compared; empty where something was
 
     @property
     def agrees(self) -> bool:
@@ -80,16 +66,7 @@ class Verification:
 def random_states(
     robot: Robot, count: int = STATES, seed: int = SEED
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """States for a comparison: positions within the limits, speeds up to the rated ones.
-
-    Args:
-        robot: the robot.
-        count: number of states.
-        seed: of the generator.
-
-    Returns:
-        q [rad or m], dq [rad/s or m/s], ddq [rad/s² or m/s²], each (count, joints).
-    """
+    """Positions within limits, speeds up to rated, accelerations, each (count, joints)."""
     rng = np.random.default_rng(seed)
     wide = [(-USUAL_RANGE, USUAL_RANGE)] * robot.size
     limits = np.array([j.position_limits or w for j, w in zip(robot.joints, wide, strict=True)])
@@ -107,14 +84,7 @@ def compared(
     ours: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
     theirs: Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray],
 ) -> Verification:
-    """Compare two functions that give torques at random states.
-
-    Args:
-        program: who computes the second one.
-        robot: the robot.
-        ours: the model's, of q dq ddq, each (states, joints).
-        theirs: the loaded file's.
-    """
+    """Compare two functions of q dq ddq for torques at random states."""
     states = random_states(robot)
     return compared_values(program, ours(*states), theirs(*states))
 
@@ -127,20 +97,12 @@ def compared_values(
     what: str = "torques",
     usual: float = 0.0,
 ) -> Verification:
-    """Compare values at random states.
-
-    Args:
-        program: who computed the second ones.
-        expected: the model's values, shape (states, joints, …).
-        found: the loaded file's.
-        what: what the values are.
-        usual: what such values usually are; values much smaller than it count as zero.
-    """
+    """Compare values (states, joints, …); those much smaller than ``usual`` count as zero."""
     difference = np.abs(found - expected)
     axes = (0, *range(2, expected.ndim))
     scale = np.abs(expected).max(axis=axes, initial=0.0)
     worst = difference.max(axis=axes, initial=0.0)
-    # what is zero on a joint, gravity on a vertical axis for instance, is rounding on both sides
+    # zeros of a joint, gravity on a vertical axis for instance, are rounding on both sides
     least = max(ROUNDING * max(usual, float(scale.max(initial=0.0))), np.finfo(float).tiny)
     relative = worst / np.maximum(scale, least)
     return Verification(program, what, float(worst.max()), float(relative.max()), len(expected))

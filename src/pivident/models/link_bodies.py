@@ -1,4 +1,4 @@
-"""Bodies of links as file formats want them: mass, centre, inertia about the centre of mass."""
+"""Bodies of links for file formats: mass, centre of mass and inertia about it."""
 
 from __future__ import annotations
 
@@ -16,15 +16,7 @@ def link_inertias(model: RunnableModel) -> np.ndarray:
 
 
 def written_body(name: str, inertia: np.ndarray) -> Body:
-    """A link as mass, centre of mass and inertia about it.
-
-    Args:
-        name: name of the link.
-        inertia: ten inertial parameters, shape (10,).
-
-    Raises:
-        ExportError: a mass that is not positive, from which no centre of mass follows.
-    """
+    """A link as mass, centre of mass and inertia about it."""
     if not np.isfinite(inertia).all():
         raise ExportError(f"link {name!r}: its inertial parameters are not all finite")
     mass = float(inertia[9])
@@ -38,9 +30,5 @@ def written_body(name: str, inertia: np.ndarray) -> Body:
 
 
 def is_possible(inertia: np.ndarray) -> bool:
-    """Whether some distribution of mass has these ten parameters: pseudo-inertia matrix positive.
-
-    Args:
-        inertia: ten inertial parameters, shape (10,).
-    """
+    """Whether some distribution of mass has these ten parameters: pseudo-inertia positive."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(inertia))[0] > 0.0)

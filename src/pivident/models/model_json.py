@@ -1,4 +1,4 @@
-"""A model as JSON: one file that a program can read, and from which the model comes back exactly.
+"""A model as JSON: one file for other programs, from which the model is restored exactly.
 
     {"format": "pivident-model", "schema": 1, "consistent": …, "origin": {…}, "notes": […],
      "units": {…}, "conventions": […],
@@ -43,7 +43,7 @@ from pivident.text.plain_values import json_of_entries
 
 FORMAT, SCHEMA = "pivident-model", 1
 
-#: What the numbers are measured in.
+#: Units of the numbers.
 UNITS = {
     "length": "m",
     "angle": "rad",
@@ -54,9 +54,9 @@ UNITS = {
     "gravity": "m/s²",
 }
 
-#: What a reader must know of frames and signs.
+#: Conventions of frames and signs.
 CONVENTIONS = (
-    "The frame of a link sits on its joint, turns or slides with the link, and has the joint's "
+    "The frame of a link is at its joint, turns or slides with the link, and has the joint's "
     "axis as z.",
     "Pose of a link's frame in its parent's: revolute R = rotation Rz(q), p = translation; "
     "prismatic R = rotation, p = translation + rotation (0, 0, q). Parents count from 0; -1 is "
@@ -65,16 +65,16 @@ CONVENTIONS = (
     "and about the origin where a link has no mass), first_moments are mass times centre of mass, "
     "inertia_at_origin about the frame's origin; off-diagonal elements are those of the tensor, "
     "xy = -∫ x y dm.",
-    "Torques are on the joint side, those that the drives must give: inertia, gravity, rotor "
+    "Torques are on the joint side, as the drives must supply them: inertia, gravity, rotor "
     "inertias and friction.",
     "ia is the rotor inertia referred to the joint; iam fvm fcm belong to couplings.",
-    "Intervals hold 95 %; an end that is null has no bound, an interval that is null was not "
+    "Intervals are 95 %; an end that is null has no bound, an interval that is null was not "
     "computed.",
 )
 
 
-class _Known(BaseModel):
-    """A table of which only these keys are read; others are left alone."""
+class KnownKeys(BaseModel):
+    """A table of which only these keys are read; others are ignored."""
 
     model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
 
@@ -88,15 +88,15 @@ class _OriginValues(Values):
     identification: Name
 
 
-class _ParameterValues(_Known):
+class _ParameterValues(KnownKeys):
     """A standard parameter."""
 
     name: Name
     value: Finite
 
 
-class _ModelFile(_Known):
-    """What is read of the file; links and base parameters follow from it."""
+class _ModelFile(KnownKeys):
+    """The part of the file that is read; links and base parameters follow from it."""
 
     consistent: bool
     origin: _OriginValues
@@ -110,17 +110,16 @@ def to_json(model: RunnableModel) -> ExportedText:
 
     Args:
         model: the model.
+
+    Returns:
+        The text as bytes.
     """
     text = json_of_entries(model_values(model))
     return ExportedText(text.encode("utf-8", errors="backslashreplace"))
 
 
 def model_values(model: RunnableModel) -> dict[str, Any]:
-    """The model as plain values.
-
-    Args:
-        model: the model.
-    """
+    """The model as plain values."""
     intervals = model.intervals
     return {
         "format": FORMAT,
@@ -147,11 +146,7 @@ def model_values(model: RunnableModel) -> dict[str, Any]:
 
 
 def robot_with_values(model: RunnableModel) -> Robot:
-    """The robot with the model's values as its nominal inertias, rotor inertias and friction.
-
-    Args:
-        model: the model.
-    """
+    """The robot with the model's values as nominal inertias, rotor inertias and friction."""
     rotor, friction = np.zeros(model.robot.size), {}
     for p, value in zip(model.parameters, model.values.tolist(), strict=True):
         if p.stem == "ia":
@@ -168,6 +163,9 @@ def read_model(path: str | PathLike[str]) -> RunnableModel:
     Args:
         path: the file.
 
+    Returns:
+        The model.
+
     Raises:
         IdentificationFileError: it cannot be read, or is no model of this layout.
     """
@@ -177,12 +175,7 @@ def read_model(path: str | PathLike[str]) -> RunnableModel:
 
 
 def verify_json(exported: ExportedText, model: RunnableModel) -> Verification:
-    """Torques of the file, from its masses, centres of mass and inertias, against the model's.
-
-    Args:
-        exported: what `to_json` returned.
-        model: the model.
-    """
+    """Torques from the file's masses, centres of mass and inertias against the model's."""
     content = json.loads(exported.content)
     loaded = _model_of(content, "the exported JSON")
     value = {entry["name"]: entry["value"] for entry in content["parameters"]}
@@ -230,7 +223,7 @@ def _model_of(content: dict[str, Any], file: str) -> RunnableModel:
         notes=tuple(known.notes),
     )
     if known.consistent and (wrong := impossible_value(model)):
-        raise _damaged(file, f"it says that it is physically consistent, but {wrong}")
+        raise _damaged(file, f"it is marked as physically consistent, but {wrong}")
     return model
 
 

@@ -1,4 +1,4 @@
-"""Whether a model's values are those of a machine that can exist."""
+"""Whether the values of a model are physically possible."""
 
 from __future__ import annotations
 
@@ -10,18 +10,15 @@ from pivident.consistency.constraints import coupled_joints
 from pivident.models.link_bodies import is_possible
 from pivident.models.runnable_model import RunnableModel
 
-#: Negative friction, inertia or eigenvalue that rounding of a solver explains, in SI units.
+#: Negative friction, inertia or eigenvalue within the rounding of a solver, in SI units.
 ROUNDING = 1e-9
 
 
 def impossible_value(model: RunnableModel) -> str:
-    """What no real machine has: the first such thing as the rest of a sentence, or nothing.
+    """The first physically impossible value as the rest of a sentence, or nothing.
 
-    Links need a positive definite pseudo-inertia matrix; friction levels and rotor inertias are
-    not negative, nor are the matrices of those of coupled motors.
-
-    Args:
-        model: the model.
+    Links need a positive definite pseudo-inertia matrix; friction levels and rotor inertias are not
+    negative, nor are the matrices of those of coupled motors.
     """
     for i, link in enumerate(model.robot.links):
         if not is_possible(model.inertial(i)):
@@ -44,12 +41,12 @@ def impossible_value(model: RunnableModel) -> str:
 
 
 def _coupled(model: RunnableModel, own: str, coupled: str) -> Iterator[tuple[str, np.ndarray]]:
-    """Names of joints whose motors are coupled, and the matrix of what they share."""
+    """Names of joints whose motors are coupled, and the matrix of their shared parameters."""
     values = list(zip(model.parameters, model.values.tolist(), strict=True))
     diagonal = {p.joint: value for p, value in values if p.stem == own}
     for joints in coupled_joints(model.robot):
         if not all(joint in diagonal for joint in joints):
-            continue  # another friction law, whose levels are looked at one by one
+            continue  # another friction law, whose levels are checked one by one
         matrix = np.diag([diagonal[joint] for joint in joints])
         for p, value in values:
             c = p.coupling

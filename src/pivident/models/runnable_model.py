@@ -1,9 +1,9 @@
 """A model that other programs can run: a value for every standard parameter of every link.
 
-Base parameters are what the record determines; simulators and URDF want the mass, the centre of
-mass and the inertia of each link. A `RunnableModel` has them, either those of the physically
-consistent set nearest to the estimate, or the free estimate lifted to standard parameters, which
-has the same torques but links that may not be physical.
+The record determines base parameters; simulators and URDF need the mass, the centre of mass and
+the inertia of each link. A `RunnableModel` has them, either those of the physically consistent set
+nearest to the estimate, or the free estimate expressed as standard parameters, which has the same
+torques but links that may not be physical.
 """
 
 from __future__ import annotations
@@ -32,20 +32,12 @@ CONFIDENCE = 0.95
 
 @dataclass(frozen=True)
 class Origin:
-    """Where a model comes from.
+    """Where a model comes from."""
 
-    Attributes:
-        method: name of the method, ``PC-IDIM-PIV`` for a consistent one, ``nominal`` for values of
-            the robot's description.
-        version: version of pivident that identified it.
-        sources: SHA-256 of every input file by its name.
-        identification: SHA-256 of the file of the identification, empty where there is none.
-    """
-
-    method: str
-    version: str = ""
-    sources: Mapping[str, str] = field(default_factory=dict)
-    identification: str = ""
+    method: str  # ``PC-IDIM-PIV`` if consistent, ``nominal`` for the description's values
+    version: str = ""  # of pivident that identified it
+    sources: Mapping[str, str] = field(default_factory=dict)  # SHA-256 of input files by name
+    identification: str = ""  # SHA-256 of its file, or empty
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +50,9 @@ class RunnableModel:
         values: their values, shape (standard,).
         consistent: whether the values are physically consistent.
         origin: where they come from.
-        notes: what is to be known about them, whole sentences.
+        notes: reservations, complete sentences.
         intervals: lower and upper end of each value's 95 % interval, shape (standard, 2); infinite
-            where the record says nothing about it, None where nobody asked.
+            where the record has no information on it, None where they were not requested.
         estimate: the identification that they come from, or None.
     """
 
@@ -103,8 +95,8 @@ class RunnableModel:
 
         Args:
             q: joint positions [rad or m], shape (samples, joints); ``dq ddq`` likewise.
-            dq: joint speeds.
-            ddq: joint accelerations.
+            dq: joint speeds [rad/s or m/s].
+            ddq: joint accelerations [rad/s² or m/s²].
         """
         return self.regressor.torque(q, dq, ddq, self.values)
 
@@ -135,10 +127,13 @@ def runnable_model(
     """Values for every standard parameter, from an estimate or from the robot's description.
 
     Args:
-        source: a consistent model; a free identification, whose base parameters are lifted to
+        source: a consistent model; a free identification, whose base parameters are expressed as
             standard ones of the same torques; or a robot with nominal (CAD) values.
-        identification: SHA-256 of the identification's file, to be kept with the model.
+        identification: SHA-256 of the identification's file, stored with the model.
         intervals: whether a consistent model's profile intervals are computed (a second or two).
+
+    Returns:
+        The model; its ``values`` are in the order of its ``parameters``.
 
     Raises:
         ExportError: the values are not finite, or the object is none of these.
@@ -171,13 +166,7 @@ def runnable_model(
 
 
 def origin_of(free: Identification, method: str, digest: str = "") -> Origin:
-    """Where the values of an identification, or of a stage after it, come from.
-
-    Args:
-        free: the identification.
-        method: name of the method or stage.
-        digest: SHA-256 of the identification's file.
-    """
+    """Where the values of an identification, or of a stage after it, come from."""
     return Origin(method, free.version, dict(free.sources), digest)
 
 
@@ -190,8 +179,8 @@ def _lifted(free: Identification, digest: str) -> RunnableModel:
     place = {name: k for k, name in enumerate(base.names)}
     values[[place[name] for name in free.names]] = free.theta
     notes = (
-        "The values are the free estimate, lifted to standard parameters of the same torques; "
-        "each by itself is not determined by the record, and links need not be physical.",
+        "The values are the free estimate, expressed as standard parameters of the same torques; "
+        "single values are not determined by the record, and links need not be physical.",
     )
     return RunnableModel(
         robot=free.robot,

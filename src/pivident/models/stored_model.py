@@ -1,7 +1,7 @@
 """A runnable model from the files of a result: ``identification.json`` or ``consistent.json``.
 
-From an identification the physically consistent parameters are taken: those of ``consistent.json``
-beside it, if that was made from this very file (its hash says so), or else the stage is run now.
+For an identification the physically consistent parameters are used: those of ``consistent.json``
+beside it, if its hash shows that it was made from this file, or else the stage is run now.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from pivident.consistency.consistent_files import CONSISTENT_FILE
 from pivident.consistency.consistent_files import SCHEMA as CONSISTENT_SCHEMA
@@ -20,30 +20,25 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import IdentificationError, IdentificationFileError, PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.stored_identification import json_of_file, load_identification
+from pivident.models.model_json import KnownKeys
 from pivident.models.possible_values import impossible_value
 from pivident.models.runnable_model import Origin, RunnableModel, runnable_model
 from pivident.robot.robot_values import Finite, Name, RobotValues, made_robot, problem_text
 
 
-class _Known(BaseModel):
-    """A table of which only these keys matter here; others are left alone."""
-
-    model_config = ConfigDict(extra="ignore", strict=True, frozen=True)
-
-
-class _StandardValues(_Known):
+class _StandardValues(KnownKeys):
     name: Name
     value: Finite
     low: Finite | None = None
     high: Finite | None = None
 
 
-class _IdentificationFile(_Known):
+class _IdentificationFile(KnownKeys):
     file: str
     sha256: str
 
 
-class _ConsistentFile(_Known):
+class _ConsistentFile(KnownKeys):
     schema_: Annotated[int, Field(alias="schema")]
     method: Name
     standard: list[_StandardValues]
@@ -57,19 +52,9 @@ class _ConsistentFile(_Known):
 def stored_model(
     path: Path, *, free: bool = False, intervals: bool = False
 ) -> tuple[RunnableModel, tuple[Path, ...]]:
-    """The model of a result on disk.
+    """The model of ``identification.json``, ``consistent.json`` or their folder, and files read.
 
-    Args:
-        path: ``identification.json``, ``consistent.json``, or the folder that holds them.
-        free: take the free estimate, lifted to standard parameters, in place of the consistent one.
-        intervals: whether intervals of the standard parameters are wanted.
-
-    Returns:
-        The model, and the files that it was made from.
-
-    Raises:
-        IdentificationFileError: a file cannot be used.
-        IdentificationError: no consistent parameters lie near the estimate.
+    ``free``: the free estimate as standard parameters, not the consistent one.
     """
     if path.is_dir():
         path = path / "identification.json"
@@ -92,10 +77,10 @@ def stored_model(
     if made_from == digest:
         return _consistent_of(beside, json_of_file(beside), estimate), (path, beside)
     model = _made_consistent(estimate, digest, intervals)
-    other = f"SHA-256 {made_from[:12]}…" if made_from else "it does not say which, or is damaged"
+    other = f"SHA-256 {made_from[:12]}…" if made_from else "not named, or the file is damaged"
     note = (
         f"The file {CONSISTENT_FILE} beside {path.name} was made from another identification "
-        f"({other}) and was not used; the consistent parameters were made again."
+        f"({other}) and was not used; the consistent parameters were computed again."
     )
     return replace(model, notes=(*model.notes, note)), (path,)
 
@@ -117,7 +102,7 @@ def _made_consistent(estimate: Identification, digest: str, intervals: bool) -> 
     try:
         found = make_consistent(estimate)
     except PividentError as error:
-        error.add_note("--free exports the estimate as it is, where the format bears it")
+        error.add_note("--free exports the estimate as it is, where the format allows it")
         raise
     model = runnable_model(found, identification=digest)
     if not intervals:

@@ -23,6 +23,7 @@ from pivident.recording.recording import Recording
 from pivident.report.intervals import interval_drawing
 from pivident.robot.description import Robot
 from pivident.tables.columns import Table
+from pivident.text.finding import MARKS
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
 from pivident.text.printable import escaped
 
@@ -118,13 +119,12 @@ def problem_html(problem: Problem) -> str:
 
 @html_of.register
 def verdict_html(verdict: Verdict) -> str:
-    """The statements with their grades.
+    """The statements with their severities.
 
     Args:
         verdict: should one believe it.
     """
-    marks = {"good": "+", "note": "·", "caution": "!", "bad": "×"}
-    return _rendered("verdict", verdict=verdict, marks=marks)
+    return _rendered("verdict", verdict=verdict, marks=MARKS)
 
 
 @html_of.register

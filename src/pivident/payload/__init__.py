@@ -4,9 +4,6 @@
 intervals.
 """
 
-from pivident.payload.identify_payload import identify_payload
-from pivident.payload.known_parts import KnownParts
-from pivident.payload.load_estimate import LoadEstimate
-from pivident.payload.payload_identification import PayloadIdentification
+import lazy_loader
 
-__all__ = ["KnownParts", "LoadEstimate", "PayloadIdentification", "identify_payload"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

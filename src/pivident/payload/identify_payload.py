@@ -15,9 +15,9 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.errors import ExperimentError
+from pivident.estimation.answer import method_label
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.iteration import method_label
 from pivident.estimation.methods import (
     InstrumentalVariables,
     LeastSquares,
@@ -27,7 +27,7 @@ from pivident.estimation.methods import (
     method_named,
 )
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.payload.arm_and_load import ArmAndLoad, arm_and_load, widened
 from pivident.payload.compatibility import (
     check_recordings,
@@ -50,6 +50,7 @@ from pivident.payload.restricted_solution import (
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
+from pivident.simulation.control_loop import Loop
 
 #: Standard error, in natural sizes (1 kg, 0.1 m), above which a direction of the load counts as
 #: undetermined.

@@ -7,14 +7,15 @@ from the loop simulated with the loaded arm; the same after prefilters from the 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.covariance.stationary_noise import score_variance
+from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import (
     FullRateRecord,
-    accumulate,
     filtered,
     records_with_instruments,
     records_without_instruments,
@@ -30,8 +31,8 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
-from pivident.estimation.standstill import decided_by_residual, noisy_standstill, slow_samples
-from pivident.estimation.whitening import Whitening
+from pivident.estimation.standstill import decided_by_residual, noisy_standstill
+from pivident.estimation.whitening import Prefilters, Whitening
 from pivident.signals.prefilter import Prefilter
 
 
@@ -46,20 +47,19 @@ class LoadedRecords:
         self.kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
         self.limits = [problem.speed_limits(r) for r in problem.recordings]
         self.whitening: Whitening | None = None
+        self.prefilters = Prefilters.none(problem)
         if isinstance(method, PrefilteredIV):
-            self.whitening = Whitening(problem, method, self.kinematics)
+            self.whitening = Whitening.of(problem, method, self.kinematics)
+            self.prefilters = self.whitening.initial()
         self.auxiliary: AuxiliaryModel | None = None
         if not isinstance(method, LeastSquares):
             self.auxiliary = AuxiliaryModel(problem, differences=True, kinematics=self.kinematics)
         self.records: list[FullRateRecord] = []
-        self.without_standstill = np.zeros(problem.robot.size, bool)
 
     @property
     def filters(self) -> Sequence[Prefilter]:
         """Prefilter of each joint."""
-        if self.whitening is not None:
-            return self.whitening.filters
-        return [Prefilter()] * self.problem.robot.size
+        return self.prefilters.filters
 
     def least_squares(self, theta: np.ndarray) -> list[JointSums]:
         """Normal equations with Z = Φ: those of least squares, and the start of the others."""
@@ -77,30 +77,18 @@ class LoadedRecords:
         assert self.auxiliary is not None
         regressor = self.problem.regressor
         if self.whitening is not None:
-            self.whitening.fit(number, theta, self.records)
+            self.prefilters = self.whitening.fitted(self.prefilters, number, theta, self.records)
         motions, theta, _ = self.auxiliary.simulate_or_halve(last, theta)
         moved = [with_inner(regressor, k, theta) for k in self.kinematics]
         before = self.records
         self.records = records_with_instruments(
             moved, [with_inner(regressor, m, theta) for m in motions], self.limits
         )
-        if self.whitening is not None:
-            self.whitening.take_votes(self.records)
-        else:
-            self._exclude_noisy_standstill(number, theta, before)
+        if self.whitening is None and number == 2 and decided_by_residual(self.problem):
+            noisy = noisy_standstill(self.problem, self.filters, before, self.residuals(theta))
+            self.prefilters = replace(self.prefilters, without_standstill=noisy)
+        self.prefilters.exclude(self.problem, self.records)
         return accumulate(regressor, self.records, self.filters), theta
-
-    def _exclude_noisy_standstill(
-        self, number: int, theta: np.ndarray, before: Sequence[FullRateRecord]
-    ) -> None:
-        """Without a noise model, exclude standstill if it is much noisier than motion."""
-        if number == 2 and decided_by_residual(self.problem):
-            self.without_standstill = noisy_standstill(
-                self.problem, self.filters, before, self.residuals(theta)
-            )
-        for record in self.records:
-            slow = slow_samples(self.problem, record) & self.without_standstill[:, None]
-            record.votes[slow] = False
 
     def residuals(self, theta: np.ndarray) -> list[np.ndarray]:
         """τ - Φθ of each recording [N m or N], shape (joints, samples)."""
@@ -111,9 +99,9 @@ class LoadedRecords:
         """‖τ - Φθ‖/‖τ‖ and the rms of τ - Φθ [N m or N] of each joint over the samples in use."""
         left, total, rows = np.zeros((3, self.problem.robot.size))
         for record, residual in zip(self.records, self.residuals(theta), strict=True):
-            left += np.sum(np.where(record.votes, residual, 0.0) ** 2, axis=1)
-            total += np.sum(np.where(record.votes, record.kinematics.tau, 0.0) ** 2, axis=1)
-            rows += record.votes.sum(axis=1)
+            left += np.sum(np.where(record.used, residual, 0.0) ** 2, axis=1)
+            total += np.sum(np.where(record.used, record.kinematics.tau, 0.0) ** 2, axis=1)
+            rows += record.used.sum(axis=1)
         return np.sqrt(left / np.maximum(total, 1e-300)), np.sqrt(left / np.maximum(rows, 1.0))
 
     def score_variance(

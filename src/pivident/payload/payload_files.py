@@ -93,7 +93,7 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
         "relative_errors": dict(zip(found.joints, found.relative_errors, strict=True)),
         "rms_errors": dict(zip(found.joints, found.rms_errors, strict=True)),
         "recordings": found.recordings,
-        "warnings": found.warnings,
+        "warnings": [warning.as_json() for warning in found.warnings],
         "sources": {"without_load": found.arm.sources, "with_load": found.sources},
         "version": found.version,
     }

@@ -1,4 +1,4 @@
-"""What has to be said about an estimated load, and the load that is none."""
+"""Warnings about an estimated load, and the load that is none."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import numpy as np
 from pivident.errors import NegativePayload
 from pivident.estimation.identification import Identification
 from pivident.payload.load_estimate import LoadEstimate
+from pivident.text.finding import Finding, Quantity
 from pivident.text.numbers import plus_minus
 
-#: Deviations from which on a negative mass is no matter of noise: the records are swapped.
+#: Standard errors from which a negative mass is no matter of noise: the records are swapped.
 SWAPPED = 3.0
 
-#: Deviations by which the arm of one record may differ from that of the other.
+#: Standard errors by which the arm of one record may differ from that of the other.
 ARM_DIFFERS = 4.5
 
 #: Ratio of the rms error with load to that without from which on the load does not explain all.
@@ -34,47 +35,58 @@ def refuse_negative(load: LoadEstimate) -> None:
 
 def warnings_about(
     load: LoadEstimate, arm: Identification, change: np.ndarray, converged: bool, iterations: int
-) -> list[str]:
-    """What has to be said about this load, whole sentences.
+) -> list[Finding]:
+    """Reservations about this load.
 
     Args:
         load: the load.
         arm: the arm without load.
-        change: of the arm's parameters between the records, in deviations, shape (arm,).
-        converged: whether the iteration stood still.
+        change: of the arm's parameters between the records, in standard errors, shape (arm,).
+        converged: whether the iteration converged.
         iterations: number of estimates.
     """
-    said = []
+    found = []
     if not converged:
-        said.append(
+        text = (
             f"Not converged after {iterations} estimates; the load may still change by more than "
-            "its deviations."
+            "its standard errors."
         )
+        found.append(Finding("error", "iteration", "not converged", text))
     if not arm.converged:
-        said.append("The arm without load did not converge; look at its identification first.")
+        text = "The arm without load did not converge."
+        step = "Look at its identification first."
+        found.append(Finding("error", "arm", "not converged", text, next_step=step))
+    mass = Quantity(
+        load.mass, "kg", interval=(load.mass - 2 * load.mass_std, load.mass + 2 * load.mass_std)
+    )
     if load.determined[9] and not load.is_seen:
-        said.append(
+        text = (
             f"No load is seen: its mass, {plus_minus(load.mass, 2 * load.mass_std)} kg (2σ), is "
-            "not told from zero, and so it has no centre of mass. Is the loaded record one with "
-            "the load?"
+            "not significantly different from zero, and so it has no centre of mass."
         )
+        step = "Check that the loaded record is one with the load."
+        found.append(Finding("warning", "load", "not seen", text, "", step, {"mass": mass}))
     elif load.is_seen and load.mass < 10.0 * load.mass_std:
-        said.append(
+        text = (
             "The mass is known to worse than 20 % (2σ): intervals of the centre of mass are "
-            "Fieller's and lopsided. Weigh the load and give its mass, or move it faster."
+            "Fieller's and asymmetric."
         )
+        step = "Weigh the load and give its mass, or move it faster."
+        found.append(Finding("warning", "load", "imprecise", text, "", step, {"mass": mass}))
     worst = int(np.argmax(np.abs(change)))
     if abs(change[worst]) > ARM_DIFFERS:
-        said.append(
+        text = (
             f"The arm itself differs between the records, {arm.names[worst]} by "
-            f"{abs(change[worst]):.1f} deviations: something else changed than the load, such as "
-            "mounting, temperature, tool or the link that carries it."
+            f"{abs(change[worst]):.1f} standard errors: something else changed than the load, such "
+            "as mounting, temperature, tool or the link that carries it."
         )
-    return said
+        evidence = {"change": Quantity(float(abs(change[worst])), "σ", bound=ARM_DIFFERS)}
+        found.append(Finding("warning", "arm", "differs", text, arm.names[worst], "", evidence))
+    return found
 
 
-def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[str]:
-    """One sentence where a load does not explain what the loaded record has more.
+def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[Finding]:
+    """A warning where a load does not explain what the loaded record has more.
 
     Args:
         arm: the arm without load, estimated by the same method.
@@ -87,8 +99,12 @@ def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[str]:
     ]
     if not worse:
         return []
-    return [
-        "A load does not explain all that the loaded record has more; rms error "
-        f"{', '.join(worse)}: look for friction that grows with the load "
-        "(friction_under_load), a flexible tool, or saturated torques."
-    ]
+    text = (
+        "A load does not explain all that the loaded record has more: rms error "
+        f"{', '.join(worse)}."
+    )
+    step = (
+        "Look for friction that grows with the load (friction_under_load), a flexible tool, or "
+        "saturated torques."
+    )
+    return [Finding("warning", "load", "does not explain", text, next_step=step)]

@@ -13,6 +13,7 @@ from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
 from pivident.payload.payload_text import load_sentences, load_table
 from pivident.payload.possible_load import PossibleLoad, possible_load
+from pivident.text.finding import Finding
 from pivident.text.numbers import plus_minus
 
 #: Change of a friction parameter, in standard errors, above which it is named.
@@ -41,7 +42,7 @@ class PayloadIdentification:
         converged: whether the iteration converged.
         iterations: number of estimates.
         known: known parts of the load.
-        warnings: reservations, whole sentences.
+        warnings: reservations.
         sources: SHA-256 of the loaded recordings' files by name.
         version: version of pivident.
     """
@@ -62,7 +63,7 @@ class PayloadIdentification:
     converged: bool
     iterations: int
     known: KnownParts
-    warnings: tuple[str, ...]
+    warnings: tuple[Finding, ...]
     sources: dict[str, str]
     version: str
 
@@ -89,7 +90,7 @@ class PayloadIdentification:
         ]
         if changed := self._friction_sentence():
             parts.append(changed)
-        parts += [f"! {sentence}" for sentence in self.warnings]
+        parts += [str(warning) for warning in self.warnings]
         return "\n\n".join(parts)
 
     def _friction_sentence(self) -> str:

@@ -16,8 +16,9 @@ from pivident.errors import ExperimentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
-from pivident.experiment.experiment import Experiment, errors_name
+from pivident.experiment.experiment import Experiment
 from pivident.experiment.schema import LoadEntry
+from pivident.experiment.toml_file import errors_name
 from pivident.payload.identify_payload import identify_payload
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.payload_identification import PayloadIdentification

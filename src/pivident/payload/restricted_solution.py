@@ -17,8 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.covariance.sandwich import OVERLAP
-from pivident.estimation.iteration import joint_variances
-from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.normal_equations import JointSums, joint_variances
 from pivident.payload.arm_and_load import ArmAndLoad, reduced
 
 

@@ -1,4 +1,5 @@
 """Recordings: what was measured, read from files, checked, in SI units on the joint side."""
 
-from pivident.recording.load import load_recording as load_recording
-from pivident.recording.recording import Recording as Recording
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

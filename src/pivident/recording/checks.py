@@ -9,16 +9,12 @@ import numpy as np
 from pivident.errors import (
     ConstantChannel,
     NonFiniteSamples,
-    RecordingError,
-    RecordingTooShort,
+    PositionsBeyondLimits,
     SaturatedSignal,
     ShapeMismatch,
 )
 from pivident.recording.saturation import clipped_samples
 from pivident.robot.description import Robot
-
-#: Fewest samples that can be differentiated twice and still leave something to fit.
-MINIMUM_SAMPLES = 16
 
 #: How far beyond its limits a joint may be logged, in spans of its limits.
 TOLERATED_REACH = 2.0
@@ -35,26 +31,6 @@ def check_shape(channel: str, values: np.ndarray, expected: tuple[int, ...]) -> 
     """
     if values.shape != expected:
         raise ShapeMismatch(channel, values.shape, expected)
-
-
-def check_length(samples: int) -> None:
-    """Refuse a recording of fewer than `MINIMUM_SAMPLES` samples.
-
-    Raises:
-        RecordingTooShort: with the number of samples.
-    """
-    if samples < MINIMUM_SAMPLES:
-        raise RecordingTooShort(samples, MINIMUM_SAMPLES)
-
-
-def check_positive(name: str, value: float) -> None:
-    """Refuse a rate that is not a positive, finite number.
-
-    Raises:
-        RecordingError: names the quantity and the value.
-    """
-    if not (np.isfinite(value) and value > 0):
-        raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
 
 
 def check_finite(channel: str, values: np.ndarray, joint_names: Sequence[str]) -> None:
@@ -105,7 +81,7 @@ def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object =
         unit: the unit that the log was said to have, where that is known; or a list, by joint.
 
     Raises:
-        RecordingError: a joint is more than `TOLERATED_REACH` spans beyond its limits.
+        PositionsBeyondLimits: a joint is more than `TOLERATED_REACH` spans beyond its limits.
     """
     for j, joint in enumerate(robot.joints):
         if joint.position_limits is None:
@@ -125,10 +101,7 @@ def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object =
         )
         if own is not None and own != si:
             advice = f"check the unit {own!r}, position_offset and the limits of the robot"
-        raise RecordingError(
-            f"{channel} of joint {joint.name!r} reaches {farthest:.4g} {si}, far beyond its limits "
-            f"{low:.4g} to {high:.4g} {si}; {advice}"
-        )
+        raise PositionsBeyondLimits(channel, joint.name, farthest, (low, high), si, advice)
 
 
 def check_not_saturated(

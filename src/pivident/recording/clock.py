@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.recording import timestamps
-from pivident.recording.clock_alignment import (
+from pivident.logs.clocks import timestamps
+from pivident.logs.clocks.clock_alignment import (
     ClockedChannel,
     have_one_clock,
     is_reduced,
@@ -54,12 +54,7 @@ class UniformClock:
 def beside_torque(
     logged: Mapping[str, np.ndarray], clocked: Mapping[str, ClockedChannel]
 ) -> np.ndarray:
-    """Positions at the instants of the torques, where these have a clock of their own.
-
-    Args:
-        logged: channels by name.
-        clocked: those that have stamps of their own.
-    """
+    """Positions at the instants of the torques, where these have a clock of their own."""
     if "tau" not in clocked or "q" not in clocked or have_one_clock([clocked["q"], clocked["tau"]]):
         return logged["q"]
     t = clocked["q"].t

@@ -1,6 +1,6 @@
-"""From the files of a log to a `Recording`: columns, units, side and clock, all given as data.
+"""From a lenient `Log` to a strict `Recording`: units, checks, one uniform clock, joint side.
 
-    raw columns ──factor to SI──▶ channels as logged ──clock──▶ uniform samples ──side──▶ Recording
+    files ──▶ Log ──factor to SI──▶ checked channels ──clock──▶ uniform samples ──side──▶ Recording
 
 The arguments are plain names, numbers and tables, so that an experiment file can say the same.
 """
@@ -15,20 +15,19 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from pivident.errors import RecordingError
-from pivident.logs.source_files import SourceFile
+from pivident.logs.channel_places import ColumnSpec
+from pivident.logs.joint_side import factors_of, gains_of, on_joint_side, sides_of
+from pivident.logs.log import Description, Log
+from pivident.logs.read_log import read_log
+from pivident.logs.torque_scale import torque_scales
+from pivident.logs.units import UnitSpec, check_kind
 from pivident.recording import checks
-from pivident.recording.channel_reading import read_channels, stamp_channels
 from pivident.recording.clock import Clock, beside_torque, on_one_clock
-from pivident.recording.clock_alignment import ClockedChannel
-from pivident.recording.columns import Channel, ColumnSpec, locate
 from pivident.recording.recording import CHANNELS, Recording
-from pivident.recording.torque_scale import torque_scales
-from pivident.recording.units import UnitSpec, check_kind, factor_to_si
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
-from pivident.text.printable import escaped
 
 #: Its keywords that are not fields of the recording.
 _OPTIONS = {
@@ -65,10 +64,10 @@ def load_recording(
             A ROS 2 bag is a folder, or a file like a ROS 1 bag.
         columns: columns of ``q`` and ``tau``, and of ``q_ref``, ``dq_ref``, ``ddq_ref``, ``t``,
             ``q_link`` (encoders behind the gear) where they were logged, in the notation of
-            `pivident.recording.columns`; known inputs by name under ``inputs``. ``t`` is one
+            `pivident.logs.channel_places`; known inputs by name under ``inputs``. ``t`` is one
             column for all channels, or a table with one for each channel that has a clock of its
             own; channels from a bag have the stamps of their messages without it.
-        units: unit of each channel in the notation of `pivident.recording.units`, one for all
+        units: unit of each channel in the notation of `pivident.logs.units`, one for all
             joints or a list with one per joint; SI where it is not given. Under ``inputs``: unit
             or factor of each input.
         side: ``joint`` or ``motor`` for everything, or by channel; references are on the side of
@@ -95,20 +94,62 @@ def load_recording(
         RecordingError: channels, units, sides or time stamps that do not fit together.
     """
     _check_arguments(columns, units, robot, options)
-    paths = _paths(files)
-    channels = _channels(columns, paths)
-    if robot is not None:
-        joint_names = joint_names or robot.joint_names
-        transmission = transmission or robot.transmission
-    elif transmission is not None:
-        joint_names = joint_names or _numbered(len(transmission.drive_gain))
-    joints = None if joint_names is None else len(joint_names)
-    logged, clocked = read_channels(channels, paths, joints, samples_axis, joint_names or ())
-    joint_names = tuple(joint_names or _numbered(logged["q"].shape[1]))
-    _check_sizes(len(joint_names), robot, transmission)
+    log = read_log(
+        files,
+        columns,
+        units=units,
+        side=side,
+        robot=robot,
+        transmission=transmission,
+        joint_names=joint_names,
+        rate=rate,
+        resample=resample,
+        samples_axis=samples_axis,
+        position_offset=position_offset,
+        name=name,
+    )
+    options["name"] = name or Path(log.name.removesuffix(".gz")).stem
+    logged, log = log.logged, replace(log, logged={})  # raw samples go as they are converted
+    return _recording(log, logged, part, options)
 
-    sides = _sides(side, logged, transmission)
-    _to_si(logged, _without_clocks(units or {}, clocked), sides, robot, transmission)
+
+def recording_from(
+    log: Log, *, part: tuple[float, float] | None = None, **options: Any
+) -> Recording:
+    """A log made strict: checked, on one uniform clock, in SI on the joint side.
+
+    Args:
+        log: as `pivident.logs.read_log` has read it.
+        part: keep only the samples with part[0] <= t < part[1], where there are time stamps [s].
+        options: further fields of `Recording`; the name is that of the log otherwise.
+
+    Returns:
+        The recording.
+
+    Raises:
+        FileFormatError: a cell that is no number.
+        RecordingError: channels, units, sides or time stamps that do not fit together.
+    """
+    return _recording(log, dict(log.logged), part, {"name": log.name} | options)
+
+
+def _recording(
+    log: Log,
+    logged: dict[str, np.ndarray],
+    part: tuple[float, float] | None,
+    options: Mapping[str, Any],
+) -> Recording:
+    """A log made strict; its channels as logged are taken out of ``logged`` one by one."""
+    if log.faults:
+        raise log.faults[0]
+    said, robot, joint_names = log.description, log.robot, log.joint_names
+    clocked = dict(log.own_clocks)
+    if said.clock is not None:
+        logged["t"] = log.columns[said.clock]
+    _check_sizes(len(joint_names), robot, said.transmission)
+    sides = _checked_sides(said, logged)
+    units = {key: unit for key, unit in said.units.items() if key != "t" or not clocked}
+    _to_si(logged, units, sides, robot, said.transmission)
     for channel, values in logged.items():
         if channel != "t":
             own = clocked[channel].t if channel in clocked else logged["q"]
@@ -119,30 +160,23 @@ def load_recording(
         moving = beside_torque(logged, clocked)
         checks.check_not_saturated("tau", logged["tau"], moving, joint_names)
 
-    clock = Clock(rate, resample, "t" in (units or {}), part)
+    clock = Clock(log.rate, log.resample, "t" in said.units, part)
     found = on_one_clock(logged, clocked, clock)
-    _to_joint_side(logged, sides, transmission, position_offset)
+    _to_joint_side(logged, sides, said)
     if robot is not None:
         for channel in ("q", "q_ref"):
             if channel in logged:
-                unit = (units or {}).get(channel)
-                checks.check_within_reach(channel, logged[channel], robot, unit)
+                checks.check_within_reach(channel, logged[channel], robot, said.units.get(channel))
     for values in logged.values():
         values.flags.writeable = False  # the recording then keeps it instead of a copy
     content: dict[str, Any] = {key: logged[key] for key in CHANNELS if key in logged}
     content["inputs"] = {
         key.removeprefix("inputs."): logged[key] for key in logged if key not in CHANNELS
     }
-    content["sources"] = tuple(SourceFile.of(path) for path in _in_use(channels, paths))
-    content["torque_scale"] = torque_scales((units or {}).get("tau"), joint_names)
-    name = name or escaped(Path(paths[channels["q"].file].name.removesuffix(".gz")).stem)
+    content["torque_scale"] = torque_scales(said.units.get("tau"), joint_names)
+    content |= {"start_time": found.start, "notes": found.notes, "slowed": found.slowed}
     return Recording(
-        name=name,
-        joint_names=joint_names,
-        rate=found.rate,
-        **content
-        | {"start_time": found.start, "notes": found.notes, "slowed": found.slowed}
-        | options,
+        joint_names=joint_names, rate=found.rate, sources=log.sources, **content | dict(options)
     )
 
 
@@ -155,6 +189,14 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             raise RecordingError(
                 f"{name} is {given!r}; give a table by channel, such as {tables[name]}"
             )
+    unknown = [key for key in columns if key not in (*CHANNELS, "t", "inputs")]
+    if unknown:
+        raise RecordingError(
+            f"columns are given for {unknown[0]!r}; channels are {', '.join(CHANNELS)}, t, inputs"
+        )
+    for needed in ("q", "tau"):
+        if needed not in columns:
+            raise RecordingError(f"no columns are given for {needed}; name those that hold it")
     if robot is not None and not isinstance(robot, Robot):
         raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
     known = {field.name for field in fields(Recording)} - {*CHANNELS, "inputs", "sources", "slowed"}
@@ -163,53 +205,6 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             raise RecordingError(
                 f"load_recording has no option {name!r}; {nearest(name, sorted(known | _OPTIONS))}"
             )
-
-
-def _without_clocks(
-    units: Mapping[str, Any], clocked: dict[str, ClockedChannel]
-) -> Mapping[str, Any]:
-    """The units left when stamps of single channels are in seconds; those of a bag are."""
-    if not clocked or "t" not in units:
-        return units
-    factor = factor_to_si("t", units["t"])[0]
-    for name, channel in clocked.items():
-        if channel.lead is None:
-            clocked[name] = replace(channel, t=channel.t * factor)
-    return {key: unit for key, unit in units.items() if key != "t"}
-
-
-def _numbered(joints: int) -> list[str]:
-    """Names of joints that nobody named."""
-    return [f"joint_{j + 1}" for j in range(joints)]
-
-
-def _paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:
-    """Files by key; a single one is called ``log``."""
-    if isinstance(files, Mapping):
-        return {key: Path(path) for key, path in files.items()}
-    return {"log": Path(files)}
-
-
-def _channels(columns: Mapping[str, Any], paths: Mapping[str, Path]) -> dict[str, Channel]:
-    """Where each channel is, the inputs under ``inputs.<name>``."""
-    specs = {key: spec for key, spec in columns.items() if key != "inputs"}
-    unknown = [key for key in specs if key not in (*CHANNELS, "t")]
-    if unknown:
-        raise RecordingError(
-            f"columns are given for {unknown[0]!r}; channels are {', '.join(CHANNELS)}, t, inputs"
-        )
-    for needed in ("q", "tau"):
-        if needed not in specs:
-            raise RecordingError(f"no columns are given for {needed}; name those that hold it")
-    specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}
-    stamps = specs.pop("t", None)
-    found = {key: locate(key, spec, paths) for key, spec in specs.items()}
-    return found | stamp_channels(stamps, found, paths)
-
-
-def _in_use(channels: Mapping[str, Channel], paths: Mapping[str, Path]) -> list[Path]:
-    """The files from which something is read."""
-    return [paths[key] for key in dict.fromkeys(channel.file for channel in channels.values())]
 
 
 def _check_sizes(joints: int, robot: Robot | None, transmission: Transmission | None) -> None:
@@ -223,24 +218,20 @@ def _check_sizes(joints: int, robot: Robot | None, transmission: Transmission | 
             )
 
 
-def _sides(
-    side: Side | Mapping[str, Side],
-    logged: Mapping[str, np.ndarray],
-    transmission: Transmission | None,
-) -> dict[str, Side]:
-    """Side of each channel that has one."""
-    given = dict(side) if isinstance(side, Mapping) else dict.fromkeys(("q", "tau"), side)
+def _checked_sides(said: Description, logged: Mapping[str, np.ndarray]) -> dict[str, Side]:
+    """Side of each channel that has one.
+
+    Raises:
+        RecordingError: sides that are none, or of the motor without a transmission.
+    """
+    given = dict(said.side) if isinstance(said.side, Mapping) else {"q": said.side}
     for channel, value in given.items():
         if channel == "q_link" and value != "joint":  # flexible joints
             raise RecordingError("q_link is the encoder behind the gear: its side is joint")
         if channel not in CHANNELS or value not in get_args(Side):
             raise RecordingError(f"side of {channel} is {value!r}; choose joint or motor")
-    positions = given.get("q", "joint")
-    sides = {channel: given.get(channel, positions) for channel in ("q", "q_ref")}
-    sides |= {channel: given.get(channel, sides["q_ref"]) for channel in ("dq_ref", "ddq_ref")}
-    sides["tau"] = given.get("tau", "joint")
-    sides["q_link"] = "joint"  # flexible joints
-    if transmission is None and "motor" in {sides[c] for c in logged if c in sides}:
+    sides = sides_of(said.side)
+    if said.transmission is None and "motor" in {sides[c] for c in logged if c in sides}:
         raise RecordingError("channels are on the motor side; give a robot or a transmission")
     return sides
 
@@ -269,18 +260,12 @@ def _to_si(
         if robot is not None and channel in ("q", "q_ref", "q_link") and sides[channel] == "joint":
             for joint, unit in zip(robot.joints, per_joint, strict=True):
                 check_kind(channel, unit, joint.name, joint.kind)
-        quantity = channel.partition(".")[0]
-        factors, commands = zip(*(factor_to_si(quantity, unit) for unit in per_joint), strict=True)
-        if any(factor != 1.0 for factor in factors):
-            logged[channel] = _scaled(logged[channel], np.array(factors))
-        if any(commands):
-            given = None if transmission is None else transmission.gain_given
-            without = [
-                j
-                for j, command in enumerate(commands)
-                if command and (given is None or not given[j])
-            ]
-            if transmission is None or without:
+        factors, commands = factors_of(channel.partition(".")[0], per_joint)
+        if (factors != 1.0).any():
+            logged[channel] = _scaled(logged[channel], factors)
+        if commands.any():
+            gains, without = gains_of(commands, transmission)
+            if without:
                 unit = str(per_joint[without[0]])
                 whose = "" if robot is None else f" of joint {robot.joints[without[0]].name!r}"
                 raise RecordingError(
@@ -289,7 +274,6 @@ def _to_si(
                     "or drive_gain under [robot]; a torque constant of the motor also needs "
                     'reduction there and side = {tau = "motor"}'
                 )
-            gains = np.where(commands, transmission.drive_gain, 1.0)
             logged[channel] = _scaled(logged[channel], gains)
 
 
@@ -299,34 +283,12 @@ def _scaled(values: np.ndarray, factors: np.ndarray) -> np.ndarray:
 
 
 def _to_joint_side(
-    logged: dict[str, np.ndarray],
-    sides: Mapping[str, Side],
-    transmission: Transmission | None,
-    position_offset: Sequence[float] | None,
+    logged: dict[str, np.ndarray], sides: Mapping[str, Side], said: Description
 ) -> None:
     """Bring every channel behind the gear."""
     joints = logged["q"].shape[1]
-    if position_offset is not None and np.shape(position_offset) != (joints,):
+    if said.position_offset is not None and np.shape(said.position_offset) != (joints,):
         raise RecordingError(f"position_offset needs one number for each of {joints} joint(s)")
     for channel in CHANNELS:
-        if channel not in logged:
-            continue
-        offset = np.zeros(joints) if position_offset is None else np.asarray(position_offset, float)
-        if sides[channel] == "motor":
-            assert transmission is not None, "_sides has asked for it"
-            if channel == "tau":
-                logged[channel] = transmission.joint_torques(logged[channel])
-            else:
-                moved = transmission.joint_positions(logged[channel])
-                moved -= transmission.position_offset
-                logged[channel] = moved
-                if position_offset is None:
-                    offset = transmission.position_offset
-        if channel == "q_link" and position_offset is None and sides["q"] == "motor":
-            assert transmission is not None, "_sides has asked for it"
-            offset = transmission.position_offset  # both encoders in the model's coordinates
-        if channel in ("q", "q_ref", "q_link"):
-            if offset.any():
-                logged[channel] = np.add(
-                    logged[channel], offset, out=working_array(logged[channel].shape)
-                )
+        if channel in logged:
+            logged[channel] = on_joint_side(channel, logged[channel], sides, said)

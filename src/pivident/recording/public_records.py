@@ -88,6 +88,58 @@ KR300_TRANSMISSION = Transmission(
 )
 
 
+#: Keys of the files of each run that can be named; the first run is the default.
+RUNS: dict[str, dict[str, tuple[str, ...]]] = {
+    "staubli_tx40": {"all": ("q", "tau")},
+    "emps": {"estimation": ("estimation",), "pulses": ("pulses",)},
+    "kuka_kr300": {"A": ("A",), "B": ("B",)},
+}
+
+#: Files of a record: one, or several by key.
+Files = str | Path | Mapping[str, str | Path]
+
+
+def public_facts(
+    dataset: str, run: str, robot: Robot | None = None, files: Files | None = None
+) -> tuple[Files, dict[str, Any]]:
+    """Files of a public record, and the arguments of `load_recording` that describe them.
+
+    Args:
+        dataset: a key of `RUNS`.
+        run: one of its runs.
+        robot: a KR300 of fewer joints has the first axes of the record.
+        files: its files; those of `fetch` where they are not given.
+
+    Raises:
+        DatasetUnavailable: the files are not here and cannot be fetched.
+    """
+    if files is None:
+        keys = RUNS[dataset][run]
+        fetched = fetch(dataset, *keys)
+        files = fetched if len(keys) > 1 else fetched[keys[0]]
+    if dataset == "staubli_tx40":
+        return files, STAUBLI_TX40
+    if dataset == "emps":
+        return files, EMPS if run == "estimation" else EMPS_PULSES
+    axes = 6 if robot is None else robot.size
+    facts = KUKA_KR300 if axes >= 6 else _first_axes(axes)
+    if robot is None:
+        facts = facts | {"transmission": KR300_TRANSMISSION}
+    elif axes <= 3:  # axes 4 to 6 have no encoder behind the gear
+        facts = _with_link_encoders(facts, axes)
+    return files, facts
+
+
+def load_public(
+    dataset: str, run: str, files: Files | None = None, robot: Robot | None = None
+) -> Recording:
+    """A public record by its names; see `public_facts` for arguments and errors."""
+    files, facts = public_facts(dataset, run, robot, files)
+    if dataset == "kuka_kr300":
+        return load_recording(files, name=f"kuka_kr300_{run}", **facts, robot=robot)
+    return load_recording(files, **facts, robot=robot or load_robot(dataset))
+
+
 def load_staubli_tx40(
     files: Mapping[str, str | Path] | None = None, robot: Robot | None = None
 ) -> Recording:
@@ -97,11 +149,13 @@ def load_staubli_tx40(
         files: its two files as ``q`` and ``tau``; those of `fetch` where they are not given.
         robot: gives joint names, transmission and zero position; the gallery's robot otherwise.
 
+    Returns:
+        The recording in SI units on the joint side.
+
     Raises:
         DatasetUnavailable: the files are not here and cannot be fetched.
     """
-    files = files or fetch("staubli_tx40", "q", "tau")
-    return load_recording(files, **STAUBLI_TX40, robot=robot or load_robot("staubli_tx40"))
+    return load_public("staubli_tx40", "all", files, robot)
 
 
 def load_emps(file: str | Path | None = None, robot: Robot | None = None) -> Recording:
@@ -111,11 +165,13 @@ def load_emps(file: str | Path | None = None, robot: Robot | None = None) -> Rec
         file: DATA_EMPS.mat; that of `fetch` where it is not given.
         robot: gives the joint's name; the gallery's robot otherwise.
 
+    Returns:
+        The recording in SI units on the joint side.
+
     Raises:
         DatasetUnavailable: the file is not here and cannot be fetched.
     """
-    file = file or fetch("emps", "estimation")["estimation"]
-    return load_recording(file, **EMPS, robot=robot or load_robot("emps"))
+    return load_public("emps", "estimation", file, robot)
 
 
 def load_emps_pulses(file: str | Path | None = None, robot: Robot | None = None) -> Recording:
@@ -125,11 +181,13 @@ def load_emps_pulses(file: str | Path | None = None, robot: Robot | None = None)
         file: DATA_EMPS_PULSES.mat; that of `fetch` where it is not given.
         robot: gives the joint's name; the gallery's robot otherwise.
 
+    Returns:
+        The recording in SI units on the joint side.
+
     Raises:
         DatasetUnavailable: the file is not here and cannot be fetched.
     """
-    file = file or fetch("emps", "pulses")["pulses"]
-    return load_recording(file, **EMPS_PULSES, robot=robot or load_robot("emps"))
+    return load_public("emps", "pulses", file, robot)
 
 
 def load_kuka_kr300(
@@ -143,19 +201,16 @@ def load_kuka_kr300(
         robot: gives joint names and transmission; the record's own ones otherwise. A robot of
             fewer joints gets the first axes of the record.
 
+    Returns:
+        The recording in SI units on the joint side.
+
     Raises:
         RecordingError: there is no such motion.
         DatasetUnavailable: the file is not here.
     """
     if motion not in ("A", "B"):
         raise RecordingError(f"the KR300 record has motions A and B, not {motion!r}")
-    file = file or fetch("kuka_kr300", motion)[motion]
-    machine: dict[str, Any] = {"robot": robot} if robot else {"transmission": KR300_TRANSMISSION}
-    axes = 6 if robot is None else robot.size
-    facts = KUKA_KR300 if axes >= 6 else _first_axes(axes)
-    if robot is not None and robot.size <= 3:  # axes 4 to 6 have no encoder behind the gear
-        facts = _with_link_encoders(facts, robot.size)
-    return load_recording(file, name=f"kuka_kr300_{motion}", **facts, **machine)
+    return load_public("kuka_kr300", motion, file, robot)
 
 
 def _with_link_encoders(facts: dict[str, Any], axes: int) -> dict[str, Any]:

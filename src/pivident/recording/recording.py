@@ -7,15 +7,18 @@ finite, move, and are not cut off. Estimators therefore carry no guards of their
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal, get_args
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from pivident.errors import RecordingError
+from pivident.logs.clocks import timestamps
 from pivident.logs.source_files import SourceFile
+from pivident.logs.torque_scale import TorqueScale, scale_sentences
 from pivident.recording import checks
-from pivident.recording.torque_scale import TorqueScale, scale_sentences
+from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
 from pivident.text import display
@@ -73,12 +76,12 @@ class Recording:
         notes: how the samples were brought onto one clock, in sentences.
         slowed: why the rate is lower than that of the logged positions, and what keeps theirs, as
             a half sentence; empty where it is not.
-        torque_scale: joints whose torque has a scale that nobody vouches for; its parameters then
+        torque_scale: joints whose torque has a scale that nobody has verified; its parameters then
             are as good as that scale.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
-        RecordingTooShort: fewer than `checks.MINIMUM_SAMPLES` samples.
+        RecordingTooShort: fewer than 16 samples.
         NonFiniteSamples: a channel holds NaN or infinite values.
         ConstantChannel: a position or torque never changes, and `allow_constant` is false.
         SaturatedSignal: a torque is cut off for more than `checks.TOLERATED_CLIPPING` of the
@@ -132,7 +135,7 @@ class Recording:
             )
         for channel, values in self.channels().items():
             checks.check_shape(channel, values, (*self.q.shape[:1], self.joints))
-        checks.check_length(self.samples)
+        timestamps.check_length(self.samples)
         for channel, values in self.channels().items():
             checks.check_finite(channel, values, self.joint_names)
         if not self.allow_constant:
@@ -143,8 +146,8 @@ class Recording:
 
     def _check_options(self) -> None:
         """Refuse rates, times and choices that mean nothing."""
-        checks.check_positive("rate", self.rate)
-        checks.check_positive("control_rate", self.control_rate)
+        timestamps.check_positive("rate", self.rate)
+        timestamps.check_positive("control_rate", self.control_rate)
         for name in ("delay", "drive_delay", "start_time"):
             if not np.isfinite(getattr(self, name)):
                 raise RecordingError(f"{name} is {getattr(self, name)!r} s; a number is needed")
@@ -283,6 +286,56 @@ class Recording:
         return self.part(first, last)
 
     @classmethod
+    def from_arrays(
+        cls,
+        q: ArrayLike,
+        tau: ArrayLike,
+        rate: float,
+        *,
+        joint_names: Sequence[str] | None = None,
+        name: str = "recording",
+        **options: Any,
+    ) -> Recording:
+        """A recording from arrays in SI units on the joint side.
+
+        A vector is the channel of a single joint.
+
+        Args:
+            q: joint positions, shape (samples, joints) or (samples,) [rad or m].
+            tau: joint torques, likewise [N m or N].
+            rate: sampling rate [Hz].
+            joint_names: names of the joints in the order of the columns; ``joint_1`` … where they
+                are not given. For `Problem` they are those of the robot.
+            name: name of the run.
+            options: further fields of the recording, such as ``q_ref`` or ``torque_timing``.
+
+        Returns:
+            The recording; arrays that are float64, in C order and read-only are not copied.
+
+        Raises:
+            RecordingError: as for the recording itself, or an unknown option.
+
+        Example:
+            >>> t = np.arange(2000) / 1000.0
+            >>> q, tau = np.column_stack([np.sin(5 * t)] * 2), np.column_stack([np.cos(5 * t)] * 2)
+            >>> Recording.from_arrays(q, tau, rate=1000.0).joint_names
+            ('joint_1', 'joint_2')
+        """
+        known = [each.name for each in fields(cls)]
+        for option in options:
+            if option not in known:
+                raise RecordingError(
+                    f"a recording has no option {option!r}; {nearest(option, known)}"
+                )
+        inputs = options.pop("inputs", {})
+        channels = {key: options.pop(key) for key in CHANNELS if options.get(key) is not None}
+        channels = {key: _column(key, x) for key, x in ({"q": q, "tau": tau} | channels).items()}
+        options["inputs"] = {key: _column(key, values) for key, values in inputs.items()}
+        joints = channels["q"].shape[-1] if channels["q"].ndim else 1
+        names = tuple(joint_names or (f"joint_{j + 1}" for j in range(joints)))
+        return cls(name=name, joint_names=names, rate=rate, **channels, **options)
+
+    @classmethod
     def from_motor_side(
         cls,
         name: str,
@@ -324,6 +377,15 @@ class Recording:
         q = transmission.joint_positions(q_motor)
         tau = transmission.joint_torques(command * transmission.drive_gain)
         return cls(name, names, q, tau, rate, **options)
+
+
+def _column(channel: str, values: ArrayLike) -> np.ndarray:
+    """A channel with one column for each joint, where a vector is that of one joint."""
+    try:
+        array = np.asarray(values)
+    except ValueError as error:
+        raise RecordingError(f"{channel} is not an array of real numbers ({error})") from error
+    return array[:, np.newaxis] if array.ndim == 1 else array
 
 
 def _settled(channel: str, values: Any) -> np.ndarray:

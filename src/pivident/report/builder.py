@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from functools import cache
 from os import PathLike
 from pathlib import Path
 
@@ -89,7 +90,7 @@ def render_report(
         names = method_labels(identifications)
         diagnostics = diagnose_one(dict(zip(names, identifications, strict=True)))
     data = ReportData(tuple(identifications), dict(truth or {}), title, diagnostics)
-    environment = page_environment()
+    environment = _report_environment()
     sections = []
     for section in (cls(data) for cls in SECTIONS):
         if section.applies:
@@ -101,6 +102,12 @@ def render_report(
         sections=sections[1:],
         version=__version__,
     )
+
+
+@cache
+def _report_environment() -> Environment:
+    """The templates of the report, which take as long to compile as a page to write."""
+    return page_environment()
 
 
 def page_environment() -> Environment:

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.control_law.identified_law import ControllerIdentification
 from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.report.downsampling import kept_samples, stretches
 from pivident.report.drawing_library import go
+from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
 
@@ -86,7 +86,7 @@ def torque_figure(
     plot = empty_plot(f"torque [{fit.torque_unit}]" if fit.torque_unit != "N" else "force [N]")
     plot.update_xaxes(title_text="time [s]")
     plot.add_traces(_compared(t, measured, model, points, "reconstructed", colour(method)))
-    _shade(plot, _mask(recording, joint), t)
+    _shade(plot, _excluded(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
     rms = f"rms error {format_significant(fit.rms_error)} {fit.torque_unit}"
     return Figure(
@@ -101,7 +101,7 @@ def torque_figure(
     )
 
 
-def law_figure(found: ControllerIdentification, joint: int, method: int, points: int) -> Figure:
+def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:
     """Recorded controller output of one joint, what its law makes of it, and the difference.
 
     Args:
@@ -219,7 +219,7 @@ def signal_figure(
         line = _line(t, signal[:, joint], points, f"{name} estimated", colour(method), width=1.2)
         plot.add_trace(line.update(yaxis=axis))
     _stack(plot, [f"{name} [{row_unit}]" for name, row_unit, _ in rows])
-    _shade(plot, _mask(recording, joint), t)
+    _shade(plot, _excluded(recording, joint), t)
     note = (
         f"smoother: half power at {format_significant(fit.f50)} Hz"
         if math.isfinite(fit.f50)
@@ -341,8 +341,8 @@ def _stack(plot: go.Figure, titles: Sequence[str]) -> None:
     plot.update_xaxes(title_text="time [s]", anchor=f"y{len(titles)}")
 
 
-def _shade(plot: go.Figure, mask: np.ndarray, t: np.ndarray) -> None:
-    """Grey background where rows did not vote."""
+def _shade(plot: go.Figure, excluded: np.ndarray, t: np.ndarray) -> None:
+    """Grey background where rows were not used."""
     plot.update_layout(
         shapes=[
             {
@@ -356,13 +356,14 @@ def _shade(plot: go.Figure, mask: np.ndarray, t: np.ndarray) -> None:
                 "fillcolor": SHADE,
                 "line": {"width": 0},
             }
-            for start, stop in stretches(mask, t)
+            for start, stop in stretches(excluded, t)
         ]
     )
 
 
-def _mask(recording: FittedRecording, joint: int) -> np.ndarray:
-    return np.asarray(recording.mask, dtype=bool)[:, joint]
+def _excluded(recording: FittedRecording, joint: int) -> np.ndarray:
+    """True for rows that were not used."""
+    return ~np.asarray(recording.used, dtype=bool)[:, joint]
 
 
 def _time(recording: FittedRecording) -> np.ndarray:

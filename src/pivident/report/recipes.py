@@ -7,19 +7,18 @@ from pivident.estimation.methods import Bandpass, RandomWalk
 
 
 def signal_recipe(identification: Identification) -> Bandpass | RandomWalk | None:
-    """How positions became derivatives, from the options of the result.
+    """How positions became derivatives, from the method of the result.
 
     Args:
         identification: the result, as ``identify`` returned it.
 
     Returns:
         The recipe; None where the equations are not there (loaded from a file), since the options
-        of a file were checked by nobody.
+        of a file are unverified.
     """
-    signals = identification.options.get("signals")
-    if identification.equations is None or not isinstance(signals, dict):
+    if identification.equations is None or identification.method_used is None:
         return None
-    return Bandpass(**signals) if "cutoff" in signals else RandomWalk(**signals)
+    return identification.method_used.signals
 
 
 def sampling_rate(identification: Identification) -> float:

@@ -13,9 +13,9 @@ from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.estimation.parameter_rows import method_labels
-from pivident.estimation.problem import Loop
 from pivident.report.downloads import Download, downloads
 from pivident.report.intervals import ConsistentValue
+from pivident.simulation.control_loop import Loop
 
 #: Points of all signals together; a point takes 11 bytes, plotly itself 2 MB.
 TOTAL_POINTS = 150_000
@@ -61,7 +61,7 @@ class ReportData:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Which estimate to take, and what speaks for and against it."""
+        """Which estimate to take, what supports it, and the reservations."""
         return verdict(self.diagnostics)
 
     @property

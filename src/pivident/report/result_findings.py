@@ -1,4 +1,4 @@
-"""What a careful colleague would remark about a result, in whole sentences."""
+"""Warnings and notes about a result: those of the estimator, and those of its tests."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from pivident.estimation.parameter_rows import (
     largest_difference,
     parameter_rows,
 )
+from pivident.estimation.signs import NegativeParameter, negative_parameters
+from pivident.text.finding import Finding, Quantity
+from pivident.text.lists import listed
 from pivident.text.numbers import percent
 from pivident.validation.residuals.residual_tests import ResidualTests
 
-#: Robust deviations larger than the method's own by this factor contradict them.
+#: Robust standard errors larger than the method's own by this factor contradict them.
 _TOO_NARROW = 2.0
 
-#: Names listed in one sentence.
-_LISTED = 8
 
-
-def findings(identification: Identification, tests: ResidualTests) -> tuple[str, ...]:
-    """Remarks on one result: the estimator's own warnings first.
+def findings(identification: Identification, tests: ResidualTests) -> tuple[Finding, ...]:
+    """Findings about one result: the estimator's own warnings first.
 
     Args:
         identification: the result.
@@ -53,68 +53,74 @@ def disagreements(identifications: Sequence[Identification], labels: Sequence[st
     names = [text for _, text in sorted(apart, reverse=True)]
     return (
         f"Two methods differ by more than {CONTRADICTION:g} combined standard deviations on "
-        f"{_listed(names)}; at least one of their intervals is too narrow."
+        f"{listed(names)}; at least one of their intervals is too narrow."
     )
 
 
-def _about_convergence(identification: Identification) -> Iterator[str]:
+def _about_convergence(identification: Identification) -> Iterator[Finding]:
     if not identification.converged:
         changes = [percent(100.0 * i.change) for i in identification.history[-1:]]
         last = f" (last change {changes[0]})" if changes else ""
-        yield (
+        text = (
             f"The iteration did not converge within {identification.iterations} passes{last}; "
             "these values are not an estimate yet."
         )
+        evidence = {"passes": Quantity(identification.iterations)}
+        yield Finding("error", "iteration", "not converged", text, evidence=evidence)
 
 
-def _about_parameters(identification: Identification) -> Iterator[str]:
+def _about_parameters(identification: Identification) -> Iterator[Finding]:
     rows = parameter_rows(identification)
     undetermined = [row.name for row in rows if row.includes_zero]
     if undetermined:
-        yield (
-            f"{len(undetermined)} of {len(rows)} parameters are not told apart from zero, "
-            f"which their ±2σ includes: {_listed(undetermined)}."
+        text = (
+            f"{len(undetermined)} of {len(rows)} parameters are not significantly different from "
+            f"zero, which their ±2σ includes: {listed(undetermined)}."
         )
-    negative = [
-        row.name
-        for row, parameter in zip(rows, identification.parameters, strict=True)
-        if parameter.is_dissipative and row.value + 2.0 * row.std < 0.0
-    ]
-    if negative:
-        yield f"Negative, as no friction or rotor inertia can be: {_listed(negative)}."
+        evidence = {"not significant": Quantity(len(undetermined))}
+        yield Finding("warning", "parameters", "not significant", text, evidence=evidence)
+    certain = [p for p in _negative(identification) if p.is_certain]
+    if certain:
+        names = listed([p.name for p in certain])
+        text = f"Negative, as no friction or rotor inertia can be: {names}."
+        evidence = {p.name: p.quantity for p in certain}
+        yield Finding("error", "physics", "negative", text, evidence=evidence)
     narrow = sum(row.robust_std > _TOO_NARROW * row.std for row in rows)
     if narrow:
-        yield (
-            f"For {narrow} of {len(rows)} parameters the robust standard deviation is more than "
-            f"{_TOO_NARROW:g} times the method's own; trust the robust one."
+        text = (
+            f"For {narrow} of {len(rows)} parameters the robust standard error is more than "
+            f"{_TOO_NARROW:g} times the method's own."
         )
+        step = "Use the robust one."
+        evidence = {"parameters": Quantity(narrow)}
+        yield Finding("warning", "parameters", "too narrow", text, "", step, evidence)
 
 
-def _about_noise(identification: Identification, tests: ResidualTests) -> Iterator[str]:
+def _about_noise(identification: Identification, tests: ResidualTests) -> Iterator[Finding]:
     bound = [joint.name for joint in identification.joints if joint.ar_at_bound]
     if bound:
-        yield (
-            f"Noise models of the largest order allowed: {_listed(bound)}; "
-            "a larger one might fit better."
-        )
+        text = f"Noise models of the largest order allowed: {listed(bound)}."
+        step = "A larger one might fit better."
+        yield Finding("warning", "noise model", "order at its bound", text, next_step=step)
     correlated = [joint for joint, test in tests.of("whiteness") if test.matters]
     if correlated:
-        yield (
-            f"Residuals that are not white: {_listed(correlated)}. "
-            f"{_about_deviations(identification)}"
+        text = (
+            f"Residuals that are not white: {listed(correlated)}. "
+            f"{_about_standard_errors(identification)}"
         )
+        yield Finding("warning", "noise", "coloured", text)
 
 
-def _about_deviations(identification: Identification) -> str:
-    """What correlated residuals mean for the reported standard deviations."""
+def _about_standard_errors(identification: Identification) -> str:
+    """What correlated residuals mean for the reported standard errors."""
     if identification.covariance is identification.robust_covariance:
         return (
-            "The standard deviations allow for that (they come from windows of time), but a truer "
+            "The standard errors account for that (they come from windows of time), but a better "
             "model of friction, elasticity or noise would make them smaller."
         )
-    return "The method's own standard deviations assume that they are; trust the robust ones."
+    return "The method's own standard errors assume that they are; use the robust ones."
 
 
-def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:_LISTED])
-    return shown if len(names) <= _LISTED else f"{shown} and {len(names) - _LISTED} more"
+def _negative(identification: Identification) -> list[NegativeParameter]:
+    found = identification
+    return negative_parameters(found.parameters, found.names, found.theta, found.std)

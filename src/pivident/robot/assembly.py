@@ -1,8 +1,7 @@
 """From joints as they are written in a file to the moving links of a robot.
 
-A file also holds fixed joints. They carry bodies but no motion, so each body is added to the
-moving link that carries it, and the frames behind it are expressed from there. Bodies that are
-carried by the base do not move and are left out.
+Fixed joints carry bodies but no motion: each such body is added to the moving link that carries
+it, and the frames behind it are expressed in that link. Bodies carried by the base are left out.
 """
 
 from __future__ import annotations
@@ -17,28 +16,15 @@ from pivident.robot.inertia import moved
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A joint and the body behind it, before fixed joints are merged.
+    """A joint and the body behind it, before fixed joints are merged."""
 
-    Attributes:
-        joint: the joint; ``joint.parent`` counts members, -1 for the base.
-        link: the body in the joint's frame.
-        fixed: whether the joint does not move (then ``joint.kind`` means nothing).
-    """
-
-    joint: Joint
-    link: Link
-    fixed: bool = False
+    joint: Joint  # its ``parent`` counts members, -1 for the base
+    link: Link  # the body in the joint's frame
+    fixed: bool = False  # whether the joint does not move; ``joint.kind`` is then ignored
 
 
 def merge_fixed(members: Sequence[Member]) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
-    """Moving joints and their links, with fixed members merged into their carriers.
-
-    Args:
-        members: all joints, parents before children.
-
-    Returns:
-        joints and links of the same length; parents count moving joints.
-    """
+    """Moving joints (parents counted among them) and their links, fixed members merged in."""
     joints: list[Joint] = []
     links: list[Link] = []
     carriers: list[int] = []  # moving joint that carries each member, -1 for the base
@@ -68,13 +54,7 @@ def merge_fixed(members: Sequence[Member]) -> tuple[tuple[Joint, ...], tuple[Lin
 def chosen_order(
     joints: Sequence[Joint], links: Sequence[Link], names: Iterable[str]
 ) -> tuple[tuple[Joint, ...], tuple[Link, ...]]:
-    """The same tree with its joints in the order of ``names`` (parents are renumbered).
-
-    Args:
-        joints: moving joints.
-        links: their links.
-        names: every joint's name once.
-    """
+    """The same tree with its joints in the order of ``names`` (parents are renumbered)."""
     present = {joint.name: i for i, joint in enumerate(joints)}
     order = [present[name] for name in names]
     place = {old: new for new, old in enumerate(order)} | {-1: -1}
@@ -85,14 +65,7 @@ def chosen_order(
 
 
 def tree_order(parents: Sequence[int]) -> list[int]:
-    """Indices in depth-first order, children in the order in which they are written.
-
-    Args:
-        parents: index of each member's parent in the same list, -1 for the base.
-
-    Returns:
-        the indices that are reachable from the base: parents before children.
-    """
+    """Indices reachable from the base (-1), depth first: parents before children, as written."""
     children: dict[int, list[int]] = {}
     for i, parent in enumerate(parents):
         children.setdefault(parent, []).append(i)

@@ -17,13 +17,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.friction import DEFAULT_FRICTION, SLOPE_AT_RATED_SPEED, FrictionLaw
+from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
+from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
+from pivident.robot.pinocchio_model import model_joints
 from pivident.robot.transmission import Transmission
 from pivident.text import display
 from pivident.text.printable import is_printable
@@ -34,6 +36,9 @@ JointKind = Literal["revolute", "prismatic"]
 INERTIAL = ("xx", "xy", "xz", "yy", "yz", "zz", "mx", "my", "mz", "m")
 
 STANDARD_GRAVITY = 9.81
+
+#: Most joints of a robot that files may hold.
+MAX_JOINTS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,16 +126,11 @@ class Coupling:
 
 @dataclass(frozen=True)
 class UrdfFile:
-    """The URDF that a robot was read from, so that parameters find their way back into it.
+    """The URDF that a robot was read from, so that parameters can be written back into it."""
 
-    Attributes:
-        path: the file, empty where the text came from elsewhere.
-        sha256: SHA-256 of its text (of a compressed file: unpacked).
-        frozen: position of each joint that could move and does not [rad or m], by name.
-    """
-
-    path: str
-    sha256: str
+    path: str  # empty where the text did not come from a file
+    sha256: str  # of the text, unpacked if it was compressed
+    #: Positions of frozen joints [rad or m], by name.
     frozen: Mapping[str, float] = field(default_factory=dict)
 
 
@@ -165,6 +165,56 @@ class Robot:
 
     def __post_init__(self) -> None:
         check_robot(self)
+
+    @classmethod
+    def from_pinocchio(cls, model: Any, friction: FrictionLaw = DEFAULT_FRICTION) -> Robot:
+        """The robot of a ``pinocchio.Model`` with a fixed base.
+
+        Joints keep their order and names; each link frame is turned so that its z axis is the
+        joint's axis. Limits, gravity, armature (or rotor inertia times the squared gear ratio),
+        damping and dry friction are taken over where the model has them. Drives are unknown to
+        the model; add them with `pivident.robot.with_drives`.
+
+        Args:
+            model: a ``pinocchio.Model`` of revolute and prismatic joints.
+            friction: friction law of all joints; open slopes follow from the rated speeds.
+
+        Returns:
+            The robot.
+
+        Raises:
+            RobotDescriptionError: a free-flyer, spherical, planar or other joint that has not one
+                degree of freedom about or along a fixed axis; names the joint and the next step.
+        """
+        found = model_joints(model)
+        robot = cls(
+            name=str(getattr(model, "name", "")) or "pinocchio model",
+            joints=tuple(
+                Joint(
+                    name=j.name,
+                    kind=j.kind,
+                    parent=j.parent,
+                    rotation=j.rotation,
+                    translation=j.translation,
+                    position_limits=j.position_limits,
+                    rated_speed=j.speed_limit,
+                    torque_limit=j.torque_limit,
+                ).with_friction(friction)
+                for j in found
+            ),
+            links=tuple(Link(j.link, j.inertia) for j in found),
+            gravity=np.array(model.gravity.linear, dtype=float),
+            rotor_inertia=np.array([j.rotor_inertia for j in found]),
+            transmission=Transmission.direct(len(found)),
+            description="pinocchio.Model",
+        )
+        nominal = {
+            f"{term.stem}{robot.label(i)}": found[i].friction[term.stem]
+            for i, joint in enumerate(robot.joints)
+            for term in joint.friction.terms
+            if found[i].friction.get(term.stem)
+        }
+        return replace(robot, friction_nominal=nominal)
 
     def __repr__(self) -> str:
         names = ", ".join(self.joint_names)
@@ -265,11 +315,7 @@ class Robot:
 
 
 def check_robot(robot: Robot) -> None:
-    """Refuse a description that is not a tree with proper frames.
-
-    Raises:
-        RobotDescriptionError: names the joint, the value and what was expected.
-    """
+    """Refuse a description that is not a tree with proper frames."""
     if not robot.joints:
         raise RobotDescriptionError(f"robot {robot.name!r} has no moving joint")
     if len(robot.links) != len(robot.joints) or np.shape(robot.rotor_inertia) != (robot.size,):

@@ -1,6 +1,6 @@
 """Drives of a robot: rotor inertias, reduction, drive gains and coupled motors.
 
-A URDF knows nothing of them; a modified DH file may. `with_drives` adds them to a robot, by joint
+A URDF does not contain them; a modified DH file may. `with_drives` adds them to a robot, by joint
 name or in the order of the joints.
 """
 
@@ -44,6 +44,9 @@ def with_drives(
         couplings: motors that also turn with a second joint, as `Coupling` or as the names
             (motor's joint, second joint); then the ratio is the one the reduction implies.
 
+    Returns:
+        A new robot; the given one stays as it is.
+
     Raises:
         RobotDescriptionError: an unknown joint, a missing or extra number, a value that is not
             finite, a negative rotor inertia or a singular reduction.
@@ -77,16 +80,10 @@ def with_drives(
 def implied_coupling(
     names: Sequence[str], reduction: np.ndarray, motor: str, joint: str
 ) -> Coupling:
-    """The coupling of a motor with a second joint, with the ratio that the reduction implies.
+    """The coupling of a motor with a second joint, both by name or number (from 1), with its ratio.
 
     The rotor turns with N_mm dq_m + N_mj dq_j, so referred to the motor's own joint the ratio is
-    N_mj / N_mm; it is 1 where the reduction does not say.
-
-    Args:
-        names: names of the joints.
-        reduction: reduction matrix N, shape (joints, joints).
-        motor: name or number (from 1) of the joint whose motor is coupled.
-        joint: name or number of the joint that moves that motor along.
+    N_mj / N_mm; it is 1 where the reduction has no such element.
     """
     m, j = find_joint(names, motor), find_joint(names, joint)
     return Coupling(motor=m, joint=j, ratio=float(reduction[m, j] / reduction[m, m]) or 1.0)

@@ -12,12 +12,7 @@ AXIS_TOLERANCE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Pose:
-    """Pose of a frame in another one: ^a x = rotation · ^b x + translation.
-
-    Attributes:
-        rotation: orientation, shape (3, 3).
-        translation: origin [m], shape (3,).
-    """
+    """Pose of a frame in another: ^a x = rotation (3, 3) · ^b x + translation (3,) [m]."""
 
     rotation: np.ndarray
     translation: np.ndarray
@@ -35,12 +30,7 @@ class Pose:
 
 
 def rotation_about(axis: np.ndarray, angle: float) -> np.ndarray:
-    """Rodrigues: R = 1 + sin(angle) K + (1 - cos(angle)) K², K = [axis]ₓ.
-
-    Args:
-        axis: unit vector, shape (3,).
-        angle: angle of the rotation [rad].
-    """
+    """Rodrigues: R = 1 + sin(angle) K + (1 - cos(angle)) K², K = [axis]ₓ, axis a unit vector."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     return np.eye(3) + np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
@@ -70,16 +60,13 @@ def rotation_from_rpy(roll: float, pitch: float, yaw: float) -> np.ndarray:
 
 
 def rotation_from_z_to(axis: np.ndarray) -> np.ndarray:
-    """The smallest rotation A with A · (0, 0, 1) = axis.
+    """The smallest rotation A with A · (0, 0, 1) = axis, a unit vector.
 
     It turns about z × axis by the angle between the two:
 
         A = 1 + K + K² / (1 + axis_z),    K = [z × axis]ₓ
 
     For axis = -z that direction is undefined and A is the half turn about x.
-
-    Args:
-        axis: unit vector, shape (3,).
     """
     x, y, z = axis
     sine = np.hypot(x, y)

@@ -1,8 +1,8 @@
 """Friction laws: one object that regressor, simulator and export share.
 
-A law is a sum of terms. Each term is one column of the observation matrix times one parameter
-that is estimated; what else shapes the term, the Stribeck speed for example, is a constant that
-is given or identified around the estimate. Terms that belong together have one constructor.
+A law is a sum of terms. Each term is one column of the observation matrix times one estimated
+parameter; the constants that shape the column, such as the Stribeck speed, are given or identified
+in an outer loop. Terms that belong together have one constructor.
 """
 
 from __future__ import annotations
@@ -12,39 +12,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pivident.robot.friction_term import (
-    SLOPE_AT_RATED_SPEED,
     FrictionColumn,
     FrictionTerm,
     Shape,
-    SignFunction,
     Smoothing,
 )
 from pivident.robot.naming import nearest
-
-__all__ = [
-    "DEFAULT_FRICTION",
-    "SLOPE_AT_RATED_SPEED",
-    "FrictionColumn",
-    "FrictionLaw",
-    "FrictionTerm",
-    "Shape",
-    "SignFunction",
-    "Smoothing",
-    "asymmetric_coulomb",
-    "asymmetric_viscous",
-    "coulomb",
-    "counterbalance",
-    "dahl",
-    "load_dependent",
-    "lugre",
-    "maxwell_slip",
-    "offset",
-    "power_viscous",
-    "ripple",
-    "spring",
-    "stribeck",
-    "viscous",
-]
 
 
 def viscous() -> FrictionTerm:
@@ -77,6 +50,9 @@ def power_viscous(
         smoothing: of the sign, for p < 1.
         gamma: slope of the smoothed sign [s/rad or s/m].
         free: whether p is identified where shapes are.
+
+    Returns:
+        One term with the parameter fvx.
     """
     name = "viscous_exponent" if stem == "fvx" else f"{stem}_exponent"
     shape = Shape(name, exponent, "1", 0.02, 5.0, free)
@@ -84,7 +60,15 @@ def power_viscous(
 
 
 def coulomb(smoothing: Smoothing = "atan", gamma: float | None = None) -> FrictionTerm:
-    """Friction fc s(dq), fc in [N m] or [N]; γ = 150 s/rad in the paper, (P-4)."""
+    """Friction fc s(dq), fc in [N m] or [N]; γ = 150 s/rad in the paper, (P-4).
+
+    Args:
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        One term with the parameter fc.
+    """
     return FrictionTerm("fc", FrictionColumn.COULOMB, smoothing, gamma)
 
 
@@ -96,7 +80,15 @@ def offset() -> FrictionTerm:
 def asymmetric_coulomb(
     smoothing: Smoothing = "atan", gamma: float | None = None
 ) -> tuple[FrictionTerm, FrictionTerm]:
-    """Friction fcp (1 + s)/2 - fcn (1 - s)/2: one Coulomb level for each direction."""
+    """Friction fcp (1 + s)/2 - fcn (1 - s)/2: one Coulomb level for each direction.
+
+    Args:
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        Two terms with the parameters fcp and fcn [N m or N].
+    """
     return (
         FrictionTerm("fcp", FrictionColumn.COULOMB_POSITIVE, smoothing, gamma),
         FrictionTerm("fcn", FrictionColumn.COULOMB_NEGATIVE, smoothing, gamma),
@@ -109,7 +101,17 @@ def stribeck(
     smoothing: Smoothing = "atan",
     gamma: float | None = None,
 ) -> FrictionTerm:
-    """Friction fs s(dq) exp(-|dq/v_s|^δ): excess of the break-away level over Coulomb friction."""
+    """Friction fs s(dq) exp(-|dq/v_s|^δ): excess of the break-away level over Coulomb friction.
+
+    Args:
+        speed: v_s, Stribeck speed [rad/s or m/s].
+        exponent: δ.
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        One term with the parameter fs [N m or N].
+    """
     shapes = _stribeck_shapes(speed, exponent)
     return FrictionTerm("fs", FrictionColumn.STRIBECK, smoothing, gamma, shapes)
 
@@ -119,6 +121,13 @@ def load_dependent(smoothing: Smoothing = "atan", gamma: float | None = None) ->
 
     The load is the torque of inertia, gravity and rotor, M ddq + h, without friction. It depends
     on the other parameters, so estimators take it from their last estimate.
+
+    Args:
+        smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.
+        gamma: slope γ of the smoothed sign [s/rad or s/m]; None: from the joint's rated speed.
+
+    Returns:
+        One term with the parameter fl.
     """
     return FrictionTerm("fl", FrictionColumn.LOAD, smoothing, gamma)
 
@@ -131,6 +140,9 @@ def ripple(order: float, name: str | None = None) -> tuple[FrictionTerm, Frictio
             times the periods per metre.
         name: what follows ``rc`` and ``rs`` in the parameters' names, such as ``a``; None: the
             order between underscores.
+
+    Returns:
+        Two terms with the parameters rc and rs [N m or N].
     """
     label = f"_{order:.6g}_" if name is None else name
     shape = (Shape(f"order{label}", order, "1/position", 1e-6, 1e6, False),)
@@ -148,8 +160,9 @@ def spring() -> FrictionTerm:
 def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTerm]:
     """Torque of a strut or cylinder between two links, force F0 + k l along its length l.
 
-    With b the distance of its fixed end from the joint's axis, a = ρ b that of the moving end,
-    and q = φ where both are in line on the same side,
+    With b the distance of its fixed end from the joint's axis, a = ρ b that of the moving end
+    (0 < ρ < 1: exchange the ends where ρ is larger), and q = φ [rad] where both are in line on the
+    same side,
 
         l = b √(1 + ρ² - 2ρ cos(q - φ)),    torque = (F0 + k l) dl/dq
           = cbf sin(q - φ)/√(1 + ρ² - 2ρ cos(q - φ)) + cbk sin(q - φ)
@@ -160,6 +173,9 @@ def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTe
     Args:
         ratio: ρ = a/b, between 0 and 1 (exchange the ends where it is larger).
         angle: φ [rad].
+
+    Returns:
+        Two terms with the parameters cbf and cbk [N m].
     """
     shapes = (
         Shape("strut_ratio", ratio, "1", 0.01, 0.99),
@@ -178,6 +194,9 @@ def dahl(distance: float) -> FrictionTerm:
 
     Args:
         distance: d, presliding distance [rad or m]; stiffness at rest is fc/d.
+
+    Returns:
+        One term with the parameter fc [N m or N].
     """
     return FrictionTerm("fc", FrictionColumn.PRESLIDING, shapes=_presliding(distance))
 
@@ -189,6 +208,7 @@ def lugre(
 
         dz/dt = (dq - |dq| z/g)/d,    g = 1 + ρ exp(-|dq/v_s|^δ),    friction fc z + fd d dz/dt
 
+    with distance d [rad or m], excess ρ, speed v_s and exponent δ; fd is a term where it is damped.
     In the usual symbols σ0 = fc/d, σ1 = fd, and g fc is the curve from static to Coulomb level.
 
     Args:
@@ -197,6 +217,9 @@ def lugre(
         speed: v_s [rad/s or m/s].
         exponent: δ.
         damped: whether the micro-damping fd is a term.
+
+    Returns:
+        Terms with the parameters fc and, if damped, fd.
     """
     shapes = (
         *_presliding(distance),
@@ -227,6 +250,9 @@ def maxwell_slip(
         excess: ρ.
         speed: v_s [rad/s or m/s].
         exponent: δ.
+
+    Returns:
+        One term with a parameter fm_i [N m or N] for each distance.
 
     Raises:
         ValueError: two elements are alike, or a constant is outside its range.
@@ -262,7 +288,11 @@ def _stribeck_shapes(speed: float, exponent: float) -> tuple[Shape, Shape]:
 
 @dataclass(frozen=True)
 class FrictionLaw:
-    """A sum of friction terms, one for each parameter."""
+    """A sum of friction terms, one for each parameter.
+
+    Attributes:
+        terms: the friction terms; no two have the same stem.
+    """
 
     terms: tuple[FrictionTerm, ...] = ()
 
@@ -330,5 +360,5 @@ class FrictionLaw:
         )
 
 
-#: Friction of a joint for which nothing else is asked.
+#: Friction of a joint whose description names no law.
 DEFAULT_FRICTION = FrictionLaw((viscous(), coulomb(), offset()))

@@ -1,9 +1,9 @@
 """One term of a friction law: a function of the joint's motion times one parameter.
 
-The functions know five kinds of argument: the speed; the position (ripple, springs); the torque
-that the joint carries (friction that grows with the load); the path so far (presliding, where
-friction has a state z that remembers the last reversals); constants of shape such as the Stribeck
-speed, which enter nonlinearly.
+The functions have five kinds of argument: the speed; the position (ripple, springs); the torque
+that the joint carries (load-dependent friction); the path so far (presliding, where friction has
+a state z that remembers the last reversals); constants of shape such as the Stribeck speed, which
+enter nonlinearly.
 
 The smoothed sign functions are
 
@@ -22,18 +22,18 @@ from typing import Literal
 
 Smoothing = Literal["sign", "atan", "tanh"]
 
-#: What a constant of shape is measured in: the joint's speed or position, or nothing.
+#: Unit of a constant of shape, in terms of the joint's speed or position.
 ShapeUnit = Literal["speed", "position", "1/speed", "1/position", "angle", "1"]
 
 #: γ times rated speed: 150 s/rad (Brunot et al. 2018) on the TX40's first axis of 5 rad/s.
 SLOPE_AT_RATED_SPEED = 750.0
 
-#: Constants of shape that the compiled kernels get with each term, γ not counted.
+#: Constants of shape that the compiled kernels take with each term, besides γ.
 MAX_SHAPES = 4
 
 
 class FrictionColumn(IntEnum):
-    """Code of a term's function, as the compiled kernels know it."""
+    """Code of a term's function in the compiled kernels."""
 
     VISCOUS = 0
     COULOMB = 1
@@ -63,7 +63,8 @@ class SignFunction(IntEnum):
     TANH = 2
 
 
-_POSITION = (
+#: Functions of the position, and those with a state.
+OF_POSITION = (
     FrictionColumn.COSINE,
     FrictionColumn.SINE,
     FrictionColumn.SPRING,
@@ -75,7 +76,7 @@ _SPRINGS = (
     FrictionColumn.STRUT,
     FrictionColumn.STRUT_STIFFNESS,
 )
-_MEMORY = (FrictionColumn.PRESLIDING, FrictionColumn.PRESLIDING_RATE, FrictionColumn.MAXWELL)
+WITH_MEMORY = (FrictionColumn.PRESLIDING, FrictionColumn.PRESLIDING_RATE, FrictionColumn.MAXWELL)
 _SIGN = (
     FrictionColumn.COULOMB,
     FrictionColumn.COULOMB_POSITIVE,
@@ -87,23 +88,14 @@ _SIGN = (
 
 @dataclass(frozen=True)
 class Shape:
-    """A constant that enters a friction law nonlinearly.
-
-    Attributes:
-        name: such as ``stribeck_speed``; terms of a law that name the same one share it.
-        value: its value.
-        unit: what it is measured in.
-        low: smallest value that makes sense.
-        high: largest one.
-        free: whether it is identified where shapes are; others stay as given.
-    """
+    """A constant that enters a friction law nonlinearly; terms that name the same one share it."""
 
     name: str
     value: float
     unit: ShapeUnit
-    low: float
+    low: float  # smallest value that makes sense
     high: float
-    free: bool = True
+    free: bool = True  # whether it is identified where shapes are; others stay as given
 
     def __post_init__(self) -> None:
         if not self.low <= self.value <= self.high or not math.isfinite(self.value):
@@ -142,12 +134,12 @@ class FrictionTerm:
     @property
     def has_memory(self) -> bool:
         """Whether it depends on the path so far, by a state."""
-        return self.column in _MEMORY
+        return self.column in WITH_MEMORY
 
     @property
     def depends_on_position(self) -> bool:
         """Whether it is a function of the joint's position."""
-        return self.column in _POSITION
+        return self.column in OF_POSITION
 
     @property
     def depends_on_load(self) -> bool:
@@ -211,7 +203,11 @@ class FrictionTerm:
         raise KeyError(name)
 
     def with_shapes(self, values: dict[str, float]) -> FrictionTerm:
-        """The same term with other constants; names that it does not have are not its business."""
+        """The same term with other constants.
+
+        Args:
+            values: constants by name; names that the term does not have are ignored.
+        """
         changed = tuple(replace(s, value=values.get(s.name, s.value)) for s in self.shapes)
         gamma = values.get("gamma", self.gamma) if self.has_sign else self.gamma
         return replace(self, shapes=changed, gamma=gamma)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pivident.robot.friction import FrictionColumn, FrictionLaw, FrictionTerm
 
-#: Terms that an entry's first term brings along.
+#: Terms that are implied by an entry's first term.
 _FOLLOWERS = (
     FrictionColumn.VISCOUS_NEGATIVE,
     FrictionColumn.COULOMB_NEGATIVE,

@@ -1,4 +1,4 @@
-"""Ten inertial parameters of a body: made from data at its centre of mass, moved between frames.
+"""Ten inertial parameters of a body: built from data at its centre of mass, moved between frames.
 
 The order is that of `pivident.robot.description.INERTIAL`: the inertia tensor at the frame's
 origin (xx xy xz yy yz zz, elements of the tensor, so xy = -∫ x y dm), the first moments (mx my mz)
@@ -31,30 +31,17 @@ def steiner(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 def from_center_of_mass(
     mass: float, center_of_mass: np.ndarray, inertia_tensor: np.ndarray
 ) -> np.ndarray:
-    """Ten parameters from data at the centre of mass: J = J_c + m (cᵀc 1 - c cᵀ).
-
-    Args:
-        mass: mass m [kg].
-        center_of_mass: c in the link frame [m], shape (3,).
-        inertia_tensor: J_c about c, in axes parallel to the link frame [kg m²], shape (3, 3).
-    """
+    """Ten parameters from mass m, c (3,) and J_c (3, 3) at c: J = J_c + m (cᵀc 1 - c cᵀ)."""
     at_origin = inertia_tensor + mass * steiner(center_of_mass, center_of_mass)
     return np.concatenate([elements(at_origin), mass * np.asarray(center_of_mass), [mass]])
 
 
 def moved(inertia: np.ndarray, rotation: np.ndarray, translation: np.ndarray) -> np.ndarray:
-    """The same body seen from another frame: the parallel-axis rule.
+    """The same body (10,) in another frame, R and p the pose of its old one there: parallel axes.
 
-    With R, p the pose of the body's frame in the other one and h the first moments,
+    With h the first moments and S `steiner`,
 
         m' = m,    h' = R h + m p,    J' = R J Rᵀ + 2 S(p, R h) + m S(p, p)
-
-    where S is `steiner`.
-
-    Args:
-        inertia: ten parameters in the body's frame, shape (10,).
-        rotation: R, shape (3, 3).
-        translation: p [m], shape (3,).
     """
     mass, first_moments = inertia[9], rotation @ inertia[6:9]
     at_origin = (
@@ -67,26 +54,15 @@ def moved(inertia: np.ndarray, rotation: np.ndarray, translation: np.ndarray) ->
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A body in some frame, as CAD and file formats say it.
+    """A body in some frame, as CAD and file formats describe it."""
 
-    Attributes:
-        mass: [kg].
-        center_of_mass: [m], shape (3,); NaN without mass.
-        inertia: about the centre of mass, in axes of the frame [kg m²], shape (3, 3); about the
-            frame's origin without mass.
-    """
-
-    mass: float
-    center_of_mass: np.ndarray
-    inertia: np.ndarray
+    mass: float  # [kg]
+    center_of_mass: np.ndarray  # [m], shape (3,); NaN without mass
+    inertia: np.ndarray  # about the centre of mass (without mass: the origin) [kg m²], shape (3, 3)
 
     @classmethod
     def of_parameters(cls, inertia: np.ndarray) -> Body:
-        """The body of ten inertial parameters: c = h/m, J_c = J - m (cᵀc 1 - c cᵀ).
-
-        Args:
-            inertia: ten inertial parameters, shape (10,).
-        """
+        """The body of ten inertial parameters: c = h/m, J_c = J - m (cᵀc 1 - c cᵀ)."""
         mass, at_origin = float(inertia[9]), tensor(inertia[:6])
         if mass == 0.0:
             return cls(mass, np.full(3, np.nan), at_origin)
@@ -100,11 +76,7 @@ class Body:
 
 
 def principal_axes(inertia: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Principal moments, ascending, and the rotation whose columns are the principal axes.
-
-    Args:
-        inertia: symmetric, shape (3, 3).
-    """
+    """Principal moments, ascending, and the rotation whose columns are the principal axes."""
     moments, axes = np.linalg.eigh(inertia)
     axes[:, 0] *= np.sign(np.linalg.det(axes))
     return moments, axes

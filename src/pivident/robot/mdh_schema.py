@@ -1,4 +1,4 @@
-"""Keys of a modified DH file, their types and defaults, and errors a reader can act upon.
+"""Keys of a modified DH file, their types and defaults, and actionable errors.
 
 This module needs pydantic and is imported only when a file is read.
 """
@@ -20,7 +20,7 @@ from pydantic import (
 )
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import STANDARD_GRAVITY
+from pivident.robot.description import MAX_JOINTS, STANDARD_GRAVITY
 from pivident.robot.naming import nearest
 
 GRAVITY_BY_NAME = {
@@ -35,10 +35,7 @@ GRAVITY_BY_NAME = {
 
 _SIGN = {"smoothing", "gamma"}
 
-#: Most joints of a file.
-MAX_JOINTS = 1000
-
-#: Most problems that one error lists, and the longest value that it repeats, in characters.
+#: Maximum number of problems in one error, and of characters of a quoted value.
 MAX_PROBLEMS, MAX_VALUE = 20, 60
 
 TermName = Literal[
@@ -76,7 +73,7 @@ TERM_KEYS: dict[TermName, tuple[set[str], set[str]]] = {
     "maxwell_slip": ({"distances"}, {"excess", "speed", "exponent"}),
 }
 
-#: What a needed key is, where it is missing.
+#: Description of a required key that is missing.
 _MEANING = {
     "angle": "its angle in rad",
     "distance": "its presliding distance in rad or m",
@@ -281,11 +278,7 @@ class TableFile(Entry):
 
 
 def validated(content: dict[str, Any]) -> TableFile:
-    """The content of a file as a checked object.
-
-    Raises:
-        RobotDescriptionError: one line per problem: joint, key, value, what was expected.
-    """
+    """The content of a file as a checked object."""
     if "recording" in content and "joints" not in content:
         raise RobotDescriptionError(
             "this is an experiment file, not a robot; name the file or the gallery name that it "
@@ -322,11 +315,7 @@ def _explained(details: Any, content: dict[str, Any]) -> str:
 
 
 def short(value: Any) -> str:
-    """A value as a message repeats it.
-
-    Args:
-        value: what a file holds.
-    """
+    """A value as messages quote it."""
     try:
         text = repr(value)
     except ValueError:  # a whole number of thousands of digits
@@ -363,12 +352,7 @@ def _table_at(root: type[BaseModel], loc: Sequence[int | str]) -> type[BaseModel
 
 
 def addition(root: type[BaseModel], loc: Sequence[int | str]) -> str:
-    """What to add where a key is missing: one of its values, if there are only some.
-
-    Args:
-        root: content of the file.
-        loc: place of the missing key.
-    """
+    """Advice for a missing key: add it, with its values where they form a fixed list."""
     *table, last = loc
     for name, field in _table_at(root, table).model_fields.items():
         if last in (name, field.alias) and get_origin(field.annotation) is Literal:

@@ -14,7 +14,7 @@ useful file is
     gravity = "-y"                      # where it points; default "-z"; or three numbers in m/s²
 
     [[joints]]
-    name = "shoulder"                   # kind = "revolute" unless said otherwise
+    name = "shoulder"                   # kind = "revolute" by default
     rated_speed = 180                   # degrees per second, as the units say
     rotor_inertia = 0.01                # kg m² on the joint side
     nominal_friction = {fv = 0.5, fc = 1.2}
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
         TableFile,
     )
 
-#: Name of the fixed base where a row wants to hang on it.
+#: Name of the fixed base as a parent.
 BASE = "base"
 
 
@@ -85,6 +85,9 @@ def read_modified_dh(path: str | Path) -> Robot:
 
     Args:
         path: the file.
+
+    Returns:
+        The robot.
 
     Raises:
         RobotDescriptionError: the file cannot be read, or names a joint, key and value that
@@ -114,6 +117,9 @@ def parse_modified_dh(text: str, source: str = "modified DH table") -> Robot:
     Args:
         text: content of the file.
         source: what errors call it.
+
+    Returns:
+        The robot.
 
     Raises:
         RobotDescriptionError: names a joint, key and value that cannot be used.
@@ -294,7 +300,7 @@ def _power(name: str = "", **options: Any) -> FrictionTerm:
     return power_viscous(stem=f"fvx{name}", **options)
 
 
-#: What makes the terms of each entry.
+#: Constructor of the terms of each entry.
 _CONSTRUCTORS: dict[str, Callable[..., FrictionTerm | tuple[FrictionTerm, ...]]] = {
     "viscous": viscous,
     "asymmetric_viscous": asymmetric_viscous,

@@ -1,4 +1,4 @@
-"""Finding things by name, and saying what was probably meant where there is no such name."""
+"""Finding things by name, and suggesting the nearest known name where there is none."""
 
 from __future__ import annotations
 
@@ -11,17 +11,12 @@ from contextlib import contextmanager
 from pivident.errors import RobotDescriptionError
 from pivident.text.printable import shortened
 
-#: Longest number of a joint; Python refuses to read numbers of thousands of digits.
+#: Maximum digits of a joint number; Python refuses to read numbers of thousands of digits.
 MAX_DIGITS = 9
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """A half sentence that names the nearest known names, or lists all of them.
-
-    Args:
-        name: the name that was not found.
-        known: the names that exist.
-    """
+    """A half sentence that names the nearest known names, or lists all of them."""
     choices = list(known)
     close = near_names(name, choices)
     if close:
@@ -32,13 +27,8 @@ def nearest(name: str, known: Iterable[str]) -> str:
 def near_names(name: str, known: Iterable[str], likeness: float = 0.6) -> list[str]:
     """Up to three known names that were probably meant, the nearest first.
 
-    Where no name is near as it is written, capitals count as small letters; where that finds none
-    either, a name of the same letters in another order does.
-
-    Args:
-        name: the name that was not found.
-        known: the names that exist.
-        likeness: share of letters that must agree, 0 to 1, as `difflib` counts them.
+    If no name is similar as written, case is ignored; if that finds none either, a name of the same
+    letters in another order is accepted. ``likeness`` is the ratio of `difflib`, 0 to 1.
     """
     choices = list(known)
     close = difflib.get_close_matches(name, choices, n=3, cutoff=likeness)
@@ -61,15 +51,7 @@ def repeated(names: Sequence[str]) -> list[str]:
 
 
 def find_joint(names: Sequence[str], reference: str) -> int:
-    """Index of a joint given by its name or by its number, counted from 1.
-
-    Args:
-        names: names of the moving joints, in order.
-        reference: a name, or a number as text.
-
-    Raises:
-        RobotDescriptionError: there is no such joint.
-    """
+    """Index of a joint given by its name or by its number, counted from 1."""
     if reference in names:
         return list(names).index(reference)
     digits = reference.isdecimal() and len(reference) <= MAX_DIGITS

@@ -1,9 +1,9 @@
-"""A robot as plain values, and back: what a JSON file keeps of it.
+"""A robot as plain values for a JSON file, and back.
 
-Everything that a `Robot` holds is there, floats with all their digits, so that the way there and
-back is exact. Infinite limits are written as the texts ``"inf"`` and ``"-inf"``, since JSON has no
-such numbers. Reading is strict: unknown keys, wrong types, NaN, matrices of the wrong shape and
-friction terms whose kernel would miss a constant are refused.
+Everything that a `Robot` holds is stored, floats with all their digits, so the round trip is
+exact. Infinite limits are written as ``"inf"`` and ``"-inf"``, since JSON has no such numbers.
+Reading is strict: unknown keys, wrong types, NaN, matrices of the wrong shape and friction terms
+with too few constants for their kernel are refused.
 
 This module needs pydantic and is imported only when a file is read or written.
 """
@@ -18,17 +18,14 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationEr
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import Coupling, Joint, Link, Robot, UrdfFile
+from pivident.robot.description import MAX_JOINTS, Coupling, Joint, Link, Robot, UrdfFile
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape, ShapeUnit, Smoothing
 from pivident.robot.naming import errors_name, nearest
 from pivident.robot.transmission import Transmission
 
-#: Texts longer than this are no names.
+#: Maximum number of characters of a name.
 MAX_NAME = 1000
-
-#: More joints than any robot has whose model could be identified.
-MAX_JOINTS = 128
 
 #: How many constants of shape each function of friction may have; functions not listed have none.
 SHAPES = {
@@ -173,14 +170,7 @@ class RobotValues(Values):
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:
-    """The robot as dictionaries, lists, texts and finite numbers, ready for JSON.
-
-    Args:
-        robot: the robot.
-
-    Raises:
-        RobotDescriptionError: it holds a number that no file can keep, NaN for example.
-    """
+    """The robot as dictionaries, lists, texts and finite numbers, ready for JSON."""
     content = {
         "name": robot.name,
         "description": robot.description,
@@ -215,27 +205,12 @@ def robot_values(robot: Robot) -> dict[str, Any]:
 
 
 def robot_of_values(content: Any) -> Robot:
-    """The robot that `robot_values` has written.
-
-    Args:
-        content: plain values, such as a JSON file's.
-
-    Raises:
-        RobotDescriptionError: a key is missing, unknown or of the wrong type, a number is not
-            finite, shapes do not belong together, or the tree is none; names key and value.
-    """
+    """The robot that `robot_values` has written."""
     return made_robot(checked(RobotValues, content))
 
 
 def made_robot(values: RobotValues) -> Robot:
-    """The robot of values that were checked already.
-
-    Args:
-        values: its values.
-
-    Raises:
-        RobotDescriptionError: shapes do not belong together, or the tree is none.
-    """
+    """The robot of values that have been checked; refuses shapes that do not belong together."""
     drives, n = values.transmission, len(values.joints)
     if {len(drives.reduction), *map(len, drives.reduction), len(drives.gain_given)} != {n}:
         raise RobotDescriptionError(
@@ -262,15 +237,7 @@ def made_robot(values: RobotValues) -> Robot:
 
 
 def checked(model: type[Root], content: Any) -> Root:
-    """Plain values as a checked object.
-
-    Args:
-        model: what they are.
-        content: the values.
-
-    Raises:
-        RobotDescriptionError: names the first key at fault, its value and what was expected.
-    """
+    """Plain values as a checked object; an error names the first wrong key and its value."""
     try:
         return model.model_validate(content)
     except ValidationError as error:
@@ -278,11 +245,7 @@ def checked(model: type[Root], content: Any) -> Root:
 
 
 def problem_text(error: ValidationError) -> str:
-    """The first problem that pydantic has found: where, what is there, what was expected.
-
-    Args:
-        error: what pydantic says.
-    """
+    """The first problem that pydantic found: location, value, what was expected."""
     problems = error.errors(include_url=False)
     first = problems[0]
     where = ".".join(str(part) for part in first["loc"]) or "the content"

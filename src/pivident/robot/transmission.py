@@ -54,12 +54,32 @@ class Transmission:
 
     @classmethod
     def direct(cls, joints: int) -> Transmission:
-        """No gear: motor side and joint side are the same."""
+        """No gear: motor side and joint side are the same.
+
+        Args:
+            joints: number of joints.
+
+        Returns:
+            Ratios of one, zero offsets.
+        """
         none = np.zeros(joints, dtype=bool)
         return cls(np.eye(joints), np.ones(joints), np.zeros(joints), none)
 
+    def first(self, joints: int) -> Transmission:
+        """That of the first joints, for logs with fewer of them."""
+        if joints >= len(self.drive_gain):
+            return self
+        n = slice(joints)
+        return Transmission(
+            self.reduction[n, n], self.drive_gain[n], self.position_offset[n], self.gain_given[n]
+        )
+
     def joint_positions(self, motor_positions: np.ndarray) -> np.ndarray:
-        """Joint positions q = N⁻¹ q_motor + offset, shape (samples, joints) [rad or m]."""
+        """Joint positions q = N⁻¹ q_motor + offset, shape (samples, joints) [rad or m].
+
+        Args:
+            motor_positions: shape (samples, joints) [rad or m on the motor side].
+        """
         q = _product(motor_positions, np.linalg.inv(self.reduction).T)
         return np.add(q, self.position_offset, out=q)
 
@@ -68,7 +88,11 @@ class Transmission:
         return (q - self.position_offset) @ self.reduction.T
 
     def joint_torques(self, motor_torques: np.ndarray) -> np.ndarray:
-        """Joint torques tau = Nᵀ tau_motor, shape (samples, joints) [N m or N]."""
+        """Joint torques tau = Nᵀ tau_motor, shape (samples, joints) [N m or N].
+
+        Args:
+            motor_torques: shape (samples, joints) [N m or N on the motor side].
+        """
         return _product(motor_torques, self.reduction)
 
     def motor_torques(self, tau: np.ndarray) -> np.ndarray:

@@ -45,7 +45,7 @@ def read_urdf(
 
     Position limits, rated speeds and torque limits come from ``<limit>`` (a velocity or effort of
     zero counts as unknown), nominal ``fv`` and ``fc`` from ``<dynamics>``. Drives are unknown to
-    a URDF; add them with `pivident.robot.drives.with_drives`.
+    a URDF; add them with `pivident.robot.with_drives`.
 
     Args:
         path: the file.
@@ -55,6 +55,9 @@ def read_urdf(
             and not named here are frozen at zero.
         gravity: acceleration of gravity in the root link's frame [m/s²], shape (3,).
         friction: friction law of all joints; open slopes follow from the rated speeds.
+
+    Returns:
+        The robot.
 
     Raises:
         RobotDescriptionError: the file cannot be read or used; names element, value, next step.
@@ -92,6 +95,9 @@ def parse_urdf(
         friction: friction law of all joints.
         source: what errors call the file.
 
+    Returns:
+        The robot.
+
     Raises:
         RobotDescriptionError: it cannot be used; names element, value, next step.
     """
@@ -116,11 +122,7 @@ def parse_urdf(
 
 
 def text_digest(content: bytes | str) -> str:
-    """SHA-256 of a URDF's text, as `UrdfFile` keeps it.
-
-    Args:
-        content: the text, unpacked.
-    """
+    """SHA-256 of the unpacked text of a URDF, as kept in `UrdfFile`."""
     text = content.encode("utf-8", "surrogatepass") if isinstance(content, str) else content
     return hashlib.sha256(text).hexdigest()
 
@@ -128,12 +130,7 @@ def text_digest(content: bytes | str) -> str:
 def _frozen_positions(
     model: UrdfModel, kept: Sequence[str] | None, frozen: Mapping[str, float]
 ) -> dict[str, float]:
-    """Position of every joint that could move and does not.
-
-    Raises:
-        RobotDescriptionError: an unknown name, a joint both kept and frozen, a kept joint that is
-            not one independent degree of freedom.
-    """
+    """Position of every joint that could move and does not."""
     movable = [joint.name for joint in model.joints if joint.type != "fixed"]
     for key, names in (("joints", kept or ()), ("frozen", frozen)):
         for name in names:
@@ -202,7 +199,7 @@ def _members(
         parent = place[parents[i]]
         fixed = joint.type == "fixed" or joint.name in positions
         turn = np.eye(3) if fixed else rotation_from_z_to(joint.axis)
-        origin = joint.origin @ _motion(joint, positions.get(joint.name, 0.0))
+        origin = joint.origin @ joint_motion(joint, positions.get(joint.name, 0.0))
         back = turns[parent].T if parent >= 0 else np.eye(3)
         pose = Pose(back, np.zeros(3)) @ origin @ Pose(turn, np.zeros(3))
         inertia = moved(model.links[joint.child], turn.T, np.zeros(3))
@@ -230,7 +227,7 @@ def _joint(joint: UrdfJoint, parent: int, pose: Pose) -> Joint:
     )
 
 
-def _motion(joint: UrdfJoint, position: float) -> Pose:
+def joint_motion(joint: UrdfJoint, position: float) -> Pose:
     """Displacement of the child frame at a joint position [rad or m]."""
     if joint.type == "prismatic":
         return Pose(np.eye(3), position * joint.axis)
@@ -238,11 +235,7 @@ def _motion(joint: UrdfJoint, position: float) -> Pose:
 
 
 def _tree(model: UrdfModel) -> tuple[list[int], list[int]]:
-    """Joints in depth-first order, and the joint before each one (-1 at the root link).
-
-    Raises:
-        RobotDescriptionError: the links do not form one tree.
-    """
+    """Joints in depth-first order, and the joint before each one (-1 at the root link)."""
     carried_by: dict[str, int] = {}
     for i, joint in enumerate(model.joints):
         if joint.child in carried_by:

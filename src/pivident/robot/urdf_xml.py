@@ -1,7 +1,7 @@
 """The text of a URDF as plain records: every element, attribute and number checked.
 
 Only what dynamics needs is read: links with their inertials, joints with their frames, axes,
-limits and friction. Visuals, collisions, transmissions and simulator extensions are passed over.
+limits and friction. Visuals, collisions, transmissions and simulator extensions are ignored.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from pivident.robot.naming import nearest, repeated
 #: Largest URDF that is read, after decompression [bytes]; real ones have some 100 kB.
 MAXIMUM_SIZE = 8 * 2**20
 
-#: Most elements, and most links or joints; real ones have some thousands, and some hundreds.
+#: Maximum number of elements, and of links or joints; real files have thousands and hundreds.
 MAX_ELEMENTS, MAX_LINKS = 100_000, 1000
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -34,57 +34,33 @@ GZIP_MAGIC = b"\x1f\x8b"
 
 @dataclass(frozen=True, eq=False)
 class UrdfJoint:
-    """A ``<joint>``.
-
-    Attributes:
-        name: its name.
-        type: one of ``JOINT_TYPES``.
-        parent: name of the parent link.
-        child: name of the child link.
-        origin: pose of the joint frame in the parent link's frame.
-        axis: unit vector in the joint frame, shape (3,).
-        limits: lower and upper position [rad or m], None where not given.
-        velocity: highest speed [rad/s or m/s], None where not given or zero.
-        effort: highest torque or force [N m or N], None where not given or zero.
-        damping: viscous friction [N m s/rad or N s/m].
-        friction: Coulomb friction [N m or N].
-        mimics: name of the joint that it follows, if any.
-    """
+    """A ``<joint>``; None where a limit is not given (a velocity or effort of zero: likewise)."""
 
     name: str
     type: str
     parent: str
     child: str
-    origin: Pose
-    axis: np.ndarray
-    limits: tuple[float, float] | None
-    velocity: float | None
-    effort: float | None
-    damping: float
-    friction: float
-    mimics: str | None
+    origin: Pose  # pose of the joint frame in the parent link's frame
+    axis: np.ndarray  # unit vector in the joint frame, shape (3,)
+    limits: tuple[float, float] | None  # [rad or m]
+    velocity: float | None  # highest speed [rad/s or m/s]
+    effort: float | None  # highest torque or force [N m or N]
+    damping: float  # viscous friction [N m s/rad or N s/m]
+    friction: float  # Coulomb friction [N m or N]
+    mimics: str | None  # name of the joint that it follows
 
 
 @dataclass(frozen=True, eq=False)
 class UrdfModel:
-    """A whole URDF.
-
-    Attributes:
-        name: name of the robot.
-        links: ten inertial parameters of each link in its URDF frame, by name.
-        joints: joints in the order of the file.
-    """
+    """A whole URDF."""
 
     name: str
-    links: dict[str, np.ndarray]
+    links: dict[str, np.ndarray]  # ten inertial parameters of each link in its URDF frame
     joints: tuple[UrdfJoint, ...]
 
 
 class _BoundedTree(ElementTree.TreeBuilder):
-    """A tree builder that stops at a DOCTYPE, before any entity is declared or expanded.
-
-    It also stops where there are more elements than any robot has.
-    """
+    """A tree builder that stops at a DOCTYPE, before any entity expands, or at MAX_ELEMENTS."""
 
     elements = 0
 
@@ -104,11 +80,7 @@ class _BoundedTree(ElementTree.TreeBuilder):
 
 
 def file_content(path: Path) -> bytes:
-    """The bytes of a file, decompressed if it is gzip.
-
-    Raises:
-        RobotDescriptionError: it cannot be read, is damaged or larger than ``MAXIMUM_SIZE``.
-    """
+    """The bytes of a file, decompressed if it is gzip."""
     try:
         with regular_file(path).open("rb") as file:
             compressed = file.read(len(GZIP_MAGIC)) == GZIP_MAGIC
@@ -130,26 +102,18 @@ def file_content(path: Path) -> bytes:
 
 
 def _refuse_xacro(root: ElementTree.Element) -> None:
-    """Refuse a file whose macros nobody has carried out: links would be missing silently."""
+    """Refuse a file with unexpanded macros: links would be missing silently."""
     macros = [e.tag for e in root.iter() if isinstance(e.tag, str) and "xacro" in e.tag]
     if macros:
         name = macros[0].rpartition("}")[2]
         raise RobotDescriptionError(
-            f"still has xacro commands (<xacro:{name.removeprefix('xacro:')}>); write it out "
-            "first: xacro arm.urdf.xacro > arm.urdf"
+            f"still has xacro commands (<xacro:{name.removeprefix('xacro:')}>); expand it first: "
+            "xacro arm.urdf.xacro > arm.urdf"
         )
 
 
 def parse_model(content: bytes | str) -> UrdfModel:
-    """The records of a URDF.
-
-    Args:
-        content: text of the file.
-
-    Raises:
-        RobotDescriptionError: it is not XML or not a URDF, or names the element and value that
-            cannot be used.
-    """
+    """The records of a URDF."""
     root = _root(content)
     _refuse_xacro(root)
     link_elements = root.findall("link")

@@ -1,1 +1,5 @@
 """From samples to smooth derivatives, noise models and prefilters."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,15 +1,15 @@
 """Torque samples brought to the instants of the position samples.
 
-Central differences at t_k see the motion between t_{k-1} and t_{k+1}. A torque that is *held* from
-its instant on acts half a period later than its samples say; on the instant belongs the average
-over the two adjoining periods. For a mass with a held torque, sampled every h, this is exact:
+Central differences at t_k average the motion between t_{k-1} and t_{k+1}. A torque that is *held*
+from its instant on acts half a period later than its samples; the average over the two adjoining
+periods belongs to the instant. For a mass with a held torque, sampled every h, this is exact:
 
     J (q_{k+1} - 2 q_k + q_{k-1}) / h² = (τ_k + τ_{k-1}) / 2
 
-Left out, half a period times the jerk remains, J h/2 · d³q/dt³, which opposes the speed and is
-taken for viscous friction: ten standard deviations of it at 5 kHz.
+Without alignment half a period times the jerk remains, J h/2 · d³q/dt³, which opposes the speed
+and biases viscous friction: by ten standard errors at 5 kHz.
 
-In general a torque that belongs s sampling periods behind its sample is interpolated there,
+In general a torque that belongs s sampling periods after its sample is interpolated there,
 
     aligned_k = (1 - a) τ_{k-n} + a τ_{k-n-1},     n = ⌊s⌋,  a = s - n.
 """
@@ -26,26 +26,22 @@ from pivident.errors import RecordingError
 
 TorqueTiming = Literal["held", "averaged", "sampled"]
 
-#: Shifts within this fraction of a period of a whole one are taken for whole.
+#: Shifts within this fraction of a period of a whole number count as whole.
 _WHOLE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class AlignedTorque:
-    """Torque on the instants of the positions.
+    """Torque at the instants of the positions [N m or N], same shape as the input.
 
-    Attributes:
-        tau: aligned torque, of the shape of the input [N m or N]. Samples that would need values
-            from outside the record repeat the nearest one.
-        lost_start: number of such samples at the start.
-        lost_end: number of such samples at the end.
-        is_average: whether it is the mean over the two sampling periods that adjoin the instant.
+    Samples that would need values from outside the record repeat the nearest one; their numbers at
+    both ends are ``lost_start`` and ``lost_end``.
     """
 
     tau: np.ndarray
     lost_start: int
     lost_end: int
-    is_average: bool = False
+    is_average: bool = False  # over the two sampling periods that adjoin the instant
 
 
 def align_torque(
@@ -56,23 +52,12 @@ def align_torque(
     control_rate: float | None = None,
     delay: float = 0.0,
 ) -> AlignedTorque:
-    """Move the torque channel to where central differences of the positions belong.
+    """Move the torque to the instants of central differences of the positions.
 
-    Args:
-        tau: torque as logged, shape (samples,) or (samples, joints) [N m or N].
-        rate: sampling rate 1/h of the log [Hz].
-        timing: what a sample says. ``held``: applied from its instant until the next control
-            instant; ``averaged``: mean over the sampling period before its instant;
-            ``sampled``: value at its instant.
-        control_rate: rate of the control loop [Hz]; None: the sampling rate.
-        delay: how much later the torque channel was logged than the positions [s]. A positive
-            delay advances the torque: what stands at t_k was true at t_k - delay.
-
-    Returns:
-        The aligned torque, with the number of samples at both ends that are not to be used.
-
-    Raises:
-        RecordingError: unknown timing, a rate that is not positive, or a shift beyond the record.
+    A sample is ``held`` until the next control instant, ``averaged`` over the sampling period
+    before it, or ``sampled`` at its instant. ``delay`` [s] is how much later the torque was logged
+    than the positions: what is logged at t_k was true at t_k - delay, so a positive one advances
+    the torque.
     """
     tau = np.asarray(tau, dtype=float)
     shift = torque_shift(rate, timing, control_rate=control_rate, delay=delay)
@@ -102,20 +87,15 @@ def torque_shift(
     control_rate: float | None = None,
     delay: float = 0.0,
 ) -> float:
-    """Sampling periods s by which the torque is later than its sample says.
+    """Sampling periods s by which the torque is later than its sample.
 
         held:      s = (min(Tc, h)/2 - delay) / h
         averaged:  s = -1/2 - delay / h
         sampled:   s = -delay / h
 
-    A log that is faster than the control loop (h < Tc) shows the staircase itself, so a sample
-    stands for one sampling period only; a slower one knows the torque for one control period.
-
-    Args:
-        rate: sampling rate 1/h of the log [Hz].
-        timing: what a sample says, see :func:`align_torque`.
-        control_rate: rate 1/Tc of the control loop [Hz]; None: the sampling rate.
-        delay: how much later the torque channel was logged than the positions [s].
+    with the sampling period h and that of the control loop Tc. A log that is faster than the loop
+    (h < Tc) records the staircase itself, so a sample stands for one sampling period only; in a
+    slower log it stands for one control period.
     """
     control_rate = rate if control_rate is None else control_rate
     if not (rate > 0 and control_rate > 0 and math.isfinite(delay)):

@@ -6,14 +6,14 @@ p, the MA part C degree q. ARMA follows the refined iteration of (B4):
 1. a high-order AR model, order by AIC, gives a first ê;
 2. Hannan and Rissanen: v_k is regressed on v_{k-1…k-p} and ê_{k-1…k-q};
 3. Gauss-Newton on e, whose derivatives are the regressors prefiltered by 1/C,
-   ∂e_k/∂d_i = (1/C) v_{k-i},  ∂e_k/∂c_j = -(1/C) e_{k-j}; a step is shortened until it pays.
+   ∂e_k/∂d_i = (1/C) v_{k-i},  ∂e_k/∂c_j = -(1/C) e_{k-j}; a step is shortened until L grows.
 
-The likelihood is exact even for zeros on the unit circle, see `arma_likelihood`, as differenced
-white noise has them. Stretches between gaps add up; no product reaches across a gap.
+The likelihood is exact even for zeros on the unit circle, as those of differenced white noise (see
+`arma_likelihood`). Likelihoods of the stretches between gaps add up; no product spans a gap.
 
 Poles and zeros stay inside the circle of radius `MAX_ROOT` (reflection (B5), then a limit):
-the likelihood is even in a reflection, so nothing is lost by it, and the whitener D/C must forget
-its start within a record. A zero at 1 that is put at 0.9999 costs 5e-5 of λ.
+a reflection does not change the likelihood, and the whitener D/C must forget its start within a
+record. A zero at 1 that is moved to 0.9999 costs 5e-5 of λ.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ MAX_ROOT = 0.9999
 #: Largest order of the AR model that starts the iteration, where none is given.
 _START_ORDER = 100
 
-#: The iteration ends when a step would gain less than this in ln L: a hundredth of a deviation.
+#: The iteration ends when a step gains less than this in ln L: a hundredth of a standard error.
 _GAIN = 1e-4
 
-#: Shorter steps, each 0.3 of the last, before it is given up.
+#: Shorter steps, each 0.3 of the last, before the iteration stops.
 _SHORTER = 7
 
 #: Condition of the parameters' correlation beyond which a pole and a zero cancel.
@@ -101,7 +101,7 @@ def arma(
     """ARMA noise model v = (C/D) e by exact maximum likelihood from Hannan and Rissanen's start.
 
     Args:
-        v: residual, shape (samples,); its mean is estimated along.
+        v: residual, shape (samples,); its mean is estimated too.
         ar_order: degree p of D.
         ma_order: degree q of C; 0 gives Burg's AR model of that order.
         start_order: order of the AR model that gives the first ê; None: by AIC up to 100.
@@ -110,8 +110,8 @@ def arma(
 
     Returns:
         The model with the covariance of (d_1 … d_p, c_1 … c_q). If the iteration does not
-        settle, or poles and zeros cancel, it is the AR model of the start, and ``warnings``
-        says so.
+        converge, or poles and zeros cancel, it is the AR model of the start, with an entry in
+        ``warnings``.
 
     Raises:
         IdentificationError: too few samples for these orders, NaN, or a constant residual.
@@ -178,7 +178,7 @@ def select_arma(
             best = (value, noise)
     if best is None:
         raise IdentificationError(
-            f"none of the ARMA orders {tried} gave a model that settles; try lower orders"
+            f"none of the ARMA orders {tried} gave a model that converges; try lower orders"
         )
     return best[1]
 
@@ -186,13 +186,7 @@ def select_arma(
 def inside(
     polynomial: np.ndarray, largest: float = MAX_ROOT, *, reflect: bool = True
 ) -> np.ndarray:
-    """A monic polynomial in z⁻¹ with its roots reflected into the unit circle (B5) and limited.
-
-    Args:
-        polynomial: coefficients of z⁰, z⁻¹, …
-        largest: largest modulus of a root that is left where it is.
-        reflect: whether roots outside are reflected before; else they only get that modulus.
-    """
+    """A monic polynomial in z⁻¹, roots reflected into the unit circle (B5), |root| ≤ largest."""
     roots = np.roots(polynomial)
     modulus = np.abs(roots)
     if not np.any(modulus > largest):
@@ -231,7 +225,7 @@ def _noise_of(model: ArModel) -> Noise:
 
 
 def _bounds(v: np.ndarray, p: int, q: int, segments: np.ndarray | None) -> np.ndarray:
-    """Rows (start, stop) of the stretches long enough to tell something about the model."""
+    """Rows (start, stop) of the stretches that are long enough for the model."""
     rows = [[0, v.size]] if segments is None else segments
     bounds = np.array(rows, dtype=np.int64).reshape(-1, 2)
     lengths = bounds[:, 1] - bounds[:, 0]
@@ -266,9 +260,9 @@ def _hannan_rissanen(
 
 
 def _shortened(point: Point, step: np.ndarray) -> Point | None:
-    """The likeliest model along a step that is shortened while that pays; None: none is likelier.
+    """The best model along a step that is shortened while L grows; None: none is better.
 
-    Roots that leave the circle are put on its edge, not reflected: a step across it means there.
+    Roots that leave the circle are moved to its edge, not reflected: the optimum lies there.
     """
     best = None
     for shorter in range(_SHORTER):
@@ -289,7 +283,7 @@ def _inside(theta: np.ndarray, ar_order: int, reflect: bool = True) -> np.ndarra
 
 
 def _settled(point: Point, start: ArModel) -> Noise:
-    """The model at the end of the iteration, unless its parameters have no finite deviation."""
+    """The model at the end of the iteration, if its parameters have finite standard errors."""
     p = point.likelihood.ar_order
     information = point.information
     scale = np.sqrt(np.diag(information))
@@ -306,7 +300,7 @@ def _fallback(start: ArModel, p: int, q: int) -> Noise:
     return replace(
         _noise_of(start),
         warnings=(
-            f"The ARMA({p}, {q}) iteration did not settle, probably because a pole and a zero "
+            f"The ARMA({p}, {q}) iteration did not converge, probably because a pole and a zero "
             f"cancel; this is an AR({start.order}) model instead. Lower the orders, or choose "
             "them with select_arma.",
         ),

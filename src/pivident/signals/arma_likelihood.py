@@ -12,9 +12,9 @@ derivatives of e are the regressors prefiltered by 1/C,
 
     ∂e_k/∂d_i = (1/C) (v_{k-i} - μ),    ∂e_k/∂c_j = -(1/C) e_{k-j},    ∂e_k/∂μ = -(1/C) D(1),
 
-and e* follows every step by itself: it is eliminated from the normal equations. The mean μ of v
-is a parameter, not the sample mean: with a zero at 1 the latter, n^(-1/2) off where the best
-estimate is n^(-3/2) off, would be integrated into a ramp.
+and e* is eliminated from the normal equations. The mean μ of v is a parameter, not the sample
+mean: with a zero at 1 the latter, n^(-1/2) off where the best estimate is n^(-3/2) off, would be
+integrated into a ramp.
 """
 
 from __future__ import annotations
@@ -25,23 +25,17 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-#: Transients below this are over; a recursion of them may stop.
+#: Level below which a transient has ended and its recursion may stop.
 _OVER = 1e-13
 
 
 @dataclass(frozen=True, eq=False)
 class Likelihood:
-    """The likelihood of ARMA models on given samples.
+    """The likelihood of ARMA models on given samples."""
 
-    Attributes:
-        v: residual, shape (samples,).
-        bounds: stretches, rows of (start, stop).
-        ar_order: degree p of D.
-    """
-
-    v: np.ndarray
-    bounds: np.ndarray
-    ar_order: int
+    v: np.ndarray  # residual, (samples,)
+    bounds: np.ndarray  # stretches, rows of (start, stop)
+    ar_order: int  # degree p of D
 
     def at(self, theta: np.ndarray) -> Point:
         """The likelihood of D = 1 + d_1 z⁻¹ + …, C = 1 + c_1 z⁻¹ + … and μ, θ = (d, c, μ)."""
@@ -54,23 +48,17 @@ class Likelihood:
 class Point:
     """The likelihood at one model.
 
-    Attributes:
-        likelihood: of which samples.
-        theta: (d_1 … d_p, c_1 … c_q, μ).
-        innovations: e, shape (samples,); zero where there is none.
-        before: e*, shape (stretches, q).
-        basis: of the transients, Q of (I, Z) = Q R, its rows beside Z; shape (q, samples).
-        top: its rows beside I, earliest first, shape (stretches, q, q).
-        log_det: ln det(I + Z'Z), summed over the stretches.
+    ``basis`` and ``top`` are Q of (I, Z) = Q R: its rows beside Z, and those beside I, earliest
+    first.
     """
 
     likelihood: Likelihood
-    theta: np.ndarray
-    innovations: np.ndarray
-    before: np.ndarray
-    basis: np.ndarray
-    top: np.ndarray
-    log_det: float
+    theta: np.ndarray  # (d_1 … d_p, c_1 … c_q, μ)
+    innovations: np.ndarray  # e, zero where there is none, (samples,)
+    before: np.ndarray  # e*, (stretches, q)
+    basis: np.ndarray  # (q, samples)
+    top: np.ndarray  # (stretches, q, q)
+    log_det: float  # ln det(I + Z'Z), summed over the stretches
 
     @property
     def residuals(self) -> int:
@@ -240,7 +228,7 @@ def _normal_equations(v, e, before, basis, bounds, c, theta):
 
 @njit(cache=True, nogil=True, fastmath={"reassoc", "contract"})
 def _dot(x, y):
-    """Σ x y; a library's product of long vectors starts threads that cost more than it."""
+    """Σ x y; a library would start threads, which cost more than the product."""
     total = 0.0
     for i in range(x.size):
         total += x[i] * y[i]

@@ -3,7 +3,7 @@
 The classical recipe of IDIM: a low-pass filter run forwards and backwards on the positions, two
 central differences, and later the decimation of both sides of the equation (see
 :mod:`pivident.signals.decimation`). Forwards and backwards the gain is |H(f)|², with no phase;
-the low-pass and the differentiators together are the band-pass that gives the recipe its name.
+the low-pass and the differentiators together are the band-pass of the recipe's name.
 """
 
 from __future__ import annotations
@@ -15,25 +15,18 @@ import numpy as np
 
 from pivident.errors import RecordingError, RecordingTooShort
 
-#: Samples at each end that a regression should skip at least.
+#: Minimum number of samples at each end that a regression should skip.
 EDGE = 50
 
 
 @dataclass(frozen=True, eq=False)
 class BandpassedSignal:
-    """A filtered record with its derivatives, each of the shape of the input.
-
-    Attributes:
-        q: filtered position [rad or m].
-        dq: its central difference [rad/s or m/s].
-        ddq: the central difference of dq [rad/s² or m/s²].
-        edge: samples to skip at each end, where filter and differences know only one side.
-    """
+    """A filtered record with its central differences, each of the shape of the input."""
 
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-    edge: int
+    edge: int  # samples to skip at each end, where filter and differences are one-sided
 
 
 def bandpass(
@@ -48,18 +41,9 @@ def bandpass(
 ) -> BandpassedSignal:
     """Median filter, zero-phase Butterworth low-pass and two central differences.
 
-    Args:
-        q: measured positions [rad or m], shape (samples,) or (samples, joints).
-        rate: sampling rate [Hz].
-        cutoff: cut-off frequency of one run of the filter, -3 dB; -6 dB after both [Hz].
-        order: order of one run.
-        median: odd length of a moving median before the filter; 1: none.
-        padlen: samples of odd extension at each end; None: three times the order.
-        edge: samples to declare unusable at each end; None: 50, or one period of the cut-off
-            frequency if that is longer.
-
-    Returns:
-        Filtered position, velocity and acceleration.
+    ``cutoff`` [Hz] and ``order`` are those of one run: -3 dB, and -6 dB after both. ``edge``
+    samples at each end are declared unusable; None: 50, or one period of the cut-off frequency if
+    longer.
     """
     smooth = butterworth(median_filter(q, median), rate, cutoff, order, padlen=padlen)
     dq = central_difference(smooth, rate)
@@ -71,15 +55,18 @@ def bandpass(
 def butterworth(
     x: np.ndarray, rate: float, cutoff: float, order: int = 4, *, padlen: int | None = None
 ) -> np.ndarray:
-    """Low-pass x forwards and backwards along time, by second-order sections.
+    """Low-pass x forwards and backwards along axis 0, by second-order sections.
 
     Args:
-        x: samples along axis 0.
+        x: samples along axis 0, in any unit.
         rate: sampling rate [Hz].
         cutoff: cut-off frequency [Hz].
         order: order of one run.
         padlen: samples of odd extension at each end; None: three times the order, as MATLAB's
             ``filtfilt`` has it.
+
+    Returns:
+        The filtered samples, shape as of ``x``.
 
     Raises:
         RecordingError: the cut-off is not below half the rate.
@@ -108,23 +95,13 @@ def central_difference(x: np.ndarray, rate: float) -> np.ndarray:
 def bandpass_response(
     frequency: np.ndarray, rate: float, cutoff: float, order: int = 4, derivative: int = 0
 ) -> np.ndarray:
-    """Frequency response from the measured position to a filtered derivative, away from the ends.
+    """Complex frequency response [1/sⁿ] from the position to its n-th filtered derivative.
 
-    With H of the Butterworth filter, forwards and backwards, and a central difference n times,
+    With H of one run of the Butterworth filter, and a central difference n times,
 
         |H(f)|² (j rate sin(2π f/rate))ⁿ,     n = 0, 1, 2
 
-    so q̂ has no phase, dq̂ leads by 90° and ddq̂ by 180°, as derivatives do.
-
-    Args:
-        frequency: frequencies [Hz], shape (points,).
-        rate: sampling rate [Hz].
-        cutoff: cut-off frequency of one run of the filter [Hz].
-        order: order of one run.
-        derivative: n.
-
-    Returns:
-        Complex response [1/sⁿ], shape (points,).
+    away from the ends, so q̂ has no phase, dq̂ leads by 90° and ddq̂ by 180°, as derivatives do.
     """
     from scipy.signal import butter, freqz_sos
 
@@ -135,15 +112,7 @@ def bandpass_response(
 
 
 def median_filter(x: np.ndarray, length: int = 3) -> np.ndarray:
-    """Moving median along axis 0, the end samples repeated outwards.
-
-    Args:
-        x: samples along axis 0.
-        length: odd number of samples; 3 removes single outliers and 1 changes nothing.
-
-    Raises:
-        RecordingError: the length is even or not positive.
-    """
+    """Moving median of odd length along axis 0 (3 removes single outliers), ends repeated."""
     from scipy.ndimage import median_filter as moving_median
 
     if length < 1 or length % 2 == 0:

@@ -1,9 +1,9 @@
-"""Spectra of positions: a periodogram, merged into bins, and what its narrow lines stand on.
+"""Spectra of positions: a periodogram, merged into bins, and the background of its narrow lines.
 
 A position's spectrum falls over many decades. Its m-th difference is flat enough for the transform
-of a whole record behind Hann's window, and the differences are divided out of the periodogram.
-The running median over the bins is the background of narrow lines: outliers do not move it, and on
-a slope it is the value in the middle, however steep.
+of a whole record with Hann's window, and the differences are divided out of the periodogram. The
+running median over the bins is the background of narrow lines: it is robust to outliers, and on a
+slope it is the value in the middle, however steep.
 """
 
 from __future__ import annotations
@@ -14,19 +14,19 @@ from functools import lru_cache
 
 import numpy as np
 
-#: Bins of the spectrum in which narrow lines are searched, at most.
+#: Maximum number of bins of the spectrum in which narrow lines are searched.
 _BINS = 2048
 
 #: Bins per octave of the spectrum in which wide lines are searched.
 _PER_OCTAVE = 24
 
-#: Samples of the periodogram merged into one bin, at least: fewer are too erratic.
+#: Minimum number of periodogram samples in one bin: fewer are too erratic.
 _MERGED = 8
 
-#: Half the length of the running median: as a share of the bins (37 Hz at 5 kHz), in octaves.
+#: Half length of the running median: as a fraction of the bins (37 Hz at 5 kHz), in octaves.
 _NARROW, _WIDE = 0.015, 1.0
 
-#: Samples of a periodogram below which lines cannot be told from chance.
+#: Samples of a periodogram below which lines are indistinguishable from chance.
 MIN_SAMPLES = 4096
 
 #: Rounds of dividing lines out of the spectrum.
@@ -34,16 +34,9 @@ _ROUNDS = 3
 
 
 def tapered_periodogram(y: np.ndarray, rate: float, order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Spectrum of a record, sample by sample.
+    """Frequencies above zero [Hz] and |FFT of the tapered m-th difference|² / (2 sin(ω/2))²ᵐ.
 
-    Args:
-        y: shape (samples,).
-        rate: sampling rate [Hz].
-        order: m, of the differences that are transformed.
-
-    Returns:
-        Frequencies above zero [Hz] and |FFT of the tapered m-th difference|² / (2 sin(ω/2))²ᵐ.
-        White noise has its variance everywhere.
+    White noise has its variance at all frequencies.
     """
     from scipy.fft import rfft
 
@@ -56,7 +49,7 @@ def tapered_periodogram(y: np.ndarray, rate: float, order: int) -> tuple[np.ndar
 
 @lru_cache(maxsize=1)
 def _transform(samples: int, order: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Hann's window, angular frequencies, factors of the periodogram: alike for all channels."""
+    """Hann's window, angular frequencies, periodogram factors: the same for all channels."""
     from scipy.fft import next_fast_len
 
     size = samples - order
@@ -69,26 +62,17 @@ def _transform(samples: int, order: int) -> tuple[np.ndarray, np.ndarray, np.nda
 
 @dataclass(frozen=True, eq=False)
 class Bins:
-    """A spectrum in bins.
+    """A spectrum in bins."""
 
-    Attributes:
-        centre: mean frequency of each bin [Hz].
-        spectrum: mean of the periodogram over it.
-        half: half the length of a bin's neighbourhood, in bins.
-    """
-
-    centre: np.ndarray
-    spectrum: np.ndarray
-    half: int
+    centre: np.ndarray  # mean frequency of each bin [Hz]
+    spectrum: np.ndarray  # mean of the periodogram over it
+    half: int  # half length of a bin's neighbourhood, in bins
 
     def background(self, total: np.ndarray | None = None) -> np.ndarray:
-        """What the running median finds below lines of a given ``total`` spectrum.
+        """Running median below lines of a given ``total`` spectrum S at the bins.
 
-        The skirts of a strong line raise the median around it. What the model of the lines
-        leaves, spectrum · B/(B + S), has the background's level again, slope and all.
-
-        Args:
-            total: S at the bins; None: there are no lines.
+        The skirts of a strong line raise the median around it. The spectrum less the model of the
+        lines, spectrum · B/(B + S), has the background's level again, slope included.
         """
         from scipy.ndimage import median_filter
 
@@ -112,12 +96,7 @@ class Bins:
 
 
 def even_bins(frequency: np.ndarray, periodogram: np.ndarray) -> Bins:
-    """Bins of equal width.
-
-    Args:
-        frequency: of the periodogram [Hz].
-        periodogram: its values.
-    """
+    """Bins of equal width."""
     merged = max(_MERGED, len(periodogram) // _BINS)
     count = len(periodogram) // merged
     centre, spectrum = (
@@ -127,12 +106,9 @@ def even_bins(frequency: np.ndarray, periodogram: np.ndarray) -> Bins:
 
 
 def octave_bins(frequency: np.ndarray, periodogram: np.ndarray, lowest: float) -> Bins:
-    """Bins whose width grows with the frequency, where enough samples fall into one.
+    """Bins whose width grows with the frequency, from where enough samples fall into one.
 
-    Args:
-        frequency: of the periodogram [Hz].
-        periodogram: its values.
-        lowest: frequency whose neighbourhood is to be whole [Hz].
+    The neighbourhood of ``lowest`` [Hz] is complete.
     """
     growth = 2.0 ** (1.0 / _PER_OCTAVE)
     enough = _MERGED * (frequency[1] - frequency[0]) / (growth - 1.0)

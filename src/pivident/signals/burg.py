@@ -5,16 +5,16 @@ stretches of the record,
 
     k_p = -2 Σ f b / Σ (f² + b²),   f ← f + k_p b,   b ← b + k_p f.
 
-The *lattice* does just that: every order reads and writes the whole record. But f and b are
+The *lattice* computes exactly this: every order reads and writes the whole record. But f and b are
 combinations of p + 2 neighbouring samples x, f = αᵀx and b = βᵀx with α = (1, a_1 … a_p, 0) and β
 its reverse, so the sums are quadratic forms of
 
     Q_ij = Σ v_{n-i} v_{n-j} = c_{|i-j|} - (products at the beginning and at the end)
 
 with the products c_k = Σ v_n v_{n-k} of the whole record (after K. Vos, *A fast implementation of
-Burg's method*, 2013). One walk through the record makes them; the orders then cost no more with
-more samples. Rounding grows with (Σ|a|)² c_0 / Σ f², which is watched: where it could be felt, as
-on a spectrum with a deep notch, the lattice is taken.
+Burg's method*, 2013). One pass over the record computes them; the orders then cost no more with
+more samples. Rounding grows with (Σ|a|)² c_0 / Σ f², which is monitored: where it could matter, as
+on a spectrum with a deep notch, the lattice is used.
 """
 
 from __future__ import annotations
@@ -22,29 +22,21 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-#: Relative rounding of a sum of squares, at worst, that is not felt: coefficients are estimates
+#: Largest relative rounding of a sum of squares that does not matter: coefficients are estimates
 #: with errors of 1/√N, a thousand times as large.
 _ROUNDING = 1e-6
 
 #: Samples of a stretch that stays in the fastest cache.
 _STRETCH = 1024
 
-#: Sums may be formed in another order than written, so that they become vectors; nothing else of
-#: fast arithmetic is allowed.
+#: Sums may be reordered, so that they vectorise; no other fast arithmetic is allowed.
 _REORDERED = {"contract", "reassoc"}
 
 
 def reflection_coefficients(v: np.ndarray, stops: np.ndarray, order: int) -> np.ndarray:
-    """Reflection coefficients k_1 … k_order.
+    """Reflection coefficients k_1 … k_order of centred samples ``v``, stretches end to end.
 
-    Args:
-        v: samples without their mean, stretches one behind the other, shape (samples,).
-        stops: end of each stretch in ``v``, ascending, shape (stretches,).
-        order: how many.
-
-    Returns:
-        The coefficients, shape (order,); zeros from the first order that has nothing left to
-        predict.
+    ``stops`` are the ends of the stretches. Zeros from the order on that leaves nothing to predict.
     """
     shortest = int(np.diff(stops, prepend=0).min())
     # multiply-adds: four of the lattice for every sample and order, against one and order³/6 and
@@ -62,7 +54,7 @@ def by_lattice(v, stops, order):
     """Reflection coefficients by the lattice.
 
     At order p the errors of a stretch pair f[p+1+i] with b[i]: forward errors lose their first
-    sample, backward errors their last, and nothing is ever moved.
+    sample, backward errors their last, without moving any.
     """
     forward, backward = v.copy(), v.copy()
     reflections = np.zeros(order)
@@ -89,7 +81,7 @@ def by_lattice(v, stops, order):
 
 @njit(cache=True, nogil=True)
 def _products(f, b):
-    """Σ f b and Σ (f² + b²), in eight interleaved sums that the processor adds side by side."""
+    """Σ f b and Σ (f² + b²), in eight interleaved sums, which vectorise."""
     cross, energy = np.zeros(8), np.zeros(8)
     whole = f.size - f.size % 8
     for i in range(0, whole, 8):
@@ -114,17 +106,10 @@ def _reflect(f, b, k):
 
 @njit(cache=True, nogil=True)
 def products(v, stops, order):
-    """Products of the samples with those k before them, over all stretches.
+    """c_k of all stretches (each longer than order + 1), and the products at their ends.
 
-    Args:
-        v: samples, shape (samples,).
-        stops: ends of the stretches, each longer than ``order`` + 1.
-        order: largest k.
-
-    Returns:
-        c_k, shape (order + 1,); of the first samples of the stretches,
-        ``head[k, t]`` = Σ_{k ≤ m ≤ t} v_m v_{m-k}, shape (order + 1, order + 1); and of their
-        last, ``tail[k, i]`` = Σ_{L-i ≤ m < L} v_m v_{m-k}, shape (order + 1, order + 2).
+    With L the length of a stretch, ``head[k, t]`` = Σ_{k ≤ m ≤ t} v_m v_{m-k} and
+    ``tail[k, i]`` = Σ_{L-i ≤ m < L} v_m v_{m-k}.
     """
     whole = np.zeros(order + 1)
     head, tail = np.zeros((order + 1, order + 1)), np.zeros((order + 1, order + 2))
@@ -132,15 +117,15 @@ def products(v, stops, order):
     for stop in stops:
         for first in range(start, stop, _STRETCH):
             last = min(first + _STRETCH, stop)
-            k = 0
-            while k + 3 <= order and first >= start + k + 3:
-                whole[k : k + 4] += _four_sums(v, k, first, last)
-                k += 4
-            while k <= order:
+            fours = 4 * (min(order - 3, first - start - 3) // 4 + 1)
+            for k in range(0, fours, 4):
+                sums = _four_sums(v, k, first, last)
+                for i in range(4):  # of slices would be compiled five times as long
+                    whole[k + i] += sums[i]
+            for k in range(fours, order + 1):
                 begin = max(first, start + k)
                 if begin < last:
                     whole[k] += _sum(v[begin:last], v[begin - k : last - k])
-                k += 1
         for k in range(order + 1):
             total = 0.0
             for t in range(k, order + 1):
@@ -176,12 +161,12 @@ def _four_sums(v, k, first, last):
         s1 += x[i] * y1[i]
         s2 += x[i] * y2[i]
         s3 += x[i] * y3[i]
-    return np.array([s0, s1, s2, s3])
+    return s0, s1, s2, s3
 
 
 @njit(cache=True, nogil=True)
 def by_products(whole, head, tail, order):
-    """Reflection coefficients from :func:`products`, and whether rounding is not felt in them."""
+    """Reflection coefficients from :func:`products`, and whether rounding is negligible in them."""
     reflections = np.zeros(order)
     alpha = np.zeros(order + 2)
     alpha[0] = 1.0

@@ -1,12 +1,12 @@
 """Integrated random walk smoothing of encoders whose noise has spectral lines.
 
-The smoother of ``random_walk`` takes the measurement noise for white. A line within reach of the
-motion, a mechanical resonance at 200 Hz, say, is then taken for motion: maximum likelihood opens
-the bandwidth until the line passes, and all noise below it passes with it. A line far above does
-not pass, but counts as floor and closes the bandwidth a little too far.
+The smoother of ``random_walk`` assumes white measurement noise. It treats a line close to the
+motion's band, a mechanical resonance at 200 Hz, say, as motion: maximum likelihood widens the
+bandwidth until the line passes, and all noise below it passes too. A line far above does not pass,
+but raises the floor and narrows the bandwidth slightly too far.
 
 Here each channel's lines are found first (``spectral_lines``). Its noise is then white plus an
-AR(2) process per line, the NVR is that of largest exact likelihood given this colour
+AR(2) process per line, the NVR maximises the exact likelihood given this colour
 (``coloured_walk_likelihood``), and the smoother becomes a low-pass with notches. Channels without
 lines are smoothed as before.
 """
@@ -20,6 +20,7 @@ import numpy as np
 
 from pivident.signals.coloured_walk_likelihood import coloured_fit, estimate_coloured_nvr
 from pivident.signals.random_walk import (
+    PER_CHANNEL,
     SmoothedSignal,
     check_positions,
     differentiate,
@@ -29,42 +30,23 @@ from pivident.signals.random_walk_model import f50_from_nvr, log_nvr_std
 from pivident.signals.spectral_lines import LineSearch, SpectralLine, find_lines, noise_colour
 from pivident.threads import run_in_threads
 
-#: Fields of a smoothed signal that have an entry, or a column, per channel.
-_PER_CHANNEL = "q dq ddq nvr f50 noise_std on_bound log_nvr_std log_likelihood".split()
-
 
 @dataclass(frozen=True, eq=False)
 class ColouredSmoothing:
-    """A record smoothed with the colour of its noise.
+    """A record smoothed with the colour of its noise; lines per channel, the strongest first.
 
-    Attributes:
-        signal: the smoothed record. ``noise_std``, ``nvr`` and ``f50`` refer to the white floor
-            of the noise, without the lines; ``log_nvr_std`` takes the noise for white.
-        lines: of each channel, the strongest first; empty for a channel with white noise.
+    ``noise_std``, ``nvr`` and ``f50`` of the signal refer to the white floor of the noise, without
+    the lines; ``log_nvr_std`` assumes white noise.
     """
 
     signal: SmoothedSignal
-    lines: tuple[tuple[SpectralLine, ...], ...]
+    lines: tuple[tuple[SpectralLine, ...], ...]  # empty for white noise
 
 
 def smooth_with_lines(
     y: np.ndarray, rate: float, order: int = 3, *, f50_max: float | None = None
 ) -> ColouredSmoothing:
-    """Smooth several channels, each with the colour that its noise has.
-
-    Args:
-        y: measured positions [rad or m], shape (samples, channels).
-        rate: sampling rate [Hz].
-        order: order m of the random walk, 1 to 4.
-        f50_max: cap of the searched bandwidth [Hz].
-
-    Returns:
-        The smoothed record and the lines.
-
-    Raises:
-        RecordingError: too few samples, or an order that is not offered.
-        NonFiniteSamples: a channel holds NaN or infinite samples.
-    """
+    """Smooth several channels, each with the colour that its noise has."""
     y = np.asarray(y, dtype=float)
     check_positions(y, rate, order, passes=1)
     channels = range(y.shape[1])
@@ -89,7 +71,7 @@ def smooth_with_lines(
     run_in_threads(smooth, [channel for channel in channels if lines[channel]])
     columns = {
         name: np.stack([getattr(parts[channel], name) for channel in channels], axis=-1)
-        for name in _PER_CHANNEL
+        for name in PER_CHANNEL
     }
     return ColouredSmoothing(SmoothedSignal(**columns, order=order, rate=rate), lines)
 

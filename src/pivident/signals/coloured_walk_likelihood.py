@@ -1,14 +1,14 @@
 """Likelihood and smoothing of the integrated random walk in coloured measurement noise, compiled.
 
 The measurement is y = T + v with Δᵐ T = η, var η = NVR · r, and ARMA noise a(L) v = √g b(L) ε,
-var ε = r, L the lag. Differencing and the noise's own whitening take both memories away,
+var ε = r, L the lag. Differencing and whitening of the noise remove both memories,
 
     w = a(L) Δᵐ y = a(L) η + √g b(L) Δᵐ ε  ~ N(0, r Ω),    Ω = NVR · A Aᵀ + C Cᵀ = RᵀR
 
-with A and C the banded Toeplitz matrices of a and of √g b Δᵐ. What holds for white noise (module
-``random_walk_likelihood``, the case a = b = g = 1) holds here with a wider band: Givens rotations
+with A and C the banded Toeplitz matrices of a and of √g b Δᵐ. As for white noise (module
+``random_walk_likelihood``, the case a = b = g = 1), but with a wider band, Givens rotations
 of the stacked matrix (√NVR Aᵀ; Cᵀ) build R without forming Ω, its rows settle on the spectral
-factor of NVR |a|² + g |b|² |Δ|²ᵐ, and behind them R⁻ᵀ is a recursive filter. The start of the
+factor of NVR |a|² + g |b|² |Δ|²ᵐ, and after them R⁻ᵀ is a recursive filter. The start of the
 trajectory (m numbers) and of the noise (degree of a) is diffuse: w is shorter than y by both.
 
 With z = Ω⁻¹ w the expected disturbances are η̂ = NVR Aᵀ z and ε̂ = Cᵀ z, and the expected noise is
@@ -25,24 +25,19 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
-from pivident.signals.random_walk_likelihood import (
-    MAX_NVR,
-    MIN_NVR,
-    DiffuseFit,
-    NvrEstimate,
-)
+from pivident.signals.random_walk_likelihood import MAX_NVR, MIN_NVR, DiffuseFit, NvrEstimate
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
 _GRID_POINTS = 24
 _TOLERANCE = 1e-3
 _GOLDEN = (math.sqrt(5) - 1) / 2
 
-#: R counts as settled when so many rows, one after the other, differ by less than a tolerance:
+#: R has settled when this many consecutive rows differ by less than a tolerance:
 #: the search needs the likelihood to 1e-3 only, and narrow lines make R settle slowly.
 _SETTLED_ROWS = 10
 _SETTLED, _SETTLED_IN_SEARCH = 1e-13, 1e-8
 
-#: Samples from which the start of the noise is found.
+#: Samples from which the start of the noise is computed.
 _START = 400
 
 
@@ -50,16 +45,13 @@ _START = 400
 class NoiseColour:
     """ARMA model of measurement noise: a(L) v = √g b(L) ε, var ε = r.
 
-    Attributes:
-        ar: a, monic, all roots inside the unit circle, earliest lag first.
-        ma: b, likewise.
-        gain: g, variance of the innovations in units of r. Where r is chosen to be the noise's
-            white floor, NVR and half-power frequency mean what they mean without colour.
+    a and b are monic, roots inside the unit circle, earliest lag first. With r the noise's white
+    floor, NVR and half-power frequency mean the same as without colour.
     """
 
     ar: np.ndarray
     ma: np.ndarray
-    gain: float = 1.0
+    gain: float = 1.0  # g, variance of the innovations in units of r
 
     def spectrum(self, omega: np.ndarray) -> np.ndarray:
         """S_v(ω)/r = g |b|²/|a|², ω in radians per sample."""
@@ -71,15 +63,7 @@ class NoiseColour:
 def estimate_coloured_nvr(
     y: np.ndarray, rate: float, order: int, colour: NoiseColour, f50_max: float | None = None
 ) -> NvrEstimate:
-    """NVR of largest exact likelihood for noise of a given colour, r eliminated.
-
-    Args:
-        y: one channel, shape (samples,).
-        rate: sampling rate [Hz].
-        order: order m of the random walk.
-        colour: of the measurement noise.
-        f50_max: largest bandwidth to consider [Hz].
-    """
+    """NVR of largest exact likelihood for noise of a given colour, r eliminated."""
     lower, upper = math.log10(MIN_NVR[order]), math.log10(MAX_NVR)
     if f50_max is not None and f50_max < rate / 2:
         upper = max(lower, min(upper, math.log10(nvr_from_f50(f50_max, order, rate))))
@@ -92,12 +76,6 @@ def coloured_fit(y: np.ndarray, nvr: float, order: int, colour: NoiseColour) -> 
     """Smoothed trajectory, r̂ and exact diffuse likelihood of one channel at a given NVR.
 
     The likelihood is that of w, which is shorter than y by m and the degree of a.
-
-    Args:
-        y: one channel, shape (samples,).
-        nvr: noise-to-variance ratio, var η / r.
-        order: order m of the random walk.
-        colour: of the measurement noise.
     """
     w, a, c = _banded_system(y, order, colour)
     z, variance, log_likelihood = _solve(w, a, c, nvr)
@@ -190,7 +168,7 @@ def _triangularise(a, c, head, tolerance):
     """Rows of R until they settle, ``head[j]`` = R[j, j : j+band+1]; returns their number.
 
     Row i of Aᵀ (and of Cᵀ) holds a[i - k] in the columns k = i - deg a … i. Rows enter in the
-    order of i, so that none fills in beyond column i, and R[j] is final behind row j + band.
+    order of i, so that none fills in beyond column i, and R[j] is final after row j + band.
     """
     n, band = head.shape[0], head.shape[1] - 1
     row = np.empty(band + 1)
@@ -239,7 +217,7 @@ def _forward(w, head, rows):
     theta = head[rows - 1] * scale
     for j in range(rows + band, w.size):
         now = w[j] * scale
-        # The sample before enters last: it is the only term that has to be waited for.
+        # The sample before enters last: only this term depends on the previous step.
         for t in range(band, 0, -1):
             now -= theta[t] * e[j - t]
         e[j] = now

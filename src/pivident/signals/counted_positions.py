@@ -1,15 +1,15 @@
-"""Noise-to-variance ratio of positions that come in visible counts.
+"""Noise-to-variance ratio of positions with visible counts.
 
 The error of a rounded position is like white noise of variance Δ²/12 only while counts change
 quickly. At standstill it is constant, so that the record has no noise there at all, and in slow
-motion it is a staircase. Maximum likelihood over the whole record then takes the steps for motion:
-the more a joint stands still, the wider the smoother becomes (340 Hz in place of 20 Hz on a
-simulated arm with 3600 counts per revolution and a third of standstill), accelerations drown, and
-an estimator that uses them may not converge.
+motion it is a staircase. Maximum likelihood over the whole record then fits the steps as motion:
+the more a joint stands still, the wider the smoother becomes (340 Hz instead of 20 Hz on a
+simulated arm with 3600 counts per revolution and a third of standstill), noise dominates the
+accelerations, and an estimator that uses them may not converge.
 
-The ratio is therefore found where counts change quickly, and used for the whole record; it is
-raised where the smoother would then be further from the positions than rounding explains, because
-a reversal, whose counts change slowly, needs more bandwidth.
+The ratio is therefore estimated where counts change quickly, and used for the whole record; it is
+raised where the smoothed record would then be further from the positions than rounding explains,
+because a reversal, whose counts change slowly, needs more bandwidth.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 from pivident.signals.random_walk_likelihood import MAX_NVR, diffuse_fit, estimate_nvr
 from pivident.signals.random_walk_model import nvr_from_f50
 
-#: Share of samples that repeat the one before, from which on counts are visible.
+#: Fraction of samples that repeat the one before, above which counts are visible.
 REPEATED = 0.5
 
 #: Counts change quickly as long as none lasts longer than this [s] …
@@ -30,27 +30,18 @@ MAX_PAUSE = 0.005
 #: … or this many samples in slow logs.
 MIN_SAMPLES = 3
 
-#: Shortest stretch that tells a ratio [s], several periods of what a smoother keeps, and samples.
+#: Shortest stretch for a ratio [s], several periods of what a smoother keeps, and in samples.
 MIN_STRETCH, MIN_STRETCH_SAMPLES = 0.1, 100
 
 
 def has_visible_counts(y: np.ndarray) -> bool:
-    """Whether most samples of a channel repeat the one before, but not all do.
-
-    Args:
-        y: positions, shape (samples,).
-    """
+    """Whether most samples of a channel repeat the one before, but not all do."""
     repeated = np.mean(np.diff(y) == 0.0) if y.size > 1 else 0.0
     return bool(REPEATED < repeated < 1.0)
 
 
 def counting_stretches(y: np.ndarray, rate: float) -> list[slice]:
-    """Stretches in which counts change quickly.
-
-    Args:
-        y: positions, shape (samples,).
-        rate: sampling rate [Hz].
-    """
+    """Stretches in which counts change quickly."""
     changes = np.flatnonzero(np.diff(y)) + 1
     if changes.size == 0:
         return []
@@ -67,19 +58,10 @@ def nvr_of_counts(
 ) -> float | None:
     """Noise-to-variance ratio of a channel with visible counts.
 
-    Each stretch has its own of largest likelihood; theirs is the median, weighted by their length,
+    The median of the ratios of largest likelihood of the stretches, weighted by their length, is
     doubled as long as the smoothed record is further from the positions than Δ/√12 (rms, without
-    standstill).
-
-    Args:
-        y: positions, shape (samples,).
-        rate: sampling rate [Hz].
-        order: order of the random walk.
-        f50_max: largest bandwidth to consider [Hz].
-
-    Returns:
-        The ratio for ``smooth(..., nvr=...)``, or None where counts are not visible, or never
-        change quickly for long enough: then the whole record decides.
+    standstill). None where counts are not visible or never change quickly for long enough: then the
+    whole record decides.
     """
     if not has_visible_counts(y):
         return None

@@ -1,13 +1,13 @@
-"""Parallel decimation: observation matrix and torque through one and the same low-pass.
+"""Parallel decimation: observation matrix and torque through the same low-pass.
 
 The columns of the observation matrix and the torque are filtered alike and every r-th sample is
-kept, so that the linear relation between them survives while everything above the decimated rate
-is dropped. A stage is MATLAB's ``decimate``: Chebyshev type I of order 8, ripple 0.05 dB, edge
+kept, so that the linear relation between them is preserved while everything above the decimated
+rate is removed. A stage is MATLAB's ``decimate``: Chebyshev type I of order 8, ripple 0.05 dB, edge
 0.8/r of half the rate, forwards and backwards; large factors are split into stages.
-``scipy.signal.decimate`` has the same filter, but other ends: it keeps the first sample where
+``scipy.signal.decimate`` has the same filter but other ends: it keeps the first sample where
 MATLAB keeps the last, and extends the record by three samples more. A Chebyshev filter of even
-order scales constants by its ripple (-0.1 dB in a stage); both sides of the
-equation carry the same factor, so the estimates do not see it.
+order scales constants by its ripple (-0.1 dB in a stage); both sides of the equation carry the
+same factor, which cancels from the estimates.
 """
 
 from __future__ import annotations
@@ -31,25 +31,20 @@ Convention = Literal["matlab", "scipy"]
 #: Odd extension at each end of a stage: three times the order, or the number of coefficients.
 PADLEN: dict[Convention, int] = {"matlab": 3 * ORDER, "scipy": 3 * (ORDER + 1)}
 
-#: Largest factor of one stage; beyond it the filter's poles crowd at z = 1.
+#: Largest factor of one stage; beyond it the filter's poles cluster at z = 1.
 MAX_STAGE = 13
 
-#: Impulse responses count as ended below this, relative to a unit step's response of one.
+#: Level below which an impulse response has ended, relative to the unit step response.
 NEGLIGIBLE = 1e-12
 
 
 @dataclass(frozen=True)
 class DecimationBlock:
-    """One of several overlapping blocks of a record that is decimated piece by piece.
+    """One of several overlapping blocks of a record that is decimated block by block.
 
     With ``part = parallel_decimation(x[block.source], factor, offsets=block.offsets)`` the rows
-    ``part[block.keep]`` are rows ``block.target`` of the decimated record.
-
-    Attributes:
-        source: samples to read.
-        keep: rows of the decimated block that are far enough from its ends.
-        target: rows of the decimated record that they are.
-        offsets: first sample kept by every stage, the same in all blocks.
+    ``part[block.keep]`` are rows ``block.target`` of the decimated record. ``keep`` leaves out the
+    rows near the ends; ``offsets`` are the first samples kept by each stage, equal in all blocks.
     """
 
     source: slice
@@ -65,22 +60,11 @@ def parallel_decimation(
     convention: Convention = "matlab",
     offsets: Sequence[int] | None = None,
 ) -> np.ndarray:
-    """Low-pass x along time without phase and keep every ``factor``-th sample.
+    """Low-pass x along axis 0 without phase and keep every ``factor``-th sample.
 
-    Args:
-        x: samples along axis 0, any number of columns.
-        factor: total factor, or the factors of the stages.
-        convention: whose ``decimate`` is followed at the ends: ``matlab`` keeps samples
-            r - (r·⌈n/r⌉ - n) + i·r, counted from one, of each stage, so that the last sample is
-            kept; ``scipy`` keeps the first one.
-        offsets: index of the first sample kept by each stage, instead of the convention's.
-
-    Returns:
-        ⌈samples/factor⌉ rows (stage by stage) with either convention.
-
-    Raises:
-        RecordingError: the factor is below one.
-        RecordingTooShort: too few samples are left for a stage.
+    ``factor`` is the total or those of the stages. At the ends ``matlab`` keeps samples
+    r - (r·⌈n/r⌉ - n) + i·r, counted from one, of each stage, so that the last sample is kept;
+    ``scipy`` keeps the first one. Both give ⌈samples/factor⌉ rows (stage by stage).
     """
     from scipy.signal import sosfiltfilt
 
@@ -98,8 +82,8 @@ def parallel_decimation(
 def decimation_stages(factor: int | Sequence[int]) -> tuple[int, ...]:
     """Split a factor into as few stages as possible, the largest of them as small as possible.
 
-    100 becomes 10·10 and 125 becomes 5·5·5. A prime factor above 13 keeps a stage of its own, a
-    sequence of stages is returned as it is, and a factor of one has no stage at all.
+    100 becomes 10·10 and 125 becomes 5·5·5. A prime factor above 13 is one stage, a sequence
+    of stages is returned unchanged, and a factor of one has no stage.
     """
     if not isinstance(factor, int | np.integer):
         return tuple(int(stage) for stage in factor)
@@ -111,13 +95,7 @@ def decimation_stages(factor: int | Sequence[int]) -> tuple[int, ...]:
 def decimation_offsets(
     samples: int, factor: int | Sequence[int], convention: Convention = "matlab"
 ) -> tuple[int, ...]:
-    """Index of the first sample that each stage keeps.
-
-    Args:
-        samples: length of the record.
-        factor: total factor, or the factors of the stages.
-        convention: see :func:`parallel_decimation`.
-    """
+    """Index of the first sample that each stage keeps."""
     offsets = []
     for stage in decimation_stages(factor):
         kept = math.ceil(samples / stage)
@@ -127,18 +105,10 @@ def decimation_offsets(
 
 
 def decimation_gain(frequency: np.ndarray, rate: float, factor: int | Sequence[int]) -> np.ndarray:
-    """Gain of all stages for a component of the record, Π |H_r(f)|², without phase.
+    """Gain of all stages for a component of the record at a frequency [Hz], Π |H_r(f)|².
 
-    A stage runs at the rate that the stages before it left. A component above half the last rate
-    appears at another frequency after decimation; this is the gain with which it gets there.
-
-    Args:
-        frequency: frequencies before decimation [Hz], shape (points,).
-        rate: sampling rate before decimation [Hz].
-        factor: total factor, or the factors of the stages.
-
-    Returns:
-        Gain, shape (points,).
+    A stage runs at the rate left by the stages before it. A component above half the last rate is
+    aliased by decimation; this is its gain there.
     """
     from scipy.signal import freqz_sos
 
@@ -153,10 +123,7 @@ def decimation_gain(frequency: np.ndarray, rate: float, factor: int | Sequence[i
 def decimation_overlap(factor: int | Sequence[int]) -> int:
     """Samples after which an end of the record is forgotten, to 1e-12 of a unit step.
 
-    Later stages reach further by the factors before them.
-
-    Args:
-        factor: total factor, or the factors of the stages.
+    The reach of later stages is multiplied by the factors before them.
     """
     overlap, scale = 0, 1
     for stage in decimation_stages(factor):
@@ -171,17 +138,9 @@ def decimation_blocks(
     """Cut a record into overlapping blocks whose decimation equals that of the whole.
 
     Every block starts at a multiple of the total factor, so all of them lie on the grid of the
-    decimated record, and overlaps its neighbours by :func:`decimation_overlap`.
-
-    Args:
-        samples: length of the record.
-        factor: total factor, or the factors of the stages.
-        block: samples that a block contributes, rounded up to a multiple of the factor; the
-            overlap comes on top on both sides.
-        convention: see :func:`parallel_decimation`.
-
-    Yields:
-        The blocks from first to last; their targets cover the decimated record without gaps.
+    decimated record, and overlaps its neighbours by :func:`decimation_overlap`. It contributes
+    ``block`` samples, rounded up to a multiple of the factor; the targets cover the decimated
+    record without gaps.
     """
     stages = decimation_stages(factor)
     total = math.prod(stages)
@@ -193,7 +152,7 @@ def decimation_blocks(
     step = max(1, math.ceil(block / total))
     for first in range(0, rows, step):
         last = min(first + step, rows)
-        # A row is fed from offset (< total) samples behind its multiple of the total factor.
+        # A row lies offset (< total) samples after its multiple of the total factor.
         start = max(0, first - margin)
         stop = last + margin + 1
         yield DecimationBlock(
@@ -205,7 +164,7 @@ def decimation_blocks(
 
 
 def _factorisations(factor: int, smallest: int = 2) -> Iterator[tuple[int, ...]]:
-    """All ways to write the factor as a product of stages, largest first, none too large."""
+    """All factorisations into stages, largest first, none above MAX_STAGE unless prime."""
     if factor == 1:
         yield ()
     for stage in range(smallest, factor + 1):
@@ -217,7 +176,7 @@ def _factorisations(factor: int, smallest: int = 2) -> Iterator[tuple[int, ...]]
 
 @cache
 def _sections(stage: int) -> np.ndarray:
-    """Second-order sections of one stage; the transfer function itself would lose its digits."""
+    """Second-order sections of one stage; the transfer function would be inaccurate."""
     from scipy.signal import cheby1
 
     return cheby1(ORDER, RIPPLE_DB, EDGE_OF_BAND / stage, output="sos")
@@ -227,8 +186,8 @@ def _sections(stage: int) -> np.ndarray:
 def _reach(stage: int) -> int:
     """Samples until the step response of one run stays within 1e-12 of its end.
 
-    One run is enough: what the forward run gets wrong at the start, the backward run carries
-    towards the start only, and the end is the mirror image.
+    One run suffices: the backward run carries the error of the forward run at the start towards
+    the start only, and the end is the mirror image.
     """
     from scipy.signal import sosfilt
 

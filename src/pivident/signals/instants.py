@@ -6,9 +6,9 @@ Differences of positions and a torque that is held over each period are averages
     (q_{k+1} - 2 q_k + q_{k-1}) / h²    = ddq(t_k) + h²/12 d⁴q + …
     (τ_k + τ_{k-1}) / 2                 = τ(t_k) + h²/12 d²τ + …
 
-each by its own share of h². At 5 kHz and 2 Hz that is a millionth of viscous friction, which is
-more than the deviations of a record with the applied torque. Two differences further the error is
-of order h⁴: dq and ddq less their own second differences, and for the torque Numerov's rule,
+each with its own error of order h². At 5 kHz and 2 Hz that is a millionth of viscous friction, more
+than its standard error from a record with the applied torque. A second difference more leaves an
+error of order h⁴: dq and ddq less their own second differences, and for the torque Numerov's rule,
 
     (x_{k-1} + 10 x_k + x_{k+1}) / 12   = τ_k,
 
@@ -22,21 +22,14 @@ from numba import njit
 
 
 def derivatives_at_instants(dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Speeds dq - Δ²dq/6 and accelerations ddq - Δ²ddq/12 at the instants.
-
-    Args:
-        dq: first central differences, shape (samples, …) [rad/s or m/s].
-        ddq: second ones, likewise; the outermost samples of both stay as they are.
-    """
+    """Speeds dq - Δ²dq/6 and accelerations ddq - Δ²ddq/12; the outermost samples are kept."""
     return dq - _second_difference(dq) / 6.0, ddq - _second_difference(ddq) / 12.0
 
 
 def torque_at_instants(tau: np.ndarray) -> np.ndarray:
     """Torque at the instants, from averages over the two adjoining periods (Numerov's rule).
 
-    Args:
-        tau: averages, shape (samples,) or (samples, joints) [N m or N]; beyond the ends they are
-            taken to go on unchanged.
+    Beyond the ends the averages are continued unchanged.
     """
     from scipy.linalg import solve_banded
 
@@ -49,15 +42,7 @@ def torque_at_instants(tau: np.ndarray) -> np.ndarray:
 def differences_at_instants(
     q: np.ndarray, rate: float, first: int, dq: np.ndarray, ddq: np.ndarray
 ) -> None:
-    """Central differences of positions, brought to the instants, on a stretch of a record.
-
-    Args:
-        q: positions, shape (joints, samples) [rad or m], contiguous along time.
-        rate: sampling rate [Hz].
-        first: sample at which the stretch begins.
-        dq: receives the speeds of the stretch, shape (joints, stretch), contiguous.
-        ddq: receives the accelerations, likewise.
-    """
+    """Speeds and accelerations at the instants on a stretch of positions (joints, samples)."""
     for j in range(len(q)):
         _differences_at_instants(q[j], rate, first, dq[j], ddq[j])
 
@@ -71,7 +56,7 @@ def _differences_at_instants(q, rate, first, dq, ddq):
     begin, stop = max(first - 1, 0), min(last + 1, end)
     speed, acceleration = np.empty(stop - begin), np.empty(stop - begin)
     inner, outer = max(begin, 1), min(stop, end - 1)
-    # views that begin at zero: only such loops become vectors
+    # views that begin at zero: only such loops vectorise
     before, here, after = q[inner - 1 : outer - 1], q[inner:outer], q[inner + 1 : outer + 1]
     v, a = speed[inner - begin : outer - begin], acceleration[inner - begin : outer - begin]
     for k in range(here.size):

@@ -1,4 +1,4 @@
-"""Sums over pairs of samples at each lag, by FFT: the autocovariance before it is divided.
+"""Sums over pairs of samples at each lag, by FFT: the unnormalised autocovariance.
 
 Padded with as many zeros as there are lags, the end of a signal does not meet its beginning, and
 the inverse transform of its power |X(ω)|² is Σ_i x_i x_{i+k}.
@@ -14,27 +14,15 @@ import numpy as np
 
 @dataclass(frozen=True, eq=False)
 class LaggedSums:
-    """Sums over the pairs of samples at lags 0 … K.
+    """Sums over the pairs of samples at lags 0 … K, each of shape (K + 1,)."""
 
-    Attributes:
-        products: Σ x_i x_{i+k} of the centred signal x, shape (K + 1,).
-        squares: Σ x_i² x_{i+k}², shape (K + 1,).
-        pairs: n_k, number of pairs, shape (K + 1,).
-    """
-
-    products: np.ndarray
-    squares: np.ndarray
-    pairs: np.ndarray
+    products: np.ndarray  # Σ x_i x_{i+k} of the centred signal x
+    squares: np.ndarray  # Σ x_i² x_{i+k}²
+    pairs: np.ndarray  # n_k, number of pairs
 
 
 def lagged_products(x: np.ndarray, lags: int, length: int | None = None) -> np.ndarray:
-    """Σ_i x_i x_{i+k} for k = 0 … K, shape (K + 1,).
-
-    Args:
-        x: the signal, shape (samples,); nothing is centred.
-        lags: largest lag K.
-        length: of the transform, at least samples + K; None: the shortest that is fast.
-    """
+    """Σ_i x_i x_{i+k} for k = 0 … K, shape (K + 1,)."""
     from scipy.fft import irfft, next_fast_len, rfft
 
     length = next_fast_len(x.size + lags, real=True) if length is None else length
@@ -42,12 +30,7 @@ def lagged_products(x: np.ndarray, lags: int, length: int | None = None) -> np.n
 
 
 def lagged_sums(pieces: Sequence[np.ndarray], lags: int) -> LaggedSums:
-    """Sums over the pairs within each piece; NaN has no pair.
-
-    Args:
-        pieces: one signal per recording, NaN where there is none; their common mean is taken away.
-        lags: largest lag K.
-    """
+    """Sums over the pairs within each piece, common mean removed; NaN has no pair."""
     apart = np.full(lags, np.nan)  # no lag reaches from one piece into the next
     x = np.concatenate([part for piece in pieces for part in (apart, piece)][1:])
     present = np.isfinite(x)

@@ -30,33 +30,22 @@ Criterion = Literal["aic", "aicc", "bic"]
 #: A stretch must have this many samples for every order searched.
 _SAMPLES_PER_ORDER = 2
 
-#: Fewer samples than this, in the longest stretch, carry no noise model.
+#: Minimum number of samples in the longest stretch.
 _SHORTEST_STRETCH = 10
 
 
 @dataclass(frozen=True, eq=False)
 class ArModel:
-    """An autoregressive model A(z⁻¹) v = e.
+    """An autoregressive model A(z⁻¹) v = e."""
 
-    Attributes:
-        coefficients: A, monic, shape (order + 1,).
-        innovation_variance: λ, variance of e, in squared units of v.
-        criteria: value of the criterion at orders 0 … p_max.
-        criterion: which one it is.
-        order_max: largest order searched.
-        given: whether the order was given, not searched.
-        mean: mean of the samples, which was removed before the fit.
-        samples: number of samples used.
-    """
-
-    coefficients: np.ndarray
-    innovation_variance: float
-    criteria: np.ndarray
+    coefficients: np.ndarray  # A, monic, (order + 1,)
+    innovation_variance: float  # λ, variance of e, in squared units of v
+    criteria: np.ndarray  # value of the criterion at orders 0 … p_max
     criterion: Criterion
-    order_max: int
-    given: bool
-    mean: float
-    samples: int
+    order_max: int  # largest order searched
+    given: bool  # whether the order was given, not searched
+    mean: float  # of the samples, removed before the fit
+    samples: int  # number of samples used
 
     @property
     def order(self) -> int:
@@ -95,21 +84,12 @@ def fit_ar(
 ) -> ArModel:
     """Burg's autoregressive model of a residual, order by an information criterion.
 
-    AIC = N ln λ_p + 2 (p + 1); AICc adds 2 (p+1)(p+2) / (N - p - 2); BIC has ln N for 2.
-
-    Args:
-        v: residual, shape (samples,).
-        p_max: largest order; lowered to half the longest stretch on short records.
-        criterion: ``aic``, ``aicc`` or ``bic``; BIC gives about half the order of AIC.
-        order: order to use instead of searching one.
-        mask: True where samples are left out, shape (samples,). The model is fitted over the
-            stretches between them, without a product across a gap.
-        segments: the stretches themselves, rows of (start, stop), instead of a mask.
-        skip: samples to leave out at the start (transients of a filter).
-        shortest: stretches of fewer samples are ignored; None: twice the largest order.
-
-    Raises:
-        IdentificationError: no stretch is long enough, or the residual is constant.
+    AIC = N ln λ_p + 2 (p + 1); AICc adds 2 (p+1)(p+2) / (N - p - 2); BIC has ln N for 2, and gives
+    about half the order of AIC. Orders are searched up to ``p_max`` (half the longest stretch on
+    short records) unless ``order`` is given. The model is fitted over the stretches between masked
+    samples (True: left out), or over ``segments``, rows of (start, stop), without a product across
+    a gap; the first ``skip`` samples and stretches of fewer than ``shortest`` samples (None: twice
+    the largest order) are ignored.
     """
     v = np.ascontiguousarray(v, dtype=float)
     if segments is None:
@@ -160,24 +140,17 @@ def fit_ar(
 
 
 def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
-    """The model of the noise alone, where inside the motion's band something else covers it.
+    """The model of the noise alone, where model error covers it inside the motion's band.
 
-    A measured residual is noise plus what the model of the robot misses, and the latter lies in
-    the band of the motion. Its spectrum there must not count as noise: a whitener would throw
-    away the very frequencies that hold the information. So the level just beyond the band is
-    continued to zero frequency,
+    A measured residual is noise plus the error of the robot's model, and the latter lies in the
+    band of the motion. Its spectrum there must not count as noise: a whitener would suppress the
+    very frequencies that hold the information. So the level just beyond the band [Hz] is continued
+    to zero frequency,
 
         S(f) = min(S(f), S̄)   for f < band,   S̄ the mean of S over [band, 1.5 band]
 
-    and the AR model of this spectrum is solved from its autocovariances (Levinson).
-
-    Args:
-        model: AR model of the residual.
-        rate: sampling rate [Hz].
-        band: highest frequency of the motion [Hz].
-
-    Returns:
-        A model of the same order; its innovation variance is that of the changed spectrum.
+    and the AR model of this spectrum, of the same order, is solved from its autocovariances
+    (Levinson).
     """
     from scipy.linalg import solve_toeplitz
 
@@ -197,12 +170,7 @@ def continued_into_band(model: ArModel, rate: float, band: float) -> ArModel:
 
 
 def whiten(model: ArModel, x: np.ndarray) -> np.ndarray:
-    """A(z⁻¹) x along axis 0, from rest; the first ``order`` samples are a transient.
-
-    Args:
-        model: noise model.
-        x: samples, shape (samples,) or (samples, columns).
-    """
+    """A(z⁻¹) x along axis 0, from rest; the first ``order`` samples are a transient."""
     rows = np.atleast_2d(np.asarray(x, dtype=float).T)
     white = StreamingFilter((1.0,), (1.0,), model.coefficients, len(rows)).process(rows)
     return white[0] if np.ndim(x) == 1 else np.ascontiguousarray(white.T)

@@ -1,7 +1,7 @@
 """The prefilter L = λ^(-1/2) A(z⁻¹) N(z⁻¹)/D(z⁻¹), run block by block.
 
 N/D is usually the stable inverse of the controller's proportional-derivative part and A whitens
-what is left of the noise, (P-28) and (P-29); λ is the variance of the whitened noise, so that its
+the remaining noise, (P-28) and (P-29); λ is the variance of the whitened noise, so that its
 root on both sides of the equation gives every joint its weight. All columns, instruments and the
 torque pass the same causal filter. Filters keep their state: a record that is processed in blocks
 gives the numbers of the whole.
@@ -26,9 +26,9 @@ from pivident.errors import IdentificationError
 #: Taps that the compiled filter adds up in one pass over a tile; filters are padded to it.
 _TAPS = 8
 
-#: Rows that are filtered side by side: one vector of the processor. Samples of eight rows lie next
-#: to each other, so that a vector that is one sample further begins one vector further: loads that
-#: cross cache lines would take twice as long, and they are what bounds a filter of many taps.
+#: Rows that are filtered side by side: one vector of the processor. Samples of eight rows are
+#: adjacent, so that the next sample begins one vector further: loads that cross cache lines would
+#: take twice as long, and they limit a filter of many taps.
 _SIDE_BY_SIDE = (0,) * 8
 
 #: Fewer rows than this are filtered one by one.
@@ -46,19 +46,12 @@ _WORTH_A_THREAD = 2_000_000
 
 @dataclass(frozen=True, eq=False)
 class Prefilter:
-    """One joint's prefilter.
+    """One joint's prefilter; coefficients of z⁻¹, earliest first."""
 
-    Attributes:
-        numerator: N, coefficients of z⁻¹, earliest first.
-        denominator: D, the same, with all poles inside the unit circle.
-        fir: A, monic whitening polynomial; (1,) for none.
-        variance: λ, variance of the whitened noise.
-    """
-
-    numerator: Sequence[float] | np.ndarray = (1.0,)
-    denominator: Sequence[float] | np.ndarray = (1.0,)
-    fir: Sequence[float] | np.ndarray = (1.0,)
-    variance: float = 1.0
+    numerator: Sequence[float] | np.ndarray = (1.0,)  # N
+    denominator: Sequence[float] | np.ndarray = (1.0,)  # D, all poles inside the unit circle
+    fir: Sequence[float] | np.ndarray = (1.0,)  # A, monic whitening polynomial; (1,) for none
+    variance: float = 1.0  # λ, variance of the whitened noise
 
     def stream(self, rows: int, threads: int = 2) -> StreamingFilter:
         """A filter at rest for that many rows."""
@@ -66,12 +59,7 @@ class Prefilter:
         return StreamingFilter(self.numerator, self.denominator, taps, rows, threads)
 
     def response(self, frequency: np.ndarray, rate: float) -> np.ndarray:
-        """L(e^{jω}) = λ^(-1/2) A N/D, ω = 2π f/rate, complex, shape (points,).
-
-        Args:
-            frequency: frequencies [Hz], shape (points,).
-            rate: sampling rate [Hz].
-        """
+        """L(e^{jω}) = λ^(-1/2) A N/D, ω = 2π f/rate, complex, shape (points,)."""
         back = np.exp(-2j * np.pi * np.asarray(frequency, dtype=float) / rate)
         fir, numerator, denominator = (
             np.polyval(np.asarray(p, dtype=float)[::-1], back)
@@ -87,15 +75,7 @@ class Prefilter:
 
 
 class StreamingFilter:
-    """y = FIR(z⁻¹) N(z⁻¹)/D(z⁻¹) x on many rows at once, with carried state.
-
-    Args:
-        numerator: N, coefficients of z⁻¹, earliest first.
-        denominator: D, the same; its first coefficient must not be zero.
-        fir: taps applied after N/D.
-        rows: number of rows, each with a state of its own.
-        threads: threads among which the rows are shared.
-    """
+    """y = FIR(z⁻¹) N(z⁻¹)/D(z⁻¹) x on many rows at once, each with a state carried on."""
 
     def __init__(
         self,
@@ -125,15 +105,7 @@ class StreamingFilter:
         self._history[:] = 0.0
 
     def process(self, x: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
-        """Filter the next block.
-
-        Args:
-            x: next samples, shape (rows, block), C order.
-            out: array of the same shape to write to, which may be x itself; None: a new one.
-
-        Returns:
-            The filtered block, shape (rows, block).
-        """
+        """Filter the next block (rows, block) into ``out``, which may be x itself."""
         rows = len(self._state)
         x = np.ascontiguousarray(x, dtype=float)
         if x.shape[0] != rows:
@@ -167,17 +139,7 @@ def transient_length(
     order: int,
     tolerance: float = 1e-4,
 ) -> int:
-    """Samples until the start is forgotten: p + deg N + ln(tolerance) / ln(largest pole modulus).
-
-    Args:
-        numerator: N of the recursive part.
-        denominator: D of the recursive part.
-        order: order p of the whitening polynomial behind it.
-        tolerance: what may be left of the start.
-
-    Raises:
-        IdentificationError: a pole of N/D lies on or outside the unit circle.
-    """
+    """Samples until the start is forgotten: p + deg N + ln(tolerance) / ln(max |pole|)."""
     poles = np.abs(np.roots(np.asarray(denominator, dtype=float)))
     slowest = float(poles.max(initial=0.0))
     if slowest >= 1:
@@ -189,9 +151,8 @@ def transient_length(
     return order + len(numerator) - 1 + decay
 
 
-@njit(cache=True, nogil=True)
 def _filter_rows(x, numerator, denominator, taps, state, history, out):
-    """Recursive part, then taps, on every row; state and history move along."""
+    """Recursive part, then taps, on every row; state and history are updated."""
     for first in range(0, x.shape[0], len(_SIDE_BY_SIDE)):
         last = min(first + len(_SIDE_BY_SIDE), x.shape[0])
         if last - first < _FEWEST_SIDE_BY_SIDE:
@@ -207,15 +168,15 @@ def _filter_rows(x, numerator, denominator, taps, state, history, out):
 def _filter_group(x, numerator, denominator, taps, state, history, out, first, last, side):
     """Some rows side by side; the tuple ``side`` makes their number a constant of the code."""
     past, order, lanes = taps.size - 1, state.shape[1], len(side)
+    samples = _TILE // lanes
     length = min(_STRETCH, x.shape[1])
-    inner, sums = _aligned((past + length) * lanes), _aligned(_TILE)
+    inner, sums = _aligned((past + length) * lanes), _aligned(samples * lanes)
     rest = np.zeros((order, lanes))
     for r in range(last - first):
         for i in range(order):
             rest[i, r] = state[first + r, i]
         for t in range(past):
             inner[t * lanes + r] = history[first + r, t]
-    samples = _TILE // lanes
     for start in range(0, x.shape[1], _STRETCH):
         length = min(_STRETCH, x.shape[1] - start)
         for t in range(0, length, samples):
@@ -255,7 +216,7 @@ def _aligned(size):
 def _recursive(y, numerator, denominator, state, side):
     """Direct form II transposed of N/D, D monic, in place on rows side by side.
 
-    Within a row each sample waits for the one before; the others fill the wait.
+    Within a row each sample depends on the one before; the other rows hide that latency.
     """
     order, lanes = state.shape[0], len(side)
     if order == 0:
@@ -277,7 +238,7 @@ def _recursive(y, numerator, denominator, state, side):
 def _convolve(x, taps, y, side):
     """y_t = Σ_k taps_k x_{t + past - k}: taps outside, samples inside, so that it vectorises.
 
-    Contraction alone is allowed of fast arithmetic: products and sums in one instruction, NaN kept.
+    Contraction (fused multiply-add) is the only fast arithmetic allowed; NaN is kept.
     """
     past, lanes = taps.size - 1, len(side)
     y[:] = 0.0

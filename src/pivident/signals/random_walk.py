@@ -16,17 +16,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pivident.errors import NonFiniteSamples, RecordingError
 from pivident.scratch import working_array
-from pivident.signals.random_walk_likelihood import (
-    MIN_NVR,
-    diffuse_fit,
-    estimate_nvr,
-)
+from pivident.signals.random_walk_likelihood import MIN_NVR, diffuse_fit, estimate_nvr
 from pivident.signals.random_walk_model import (
     ORDERS,
     derivative_noise,
@@ -39,41 +35,32 @@ from pivident.threads import thread_count
 #: A record must have at least this many samples.
 MIN_RECORD = 20
 
-#: Samples at each end that a regression should skip: the smoother knows only one side there.
+#: Samples at each end that a regression should skip: the smoother is one-sided there.
 EDGE = 50
+
+
+#: Fields of a smoothed signal that have an entry, or a column, per channel.
+PER_CHANNEL = "q dq ddq nvr f50 noise_std on_bound log_nvr_std log_likelihood".split()
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothedSignal:
-    """A smoothed record with its derivatives and the smoother's own account of them.
+    """A smoothed record with its derivatives and the properties of the smoother.
 
     Trajectories have the shape of the input, (samples,) or (samples, channels). The other arrays
-    hold one number per channel and have shape () or (channels,).
-
-    Attributes:
-        q: smoothed position [rad or m].
-        dq: its central difference [rad/s or m/s].
-        ddq: its second central difference [rad/s² or m/s²].
-        nvr: noise-to-variance ratio, per sample of this rate.
-        f50: frequency at which the smoother's gain is one half [Hz]; infinite if none is.
-        noise_std: √r̂, estimated standard deviation of the measurement noise [rad or m].
-        on_bound: whether the NVR was searched and ended on a bound (or on ``f50_max``).
-        log_nvr_std: standard error of ln NVR; NaN where it was given or ended on a bound.
-        log_likelihood: exact diffuse log-likelihood of the channel. Orders may be compared by
-            it where the differences are large (hundreds).
-        order: order m of the random walk.
-        rate: sampling rate [Hz].
+    hold one number per channel and have shape () or (channels,). Orders may be compared by
+    ``log_likelihood`` where the differences are large (hundreds).
     """
 
     q: np.ndarray
     dq: np.ndarray
     ddq: np.ndarray
-    nvr: np.ndarray
-    f50: np.ndarray
-    noise_std: np.ndarray
-    on_bound: np.ndarray
-    log_nvr_std: np.ndarray
-    log_likelihood: np.ndarray
+    nvr: np.ndarray  # noise-to-variance ratio, per sample of this rate
+    f50: np.ndarray  # frequency at which the smoother's gain is one half [Hz], or infinite
+    noise_std: np.ndarray  # √r̂, standard deviation of the measurement noise [rad or m]
+    on_bound: np.ndarray  # whether the NVR was searched and ended on a bound (or on f50_max)
+    log_nvr_std: np.ndarray  # standard error of ln NVR; NaN: given or on a bound
+    log_likelihood: np.ndarray  # exact, diffuse
     order: int
     rate: float
 
@@ -93,11 +80,9 @@ class SmoothedSignal:
         return self._derivative_noise()[..., 1]
 
     def advice(self, dynamic_frequency: float, loss: float = 1e-3) -> list[str]:
-        """One line per channel: is the bandwidth wide enough, and what noise does it let through.
+        """One line per channel: whether the bandwidth is wide enough, and the noise it passes.
 
-        Args:
-            dynamic_frequency: highest frequency of the motion that matters [Hz].
-            loss: largest relative loss of amplitude allowed up to there.
+        Motion up to ``dynamic_frequency`` [Hz] may lose the fraction ``loss`` of its amplitude.
         """
         needed = required_f50(dynamic_frequency, self.order, loss)
         lines = []
@@ -115,19 +100,7 @@ class SmoothedSignal:
 
     def channel(self, index: int) -> SmoothedSignal:
         """One channel of several, trajectories of shape (samples,)."""
-        return SmoothedSignal(
-            q=self.q[:, index],
-            dq=self.dq[:, index],
-            ddq=self.ddq[:, index],
-            nvr=self.nvr[index],
-            f50=self.f50[index],
-            noise_std=self.noise_std[index],
-            on_bound=self.on_bound[index],
-            log_nvr_std=self.log_nvr_std[index],
-            log_likelihood=self.log_likelihood[index],
-            order=self.order,
-            rate=self.rate,
-        )
+        return replace(self, **{name: getattr(self, name).T[index] for name in PER_CHANNEL})
 
     def _derivative_noise(self) -> np.ndarray:
         pairs = [
@@ -146,29 +119,15 @@ def smooth(
     *,
     f50_max: float | None = None,
 ) -> SmoothedSignal:
-    """Smooth one channel or several and differentiate twice.
+    """Smooth one channel (samples,) or several (samples, channels) and differentiate twice.
 
-    Args:
-        y: measured positions [rad or m], shape (samples,) or (samples, channels). Channels are
-            smoothed independently of each other, by one thread each.
-        rate: sampling rate [Hz].
-        order: order m of the random walk, 1 to 4.
-        nvr: noise-to-variance ratio, one for all or one per channel; None: by maximum
-            likelihood, channel by channel.
-        passes: 2 smooths the differences of the smoothed positions once more with the same
-            order, as the paper does with ``irwsm``. The second search normally ends on its upper
-            bound, since smooth differences have no white noise left: the accelerations are then
-            those of a single pass.
-        f50_max: cap of the searched bandwidth [Hz], for records whose quantisation or
-            coloured noise lets maximum likelihood smooth too little.
-
-    Returns:
-        The smoothed record. A channel without visible noise (constant, say) comes back unchanged
-        within rounding, with ``on_bound`` set and ``noise_std`` close to zero.
-
-    Raises:
-        RecordingError: too few samples, or an NVR too small for the arithmetic.
-        NonFiniteSamples: a channel holds NaN or infinite samples.
+    ``nvr`` is one for all or one per channel; None: by maximum likelihood, channel by channel, with
+    the bandwidth capped at ``f50_max`` [Hz] for records whose quantisation or coloured noise makes
+    maximum likelihood smooth too little. Two ``passes`` smooth the differences of the smoothed
+    positions once more, as the paper does with ``irwsm``; the second search normally ends on its
+    upper bound, since smooth differences have no white noise left, and the accelerations are then
+    those of a single pass. A channel without visible noise (constant, say) is returned unchanged
+    within rounding, with ``on_bound`` set and ``noise_std`` close to zero.
     """
     if np.ndim(y) == 2:
         return smooth_channels(y, rate, order, nvr, passes, f50_max=f50_max)
@@ -188,20 +147,7 @@ def smooth_channels(
     f50_max: float | None = None,
     threads: int | None = None,
 ) -> SmoothedSignal:
-    """Smooth several channels on a pool of threads; see :func:`smooth` for the arguments.
-
-    Args:
-        y: measured positions [rad or m], shape (samples, channels).
-        rate: sampling rate [Hz].
-        order: order m of the random walk, 1 to 4.
-        nvr: noise-to-variance ratio, one for all or one per channel, or None.
-        passes: 1 or 2.
-        f50_max: cap of the searched bandwidth [Hz].
-        threads: size of the pool; None: :func:`pivident.threads.thread_count`.
-
-    Returns:
-        The smoothed record, trajectories of shape (samples, channels).
-    """
+    """Smooth several channels on a pool of threads; see :func:`smooth` for the arguments."""
     y = np.asarray(y, dtype=float)
     check_positions(y, rate, order, passes)
     samples, channels = y.shape
@@ -240,7 +186,7 @@ def _smooth_channel(
     y: np.ndarray, rate: float, order: int, nvr: float | None, f50_max: float | None
 ) -> tuple[np.ndarray, np.ndarray, tuple[float, float, bool, float, float]]:
     """Smoothed record, its forward differences, and nvr, √r, on_bound, std of ln NVR, log L."""
-    # Constants pass unchanged, so the mean is taken off where it would only cost digits.
+    # Constants pass unchanged, so the mean is subtracted: it would only cost digits.
     mean = float(np.mean(y))
     y = y - mean
     on_bound, log_std = False, math.nan

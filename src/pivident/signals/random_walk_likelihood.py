@@ -10,13 +10,13 @@ and the smoothed trajectory is T = y - Dᵀ z with R z = c. Two facts make this 
 
 * R is also the triangular factor of the least squares problem min ‖Dᵀz - y‖² + NVR ‖z‖², so
   Givens rotations build it without forming Ω, with rounding errors that grow with the *root* of
-  its condition number 4ᵐ/NVR, where a Cholesky factorisation pays the whole of it.
+  its condition number 4ᵐ/NVR, not with the number itself as in a Cholesky factorisation.
 * The rows of R settle, exponentially, on the spectral factor √f0 · θ(z) of Ω. The head of the
-  record needs rotations; behind it R is a constant row, c is the recursive filter w / (√f0 θ), and
+  record needs rotations; after it R is a constant row, c is the recursive filter w / (√f0 θ), and
   an evaluation of the *exact* likelihood costs little more than that filter.
 
 Started at rest instead, the filter would be useless on a record that begins in noise: the error
-of the start dies slowly and outweighs the record.
+of the start decays slowly and dominates the likelihood.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ MAX_NVR = 1e4
 _GRID_POINTS = 24
 _TOLERANCE = 1e-3
 
-#: Rows of R are rotated until what is left of the start has decayed to this, and a few more.
+#: Rows of R are rotated until the effect of the start has decayed to this, and a few more.
 _SETTLED = 1e-17
 _EXTRA_ROWS = 20
 
@@ -47,12 +47,7 @@ _GOLDEN = (math.sqrt(5) - 1) / 2
 
 @dataclass(frozen=True)
 class NvrEstimate:
-    """Result of the search.
-
-    Attributes:
-        nvr: the optimum.
-        on_bound: whether it lies on a bound of the search, where it is no interior optimum.
-    """
+    """Optimum of the search, and whether it lies on a bound, not at an interior optimum."""
 
     nvr: float
     on_bound: bool
@@ -60,35 +55,21 @@ class NvrEstimate:
 
 @dataclass(frozen=True, eq=False)
 class DiffuseFit:
-    """Smoothed record and exact diffuse likelihood at one NVR.
-
-    Attributes:
-        level: smoothed trajectory T, shape (samples,).
-        noise_variance: r̂ = wᵀ Ω⁻¹ w / n, with n = samples - m.
-        log_likelihood: -n/2 (ln 2π r̂ + 1) - ½ ln det Ω; infinite if the record is a polynomial.
-    """
+    """Smoothed record T and exact diffuse likelihood at one NVR."""
 
     level: np.ndarray
-    noise_variance: float
-    log_likelihood: float
+    noise_variance: float  # r̂ = wᵀ Ω⁻¹ w / n, n = samples - m
+    log_likelihood: float  # -n/2 (ln 2π r̂ + 1) - ½ ln det Ω; infinite for a polynomial
 
 
 def estimate_nvr(
     y: np.ndarray, rate: float, order: int, f50_max: float | None = None
 ) -> NvrEstimate:
-    """NVR of largest exact likelihood, the noise variance r eliminated.
+    """NVR of largest exact likelihood of a channel (samples,), the noise variance r eliminated.
 
-    A coarse grid in log10 NVR finds the valley, golden sections its floor to 0.001 decade.
-
-    Args:
-        y: one channel, shape (samples,), contiguous.
-        rate: sampling rate [Hz].
-        order: order m of the random walk.
-        f50_max: largest bandwidth to consider [Hz].
-
-    Returns:
-        The optimum. A record without visible noise (constant, or a polynomial of degree below m
-        up to rounding) gives the upper bound.
+    A coarse grid in log10 NVR brackets the maximum, golden sections refine it to 0.001 decade. A
+    record without visible noise (constant, or a polynomial of degree below m up to rounding) gives
+    the upper bound.
     """
     w = np.diff(y, order)
     lower, upper = math.log10(MIN_NVR[order]), math.log10(MAX_NVR)
@@ -103,28 +84,15 @@ def estimate_nvr(
 
 
 def diffuse_fit(y: np.ndarray, nvr: float, order: int) -> DiffuseFit:
-    """Smoothed trajectory and exact likelihood of one channel at a given NVR.
-
-    Args:
-        y: one channel, shape (samples,), contiguous.
-        nvr: noise-to-variance ratio.
-        order: order m of the random walk.
-    """
+    """Smoothed trajectory and exact likelihood of one channel at a given NVR."""
     return DiffuseFit(*_smooth(y, np.diff(y, order), difference_coefficients(order), nvr))
 
 
 def innovations_model(nvr: float, order: int) -> tuple[np.ndarray, float]:
-    """Spectral factorisation  NVR + (2 sin(ω/2))²ᵐ = f0 · |θ(e^{-iω})|²  in closed form.
+    """θ, monic, and f0 of  NVR + (2 sin(ω/2))²ᵐ = f0 · |θ(e^{-iω})|²  in closed form.
 
     The 2m roots of the left side come in pairs ζ + 1/ζ = 2 - s with sᵐ = -NVR; those inside the
-    unit circle make θ(z) = ∏ (1 - ζ_k z⁻¹).
-
-    Args:
-        nvr: noise-to-variance ratio.
-        order: order m of the random walk.
-
-    Returns:
-        θ, monic, shape (m + 1,), and f0, the innovation variance in units of r.
+    unit circle make θ(z) = ∏ (1 - ζ_k z⁻¹). f0 is the innovation variance in units of r.
     """
     theta, f0, _ = _spectral_factor(nvr, order)
     return theta[: order + 1], f0
@@ -133,7 +101,7 @@ def innovations_model(nvr: float, order: int) -> tuple[np.ndarray, float]:
 @njit(cache=True, nogil=True)
 def _spectral_factor(nvr, order):
     """θ padded with zeros to degree four, f0, and the modulus of the slowest root of θ."""
-    theta = np.zeros(5, dtype=np.complex128)
+    theta, real = np.zeros(5, dtype=np.complex128), np.zeros(5)
     theta[0] = 1.0
     f0, slowest = 1.0 + 0.0j, 0.0
     for k in range(order):
@@ -145,10 +113,13 @@ def _spectral_factor(nvr, order):
         if abs(outer) < 1:
             outer = (2 - s - root) / 2
         zeta = 1 / outer
-        theta[1:] -= zeta * theta[:-1]
+        for i in range(4, 0, -1):  # of slices would be compiled ten times as long
+            theta[i] -= zeta * theta[i - 1]
         f0 *= outer
         slowest = max(slowest, abs(zeta))
-    return theta.real.copy(), f0.real, slowest
+    for i in range(5):
+        real[i] = theta[i].real
+    return real, f0.real, slowest
 
 
 @njit(cache=True, nogil=True)
@@ -207,7 +178,7 @@ def _factorise(y, w, d, nvr):
 @njit(cache=True, nogil=True)
 def _likelihood(head, c, f0):
     """r̂ and log L of a factored record; r̂ = 0 means a record without noise."""
-    # Four sums, because one alone would wait for itself at every sample.
+    # Four sums, because a single one would depend on itself at every sample.
     s0 = s1 = s2 = s3 = 0.0
     whole = c.size - c.size % 4
     for j in range(0, whole, 4):
@@ -263,11 +234,11 @@ def _triangularise(y, d, root, factor, rhs):
 
 @njit(cache=True, nogil=True)
 def _filter_rest(w, scale, theta, start, c):
-    """c_j = w_j / √f0 - Σ θ_t c_{j-t} from j = start ≥ 4 on, behind the rows that are there."""
+    """c_j = w_j / √f0 - Σ θ_t c_{j-t} from j = start ≥ 4 on, after the rows of the head."""
     _, t1, t2, t3, t4 = theta
     c4, c3, c2, c1 = c[start - 4 : start]
     for j in range(start, w.size):
-        # c1 enters last: it is the only term that has to wait for the sample before.
+        # c1 enters last: it is the only term that depends on the sample before.
         now = (w[j] * scale - t4 * c4 - t3 * c3 - t2 * c2) - t1 * c1
         c[j] = now
         c4, c3, c2, c1 = c3, c2, c1, now
@@ -275,9 +246,9 @@ def _filter_rest(w, scale, theta, start, c):
 
 @njit(cache=True, nogil=True)
 def _substitute(d, head, root_f0, theta, c, level):
-    """Solve R z = c backwards and take Dᵀz off ``level``, which enters as y.
+    """Solve R z = c backwards and subtract Dᵀz from ``level``, which enters as y.
 
-    Behind the head every row of R is √f0 (1, θ_1 … θ_4), and z beyond the last row is zero.
+    After the head every row of R is √f0 (1, θ_1 … θ_4), and z beyond the last row is zero.
     """
     _, t1, t2, t3, t4 = theta
     z1 = z2 = z3 = z4 = 0.0

@@ -1,4 +1,4 @@
-"""What the noise-to-variance ratio of an integrated random walk means.
+"""The noise-to-variance ratio (NVR) of an integrated random walk: bandwidth, noise, accuracy.
 
 The model of order m drives the m-th difference of a trajectory T with white noise and observes
 T in white noise (Young 2011; Harvey and Peters 1990):
@@ -6,7 +6,7 @@ T in white noise (Young 2011; Harvey and Peters 1990):
     Δᵐ T_k = η_k,     y_k = T_k + ξ_k,     var ξ = r,     var η = NVR · r
 
 m = 1 is the random walk, m = 2 the integrated random walk, (P-27), m = 3 the double integrated
-one. The NVR is counted per *sample*: it has no unit and belongs to one sampling rate. Smoothing
+one. The NVR is per *sample*: it has no unit and belongs to one sampling rate. Smoothing
 over an infinite record is a zero-phase filter with the gain
 
     F(ω) = NVR / (NVR + (2 sin(ω/2))²ᵐ),     ω = 2π f / rate
@@ -34,24 +34,12 @@ def difference_coefficients(order: int) -> tuple[float, ...]:
 
 
 def nvr_from_f50(f50: float, order: int, rate: float) -> float:
-    """NVR = (2 sin(π f50 / rate))²ᵐ: the ratio whose gain is one half at f50.
-
-    Args:
-        f50: frequency of gain 1/2 [Hz], above zero and at most half the rate.
-        order: order m of the random walk.
-        rate: sampling rate [Hz].
-    """
+    """NVR = (2 sin(π f50 / rate))²ᵐ: the ratio whose gain is one half at f50."""
     return (2 * math.sin(math.pi * f50 / rate)) ** (2 * order)
 
 
 def f50_from_nvr(nvr: float, order: int, rate: float) -> float:
-    """f50 = (rate/π) asin(NVR^(1/2m) / 2) [Hz], infinite where no frequency is halved.
-
-    Args:
-        nvr: noise-to-variance ratio.
-        order: order m of the random walk.
-        rate: sampling rate [Hz].
-    """
+    """f50 = (rate/π) asin(NVR^(1/2m) / 2) [Hz], infinite where no frequency is halved."""
     half = nvr ** (1 / (2 * order)) / 2
     return rate / math.pi * math.asin(half) if half <= 1 else math.inf
 
@@ -62,37 +50,22 @@ def gain(omega: np.ndarray, nvr: float, order: int) -> np.ndarray:
 
 
 def required_f50(dynamic_frequency: float, order: int, loss: float = 1e-3) -> float:
-    """f50 ≥ f_dyn · loss^(-1/2m): the bandwidth that spares the motion.
+    """f50 ≥ f_dyn · loss^(-1/2m): the bandwidth that preserves the motion.
 
-    The smoother takes 1 - F ≈ (f/f50)²ᵐ from a component at f, so this f50 loses at most
-    ``loss`` of everything up to the dynamic frequency: 5.6 f_dyn for m = 2 and 3.2 f_dyn for
-    m = 3 at one part in a thousand.
-
-    Args:
-        dynamic_frequency: highest frequency of the motion that matters [Hz].
-        order: order m of the random walk.
-        loss: largest relative loss of amplitude.
+    The smoother removes 1 - F ≈ (f/f50)²ᵐ of a component at f, so this f50 loses at most ``loss``
+    of everything up to the dynamic frequency: 5.6 f_dyn for m = 2 and 3.2 f_dyn for m = 3 at 1e-3.
     """
     return float(dynamic_frequency * loss ** (-1 / (2 * order)))
 
 
 def derivative_noise(nvr: float, order: int, rate: float, noise_std: float) -> tuple[float, float]:
-    """Standard deviations that white measurement noise leaves on the smoothed derivatives.
+    """Standard deviations of dq and ddq that are due to white measurement noise √r.
 
     With S(ω) the gain of the central difference (sin ω for dq, (2 sin(ω/2))² for ddq),
 
         std = √r · rateⁿ · √( (1/π) ∫₀^π S(ω)² F(ω)² dω ),     n = 1, 2.
 
-    The bias of smoothing is not in it: see :func:`required_f50`.
-
-    Args:
-        nvr: noise-to-variance ratio.
-        order: order m of the random walk.
-        rate: sampling rate [Hz].
-        noise_std: √r, standard deviation of the measurement noise [rad or m].
-
-    Returns:
-        std of dq [rad/s or m/s] and of ddq [rad/s² or m/s²].
+    The bias of smoothing is not included: see :func:`required_f50`.
     """
     dq = _spectral_mean(lambda w: (np.sin(w) * gain(w, nvr, order)) ** 2, nvr, order)
     ddq = _spectral_mean(
@@ -104,15 +77,10 @@ def derivative_noise(nvr: float, order: int, rate: float, noise_std: float) -> t
 def log_nvr_std(nvr: float, order: int, samples: int) -> float:
     """Standard error of ln NVR from the expected information of the likelihood.
 
-    Whittle's approximation puts spectral means in place of traces, and the information of ln NVR
-    after r has been eliminated becomes the variance of the gain over frequency:
+    Whittle's approximation replaces traces by spectral means, and the information of ln NVR after r
+    has been eliminated becomes the variance of the gain over frequency:
 
         I = (n/2) · ( mean F² - (mean F)² ),     n = samples - m,     std = I^(-1/2)
-
-    Args:
-        nvr: noise-to-variance ratio at its optimum.
-        order: order m of the random walk.
-        samples: length of the record.
     """
     mean = _spectral_mean(lambda w: gain(w, nvr, order), nvr, order)
     square = _spectral_mean(lambda w: gain(w, nvr, order) ** 2, nvr, order)

@@ -1,17 +1,17 @@
-"""Lines in the spectrum of an encoder's noise, told from the motion by their width.
+"""Lines in the spectrum of an encoder's noise, distinguished from the motion by their width.
 
-Above the motion's band a measured position has a spectrum that falls until it meets the floor of
-the noise, and never rises again, unless the noise is coloured. A line (an interpolation error, a
-mechanical resonance, mains) stands out from the running median of its neighbourhood, which
-follows a slope of any steepness without bias. What is as wide as the motion's own slope cannot be
-told from motion this way: a wide line is looked for where motion has ended.
+Above the motion's band the spectrum of a measured position falls to the floor of the noise and
+does not rise again, unless the noise is coloured. A line (an interpolation error, a mechanical
+resonance, mains) stands out from the running median of its neighbourhood, which follows a slope of
+any steepness without bias. A line as wide as the motion's own slope is indistinguishable from
+motion this way: wide lines are searched where motion has ended.
 
 A line is modelled as an AR(2) process. Its spectrum near the peak is Lorentz's curve
 
     S(f) = peak / (1 + ((f - f0)/width)²),    variance = 2π · width · peak / rate
 
-whose three numbers come from the likelihood of the periodogram (Whittle 1953), bins P_k being
-exponentially distributed around the spectrum:
+whose three numbers maximise the likelihood of the periodogram (Whittle 1953), with exponentially
+distributed bins P_k:
 
     -log L = Σ_k ln(B_k + S(f_k)) + P_k / (B_k + S(f_k)),    B the background.
 """
@@ -33,27 +33,27 @@ from pivident.signals.binned_spectrum import (
 )
 from pivident.signals.coloured_walk_likelihood import NoiseColour
 
-#: Lowest frequency of a narrow line [Hz]: below, periods of the motion make lines of their own.
+#: Lowest frequency of a narrow line [Hz]: below, periodic motion has lines of its own.
 LOWEST_FREQUENCY = 40.0
 
 #: Lowest frequency of a wide line [Hz]: below, the machine's own vibrations look like one.
 LOWEST_WIDE_FREQUENCY = 80.0
 
-#: Most peaks of one channel: a spectrum with more is a comb, which periodic motion makes.
+#: Maximum number of peaks of a channel: a spectrum with more is a comb of periodic motion.
 MAX_LINES = 4
 
-#: Bins between two peaks, at least: the spectrum of a single line is ragged.
+#: Minimum number of bins between two peaks: the spectrum of a single line is ragged.
 _GAP = 4
 
-#: Independent samples among neighbours of a periodogram behind Hann's window, per sample.
+#: Independent samples per sample of a periodogram with Hann's window.
 _INDEPENDENT = 2.0 / 3.0
 
-#: Smallest ratio of a peak to its neighbourhood. Chance does not get there (the largest of 300
-#: white records was 5.9), and what is weaker hardly changes the smoother. Where the neighbourhood
-#: is above so many floors, the motion's, narrow peaks must be higher: its last lobes reach 12.
+#: Smallest ratio of a peak to its neighbourhood. Chance does not reach it (the largest of 300
+#: white records was 5.9), and weaker lines hardly change the smoother. Where the neighbourhood is
+#: _MOTION times the floor, narrow peaks must be higher: the last lobes of motion reach 12.
 _SMALLEST_PEAK, _SMALLEST_ON_MOTION, _MOTION = 10.0, 20.0, 3.0
 
-#: Widest line, as a share of the half length: what is wider is no line of that neighbourhood.
+#: Widest line, as a fraction of the half length: anything wider is no line of that neighbourhood.
 _WIDEST = 0.4
 
 #: Rounds of fitting a line and its background in turn, and steps of a fit.
@@ -63,17 +63,11 @@ _STEPS = 30
 
 @dataclass(frozen=True)
 class SpectralLine:
-    """One line of a noise spectrum.
+    """One line of a noise spectrum."""
 
-    Attributes:
-        frequency: of the peak [Hz].
-        width: half its width at half its height [Hz].
-        std: standard deviation of the noise in the line [rad or m].
-    """
-
-    frequency: float
-    width: float
-    std: float
+    frequency: float  # of the peak [Hz]
+    width: float  # half width at half height [Hz]
+    std: float  # standard deviation of the noise in the line [rad or m]
 
     def peak(self, rate: float) -> float:
         """Spectrum at the peak, in units in which white noise has its variance everywhere."""
@@ -95,26 +89,14 @@ class SpectralLine:
 
 @dataclass(frozen=True)
 class LineSearch:
-    """Lines of a channel and what they stand on.
-
-    Attributes:
-        lines: the strongest first; empty: the noise has none.
-        floor: variance of the white noise that has the level of the spectrum's upper half,
-            in squared units of the channel.
-    """
+    """Lines of a channel, the strongest first, and the white floor: the level of its upper half."""
 
     lines: tuple[SpectralLine, ...]
-    floor: float
+    floor: float  # variance, in squared units of the channel
 
 
 def find_lines(y: np.ndarray, rate: float, order: int) -> LineSearch:
-    """Lines of one channel, first the narrow ones, then the wide ones.
-
-    Args:
-        y: measured positions, shape (samples,).
-        rate: sampling rate [Hz].
-        order: of the differences that flatten the spectrum before the transform.
-    """
+    """Lines of one channel, first the narrow ones, then the wide ones."""
     frequency, periodogram = tapered_periodogram(y, rate, order)
     if len(periodogram) < MIN_SAMPLES or not np.all(periodogram > 0.0):
         return LineSearch((), 0.0)
@@ -135,15 +117,11 @@ def find_lines(y: np.ndarray, rate: float, order: int) -> LineSearch:
 
 
 def noise_colour(found: LineSearch, rate: float) -> NoiseColour:
-    """ARMA model of a white floor and lines, r being the floor.
+    """ARMA model of a white floor r and lines.
 
     With a the product of the lines' polynomials, b is the spectral factor of the numerator,
 
         g |b|² = |a|² + Σ_i (s_i/r) Π_{j≠i} |a_j|².
-
-    Args:
-        found: lines of a channel.
-        rate: sampling rate [Hz].
     """
     parts = [line.autoregressive(rate) for line in found.lines]
     ar = np.ones(1)
@@ -172,7 +150,7 @@ def _search(
     periodogram: np.ndarray,
     rate: float,
 ) -> bool:
-    """Add the lines that stand out ``smallest`` times; or is the spectrum a comb?"""
+    """Add the lines ``smallest`` times above the background; True: the spectrum is a comb."""
     searched = (bins.centre > lowest) & (bins.centre < bins.centre[-1 - bins.half])
     background = bins.background(_total(lines, bins.centre, rate) if lines else None)
     above = np.flatnonzero(searched & (bins.spectrum > smallest * background))
@@ -208,7 +186,7 @@ def _measure(
     periodogram: np.ndarray,
     rate: float,
 ) -> SpectralLine | None:
-    """The line at a bin, found with its background in turn; None where it is no line."""
+    """The line at a bin, fitted in turn with its background; None where it is no line."""
     guess, bin_width = float(bins.centre[highest]), bins.width(highest)
     low, high = np.searchsorted(frequency, bins.around(highest))
     near, samples = frequency[low:high], periodogram[low:high]

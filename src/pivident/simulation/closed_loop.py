@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.compiled import read_only
 from pivident.dynamics.forward import Model
 from pivident.errors import (
     ExperimentError,
@@ -186,7 +187,7 @@ def simulate_blocks(
         _check_outcome(what, joint, sample / rate, float(failure[0]), limits, joint_names)
         yield slice(0, samples), channels, _states(model, record, samples)
         return
-    law = controller.law(rate, q_ref, dq_ref)
+    law = controller.law(rate, q_ref, dq_ref).protected()
     state = initial_state(model, law, begin[0], begin[1], int(delay * rate + 1e-9))
     block = min(block, samples)
     channels = np.zeros((CHANNELS, block, n))
@@ -229,7 +230,7 @@ def _check_outcome(
 def _signal(name: str, signal: np.ndarray | None, samples: int, joints: int) -> np.ndarray:
     """A signal as the compiled loop wants it; a single row of zeros where there is none."""
     if signal is None:
-        return np.zeros((1, joints))
+        return read_only(np.zeros((1, joints)))
     if np.shape(signal) != (samples, joints):
         raise ShapeMismatch(name, np.shape(signal), (samples, joints))
-    return np.ascontiguousarray(signal, dtype=float)
+    return read_only(np.ascontiguousarray(signal, dtype=float))

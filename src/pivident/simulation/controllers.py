@@ -18,6 +18,7 @@ from typing import Literal, NamedTuple, Protocol
 
 import numpy as np
 
+from pivident.compiled import read_only
 from pivident.errors import ExperimentError
 
 #: One gain for each joint, or one for all.
@@ -55,6 +56,10 @@ class SampledLaw(NamedTuple):
     reference: np.ndarray
     integrand_reference: np.ndarray
     masses: np.ndarray = WEIGHTLESS
+
+    def protected(self) -> SampledLaw:
+        """The same arrays, read-only, so that the loop is compiled for one kind of them."""
+        return SampledLaw(*map(read_only, self))
 
 
 class Controller(Protocol):
@@ -137,18 +142,19 @@ def _faded(x: np.ndarray, fade: float) -> np.ndarray:
     return lfilter([1.0 - fade], [1.0, -fade], x, axis=0)
 
 
-def PD(kp: Gains, kd: Gains, derivative_time: float = 0.0) -> PID:
+@dataclass(frozen=True, eq=False, init=False)
+class PD(PID):
     """Proportional-derivative law u = kp (q_ref - q) + kd (dq_ref - dq̂): a `PID` without ki.
 
-    Args:
+    Attributes:
         kp: proportional gains, shape (joints,) or one for all [u per rad or m].
         kd: derivative gains, likewise [u per rad/s or m/s].
+        ki: None: there is no integrator.
         derivative_time: filter time of the derivative [s].
-
-    Returns:
-        The law.
     """
-    return PID(kp, kd, None, derivative_time)
+
+    def __init__(self, kp: Gains, kd: Gains, derivative_time: float = 0.0) -> None:
+        super().__init__(kp, kd, None, derivative_time)
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ from pivident.simulation.controllers import Controller, FeedForward
 from pivident.simulation.gravity_compensation import GravityCompensated, GravityModel
 
 if TYPE_CHECKING:
-    from pivident.estimation.problem import Loop
+    from pivident.simulation.control_loop import Loop
 
 
 def loop_feed_forward(

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pivident.compiled import inner
 from pivident.dynamics.kernels import link_poses, tree_of
 from pivident.dynamics.parameters import Parameter, nominal_values, standard_parameters
 from pivident.errors import ExperimentError
@@ -32,7 +33,7 @@ MASS_STEMS = ("mx", "my", "mz", "m")
 PLACE = 12
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def gravity_torques(
     parent, prismatic, rotation, translation, gravity, masses, q, pose, place, out
 ):  # fmt: skip

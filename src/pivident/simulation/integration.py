@@ -23,8 +23,9 @@ Runge–Kutta 4 on the full dynamics is there as the oracle that this scheme is 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import inlined as _inline
+from pivident.compiled import inner, rows
 from pivident.dynamics.friction_table import (
     AHEAD,
     MIDWAY,
@@ -64,23 +65,23 @@ LINEAR_REMAINDER = 2e-4
 # The state of a simulated robot is a handful of arrays, not an object: numba counts references of
 # every array in a tuple at every call, which took two thirds of the simulation's time.
 # Rows of ``vectors``, shape (ROWS, joints):
-Q, V, DDQ = 0, 1, 2  # positions, speeds, accelerations right after the torque was applied
-FRICTION, LEVEL = 3, 4  # friction torque at V, largest dry friction (for tolerances)
-BIAS, LAST_BIAS, MIDDLE_BIAS = 5, 6, 7  # h now, one step before, extrapolated to the middle
-RENEWED_AT = 8  # positions at which M⁻¹ was computed last
-_A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = 9, 10, 11, 12, 13, 14, 15, 16
-STILL = 17  # no travel
+Q, V, DDQ = rows(0, 1, 2)  # positions, speeds, accelerations right after the torque was applied
+FRICTION, LEVEL = rows(3, 4)  # friction torque at V, largest dry friction (for tolerances)
+BIAS, LAST_BIAS, MIDDLE_BIAS = rows(5, 6, 7)  # h now, one step before, extrapolated to the middle
+(RENEWED_AT,) = rows(8)  # positions at which M⁻¹ was computed last
+_A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = rows(9, 10, 11, 12, 13, 14, 15, 16)
+(STILL,) = rows(17)  # no travel
 ROWS = 24  # more scratch, see ``path_integration``
 _Z0, _DZ = MIDWAY, MIDWAY + 1  # rows of ``path``, where the oracle keeps states meanwhile
+# Rows of ``slopes``: at the start of the step, at its end.
+NOW, THEN = rows(0, 1)
 # Layers of ``matrices``, shape (LAYERS, joints, joints):
-INVERSE, CHANGE, RENEWED, MIDDLE, MASS, FACTOR = 0, 1, 2, 3, 4, 5  # M⁻¹, its rate, …
+INVERSE, CHANGE, RENEWED, MIDDLE, MASS, FACTOR = rows(0, 1, 2, 3, 4, 5)  # M⁻¹, its rate, …
 LAYERS = 6
 # Entries of ``clock``: time since M⁻¹ was computed, how often it was, whether FRICTION is valid,
 # steps since M⁻¹ was computed, length of the last step.
 SINCE, RENEWALS, FRICTION_KNOWN, STEPS, LAST_STEP = 0, 1, 2, 3, 4
 CLOCKS = 5
-
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 @_inline
@@ -175,12 +176,21 @@ def evaluate(
                 )
     if exact or clock[FRICTION_KNOWN] == 0.0:
         friction_torque(
-            linear, term_index, term_value, pair_index, pair_value, vectors, V, FRICTION, slopes, 0
+            linear,
+            term_index,
+            term_value,
+            pair_index,
+            pair_value,
+            vectors,
+            V,
+            FRICTION,
+            slopes,
+            NOW,
         )
         if path is not None:
             path_torque(
                 path_index, path_value, path, AHEAD, pair_index.shape[0], torque,
-                vectors, Q, V, 0.0, STILL, V, FRICTION, slopes, 0,
+                vectors, Q, V, 0.0, STILL, V, FRICTION, slopes, NOW,
             )  # fmt: skip
             accept_states(path)
     apply_matrix(matrices, INVERSE, vectors, torque, BIAS, FRICTION, DDQ)
@@ -258,11 +268,11 @@ def advance(
     freeze_at_middle(vectors, matrices, clock, h)
     apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, FRICTION, _A0)
     _linear_step(pair_index, pair_value, vectors, matrices, slopes, h)
-    slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
+    slope_times(pair_index, pair_value, slopes, NOW, vectors, _Y, _Z)
     for i in range(n):
         vectors[_AHEAD, i] = vectors[V, i] + vectors[_Y, i]
     friction_torque(
-        linear, term_index, term_value, pair_index, pair_value, vectors, _AHEAD, _REST, slopes, 1
+        linear, term_index, term_value, pair_index, pair_value, vectors, _AHEAD, _REST, slopes, THEN
     )
     small = True
     for i in range(n):
@@ -282,7 +292,7 @@ def advance(
         vectors[_A, i] = vectors[V, i] - vectors[_AHEAD, i]
         vectors[Q, i] += vectors[_X, i] + 0.25 * h * vectors[_A, i]
     # f was taken at the uncorrected speed: carried on by its slope there
-    slope_times(pair_index, pair_value, slopes, 1, vectors, _A, _Z)
+    slope_times(pair_index, pair_value, slopes, THEN, vectors, _A, _Z)
     for i in range(n):
         vectors[FRICTION, i] += vectors[_Z, i]
     for k in range(slopes.shape[1]):
@@ -298,7 +308,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     y(s) = s (1 - sK/2 (1 - sK/3 (1 - sK/4))) a.
     """
     n = vectors.shape[1]
-    stiffness = damping_rate(pair_index, pair_value, matrices, slopes, 0)
+    stiffness = damping_rate(pair_index, pair_value, matrices, slopes, NOW)
     count = int(np.ceil(min(max(stiffness * h / STIFFNESS_PER_STEP, 1e-3), MAX_INNER_STEPS)))
     step = h / count
     for i in range(n):
@@ -307,7 +317,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
         for i in range(n):
             vectors[_W, i] = vectors[_A, i]
         for order in range(4, 1, -1):
-            slope_times(pair_index, pair_value, slopes, 0, vectors, _W, _Z)
+            slope_times(pair_index, pair_value, slopes, NOW, vectors, _W, _Z)
             subtract_product(matrices, vectors, _Z, step / order, _A, _W)
             if order == 3:
                 for i in range(n):
@@ -317,11 +327,11 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
         for i in range(n):
             vectors[_Y, i] += step * vectors[_W, i]
         if s < count - 1:
-            slope_times(pair_index, pair_value, slopes, 0, vectors, _Y, _Z)
+            slope_times(pair_index, pair_value, slopes, NOW, vectors, _Y, _Z)
             subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _nonlinear_step(
     linear, term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h
 ):
@@ -335,9 +345,9 @@ def _nonlinear_step(
     left, shortest = h, h / MAX_INNER_STEPS
     while left > 1e-9 * h:
         friction_torque(
-            linear, term_index, term_value, pair_index, pair_value, vectors, V, f, slopes, 1
+            linear, term_index, term_value, pair_index, pair_value, vectors, V, f, slopes, THEN
         )
-        stiffness = damping_rate(pair_index, pair_value, matrices, slopes, 1)
+        stiffness = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
         step = left / np.ceil(max(stiffness * left / NONLINEAR_STIFFNESS, 1e-3))
         step = min(max(step, shortest), left)
         apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
@@ -348,9 +358,18 @@ def _nonlinear_step(
             for i in range(n):
                 vectors[trial, i] = vectors[V, i] + weight * step * vectors[last, i]
             friction_torque(
-                linear, term_index, term_value, pair_index, pair_value, vectors, trial, f, slopes, 1
+                linear,
+                term_index,
+                term_value,
+                pair_index,
+                pair_value,
+                vectors,
+                trial,
+                f,
+                slopes,
+                THEN,
             )
-            ahead = damping_rate(pair_index, pair_value, matrices, slopes, 1)
+            ahead = damping_rate(pair_index, pair_value, matrices, slopes, THEN)
             if ahead * step > 1.5 * NONLINEAR_STIFFNESS and step > shortest:
                 step = max(NONLINEAR_STIFFNESS / ahead, shortest)
                 stage = 1
@@ -365,7 +384,7 @@ def _nonlinear_step(
         left -= step
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def advance_runge_kutta(
     parent, prismatic, rotation, translation, gravity, inertia, rotor,
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,

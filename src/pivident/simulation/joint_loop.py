@@ -51,7 +51,7 @@ class JointFeedback:
     C = B/A + K_i h/(1 - z⁻¹) W/A, see :class:`pivident.simulation.controllers.SampledLaw`.
 
     Attributes:
-        feedback: B, coefficients of z⁰, z⁻¹, …
+        feedback: B, coefficients of z⁰, z⁻¹, … [unit of u per rad or m].
         pole: A, likewise.
         integrand: W, likewise.
         integral_gain: K_i per second.

@@ -18,8 +18,9 @@ on x and v. States keep their exact solution between its stages.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from pivident.compiled import inlined as _inline
+from pivident.compiled import inner, rows
 from pivident.dynamics.friction_table import (
     AHEAD,
     MIDWAY,
@@ -38,8 +39,10 @@ from pivident.simulation.integration import (
     MIDDLE,
     MIDDLE_BIAS,
     NONLINEAR_STIFFNESS,
+    NOW,
     STIFFNESS_PER_STEP,
     STILL,
+    THEN,
     Q,
     V,
     apply_matrix,
@@ -64,15 +67,14 @@ SIMPSON_DIFFERENCE = 2e-4
 SIMPSON_FEEDBACK = 2e-4
 
 # Rows of ``vectors``; the others of ``integration`` are taken by what a nonlinear step needs.
-_A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = 9, 10, 11, 12, 13, 14, 15, 16
-_T, _MIDWAY_SPEED, _MIDWAY_TRAVEL, _MIDWAY_REST, _DX = 18, 19, 20, 21, 22
+_A0, _A, _Y, _X, _Z, _W, _AHEAD, _REST = rows(9, 10, 11, 12, 13, 14, 15, 16)
+_T, _MIDWAY_SPEED, _MIDWAY_TRAVEL, _MIDWAY_REST, _DX = rows(18, 19, 20, 21, 22)
 
 #: Row of ``slopes`` with the slopes of a robot at rest; 0, 1 and 2 are now, ahead and midway.
-AT_REST, SLOPE_ROWS = 3, 4
+_BETWEEN, AT_REST = rows(2, 3)
+SLOPE_ROWS = 4
 
 _LOAD = int(FrictionColumn.LOAD)
-
-_inline = njit(cache=True, nogil=True, error_model="numpy", forceinline=True)
 
 
 @_inline
@@ -175,12 +177,12 @@ def advance_on_path(
     freeze_at_middle(vectors, matrices, clock, h)
     apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, FRICTION, _A0)
     feedback = _linear_step(pair_index, pair_value, vectors, matrices, slopes, h)
-    _change(pair_index, pair_value, slopes, 0, vectors, _Y, _X, _Z)
+    _change(pair_index, pair_value, slopes, NOW, vectors, _Y, _X, _Z)
     for i in range(n):
         vectors[_AHEAD, i] = vectors[V, i] + vectors[_Y, i]
     friction_after(
         linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path, AHEAD,
-        vectors, slopes, 1, torque, h, _X, _AHEAD, _REST,
+        vectors, slopes, THEN, torque, h, _X, _AHEAD, _REST,
     )  # fmt: skip
     # friction of the load changes with the torque at the next sample
     loaded = path_index.shape[0] > 0 and path_index[-1, 1] == _LOAD
@@ -213,7 +215,7 @@ def advance_on_path(
         vectors[_A, i] = vectors[V, i] - vectors[_AHEAD, i]
         vectors[Q, i] += vectors[_X, i] + vectors[_DX, i]
     # F and z were taken where the linear step ended: carried on by their slopes there
-    _change(pair_index, pair_value, slopes, 1, vectors, _A, _DX, _Z)
+    _change(pair_index, pair_value, slopes, THEN, vectors, _A, _DX, _Z)
     for i in range(n):
         vectors[FRICTION, i] += vectors[_Z, i]
     for k in range(path.shape[1]):
@@ -231,7 +233,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     Taylor polynomial of fourth order, term by term. Returns ‖M⁻¹D‖·h + ‖M⁻¹K‖·h².
     """
     n = vectors.shape[1]
-    rate, square = _stiffness(pair_index, pair_value, matrices, slopes, 0)
+    rate, square = _stiffness(pair_index, pair_value, matrices, slopes, NOW)
     wanted = _inner_steps(rate, square, h, STIFFNESS_PER_STEP, OSCILLATION_PER_STEP)
     count = int(np.ceil(min(max(wanted, 1e-3), MAX_INNER_STEPS)))
     step = h / count
@@ -244,7 +246,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
             vectors[_Y, i] += vectors[_W, i]
             vectors[_X, i] += vectors[_T, i]
         for order in range(2, 5):
-            _change(pair_index, pair_value, slopes, 0, vectors, _W, _T, _Z)
+            _change(pair_index, pair_value, slopes, NOW, vectors, _W, _T, _Z)
             for i in range(n):
                 vectors[_T, i] = step / order * vectors[_W, i]
                 vectors[_X, i] += vectors[_T, i]
@@ -254,7 +256,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
         for i in range(n):
             vectors[_X, i] += 0.2 * step * vectors[_W, i]
         if s < count - 1:
-            _change(pair_index, pair_value, slopes, 0, vectors, _Y, _X, _Z)
+            _change(pair_index, pair_value, slopes, NOW, vectors, _Y, _X, _Z)
             subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
     return rate * h + square * h * h
 
@@ -282,9 +284,10 @@ def _simpson_step(
         vectors[_MIDWAY_TRAVEL, i] = 0.5 * vectors[_X, i] - 0.125 * h * vectors[_Y, i]
     friction_after(
         linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
-        MIDWAY, vectors, slopes, 2, torque, 0.5 * h, _MIDWAY_TRAVEL, _MIDWAY_SPEED, _MIDWAY_REST,
+        MIDWAY, vectors, slopes, _BETWEEN, torque, 0.5 * h,
+        _MIDWAY_TRAVEL, _MIDWAY_SPEED, _MIDWAY_REST,
     )  # fmt: skip
-    _change(pair_index, pair_value, slopes, 0, vectors, _W, _MIDWAY_TRAVEL, _T)
+    _change(pair_index, pair_value, slopes, NOW, vectors, _W, _MIDWAY_TRAVEL, _T)
     for i in range(n):
         vectors[_MIDWAY_REST, i] -= vectors[FRICTION, i] + vectors[_T, i]
         vectors[_T, i] = 4.0 * vectors[_MIDWAY_REST, i] + vectors[_REST, i]
@@ -297,7 +300,7 @@ def _simpson_step(
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inner
 def _nonlinear_step(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, torque, h,
@@ -315,7 +318,7 @@ def _nonlinear_step(
     for k in range(slopes.shape[1]):
         slopes[1, k] = slopes[0, k]
     while left > 1e-9 * h:
-        rate, square = _stiffness(pair_index, pair_value, matrices, slopes, 1)
+        rate, square = _stiffness(pair_index, pair_value, matrices, slopes, THEN)
         count = _inner_steps(rate, square, left, NONLINEAR_STIFFNESS, NONLINEAR_OSCILLATION)
         step = min(max(left / np.ceil(max(count, 1e-3)), shortest), left)
         apply_matrix(matrices, MIDDLE, vectors, torque, MIDDLE_BIAS, f, k1)
@@ -330,9 +333,9 @@ def _nonlinear_step(
             friction_after(
                 linear, term_index, term_value, pair_index, pair_value,
                 path_index, path_value, path,
-                AHEAD, vectors, slopes, 1, torque, weight * step, travel, trial, f,
+                AHEAD, vectors, slopes, THEN, torque, weight * step, travel, trial, f,
             )  # fmt: skip
-            rate, square = _stiffness(pair_index, pair_value, matrices, slopes, 1)
+            rate, square = _stiffness(pair_index, pair_value, matrices, slopes, THEN)
             rate = max(
                 rate, _rate_at_reversals(pair_index, pair_value, matrices, slopes, vectors, trial)
             )
@@ -351,7 +354,7 @@ def _nonlinear_step(
             vectors[trial, i] = vectors[V, i] + gained
         friction_after(
             linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
-            AHEAD, vectors, slopes, 1, torque, step, travel, trial, f,
+            AHEAD, vectors, slopes, THEN, torque, step, travel, trial, f,
         )  # fmt: skip
         accept_states(path)
         for i in range(n):

@@ -6,6 +6,7 @@ import threading
 
 import numpy as np
 
+from pivident.compiled import read_only
 from pivident.dynamics.forward import Model
 from pivident.errors import ExperimentError
 from pivident.simulation.controllers import TAPS, PythonController, SampledLaw
@@ -59,12 +60,11 @@ def run_python_loop(
     # a law without feedback: its reference is what the function says
     none, unit = np.zeros((n, TAPS)), np.tile(np.eye(1, TAPS), (n, 1))
     said = np.zeros((samples, n))
-    law = SampledLaw(none, unit, none, np.zeros(n), said, said)
+    law = SampledLaw(none, unit, none, np.zeros(n), said, said).protected()
     state = initial_state(model, law, start[0], start[1], int(delay * rate + 1e-9))
     on_path = path_arguments(model.friction, state, samples)
-    heard = np.zeros((1, n))
-    q_wanted, dq_wanted = q_ref.view(), dq_ref.view()
-    q_wanted.flags.writeable = dq_wanted.flags.writeable = False
+    heard = read_only(np.zeros((1, n)))
+    q_wanted, dq_wanted = read_only(q_ref), read_only(dq_ref)
     with _ONE_RUN_AT_A_TIME:
         if controller.reset is not None:
             controller.reset()

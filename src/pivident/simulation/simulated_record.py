@@ -15,15 +15,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from pivident.dynamics.base_parameters import BaseParameters, base_parameters
+from pivident.dynamics.base_parameters import BaseParameters, base_parameters, parameter_index
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.errors import ExperimentError, ShapeMismatch
-from pivident.estimation.problem import Loop, parameter_index
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.closed_loop import LoopSignals, Trajectory
 from pivident.simulation.closed_loop import simulate as simulate_loop
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
 from pivident.simulation.feed_forward import loop_feed_forward, with_measured_gravity
 from pivident.simulation.noise import Noise

@@ -1,1 +1,5 @@
-"""Symbolic models of a robot: expressions, programs, customised Newton–Euler, base parameters."""
+"""Models as formulas and as code."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -1,7 +1,7 @@
 """Mass matrix and gravity of a robot as programs, by composite bodies.
 
 The links behind a joint, taken as one body at rest, have the inertial parameters (J, h, m), which
-go from a link's frame to its parent's by
+are transformed from a link's frame to its parent's by
 
     h' = R h,   J ← J + R J Rᵀ - (p h'ᵀ + h' pᵀ) + 2 (p·h') 1 + m (p·p 1 - p pᵀ),   h ← h + h' + m p
 
@@ -14,13 +14,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.dynamics.grouping.expressions import ZERO, Expression, operation_count
+from pivident.dynamics.grouping.expressions import ZERO, Expression
 from pivident.robot.description import Robot
+from pivident.symbolic.assignments import Output, output_array
 from pivident.symbolic.joint_frame import JointFrame
 from pivident.symbolic.link_motion import link_motion
 from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols
-from pivident.symbolic.newton_euler import Hints, rigid_torques
-from pivident.symbolic.program import Output, Program, output_array
+from pivident.symbolic.newton_euler import Hints, cheapest, rigid_torques
+from pivident.symbolic.program import Program
 from pivident.symbolic.vectors import Tensor, Vector, cross, plus, scaled
 
 
@@ -29,10 +30,8 @@ def mass_matrix(
 ) -> Program:
     """Mass matrix M(q) with rotor inertias, shape (joints, joints), as a program.
 
-    Args:
-        robot: the robot.
-        parameters: parameters of the model; others are zero.
-        values: their values; None: they are the argument ``theta``.
+    Parameters that are not among ``parameters`` are zero; without ``values`` they are the argument
+    ``theta``. Likewise in the other models.
     """
     model = model_symbols(robot, parameters, values)
     frames = [m.frame for m in link_motion(model, speeds=False, accelerations=False)]
@@ -42,7 +41,7 @@ def mass_matrix(
     for i, body in enumerate(bodies):
         h, j = body.moments, body.tensor
         revolute = robot.joints[i].kind == "revolute"
-        # force and moment that a unit acceleration of joint i takes
+        # force and moment of a unit acceleration of joint i
         force: Vector = (-h[1], h[0], ZERO) if revolute else (ZERO, ZERO, body.mass)
         moment: Vector = (j.xz, j.yz, j.zz) if revolute else (h[1], -h[0], ZERO)
         link = i
@@ -71,18 +70,12 @@ def mass_matrix(
 def gravity_vector(
     robot: Robot, parameters: Columns = "base", values: np.ndarray | None = None
 ) -> Program:
-    """Torques g(q) that hold the links against gravity, without springs, as a program.
-
-    Args:
-        robot: the robot.
-        parameters: parameters of the model; others are zero.
-        values: their values; None: they are the argument ``theta``.
-    """
+    """Torques g(q) that hold the links against gravity, without springs, as a program."""
     model = model_symbols(robot, parameters, values)
     candidates = [_gravity_of_composites(model, combine) for combine in (True, False)]
     still = {"speeds": False, "accelerations": False}
     candidates += [rigid_torques(model, combine=combine, **still) for combine in (True, False)]
-    torques, hints = min(candidates, key=lambda candidate: operation_count(candidate[0]).price)
+    torques, hints = cheapest(candidates)
     return Program.build(
         "gravity_vector",
         model.inputs("q"),

@@ -1,10 +1,10 @@
-"""The frame of a link in its parent's, in factors that a symbolic recursion can simplify.
+"""The frame of a link in its parent's, factored so that a symbolic recursion can simplify it.
 
 Every fixed rotation is Rz(ψ) Rx(α) Rz(φ), and φ adds to the joint's angle:
 
     ^pR_i = Rz(ψ) Rx(α) Rz(q + φ)   revolute,      Rz(ψ) Rx(α) Rz(φ)   prismatic
 
-In a modified DH table ψ = 0. Turning a vector costs four products for each factor that is no
+In a modified DH table ψ = 0. Rotating a vector costs four products for each factor that is not a
 multiple of 90°, at most twelve instead of the thirteen of a full matrix and one angle.
 """
 
@@ -40,26 +40,15 @@ from pivident.symbolic.vectors import (
 
 @dataclass(frozen=True)
 class JointFrame:
-    """Pose of a link's frame in its parent's.
+    """Pose of a link's frame in its parent's."""
 
-    Attributes:
-        first: Rz(ψ).
-        tilt: Rx(α).
-        angle: θ, of the last rotation Rz(θ).
-        last: Rz(θ).
-        first_angle: ψ.
-        parallel: 1 where its axis has the direction of the parent's, -1 where it is opposite,
-            0 elsewhere.
-        origin: its origin in the parent's frame, with the slide of a prismatic joint.
-    """
-
-    first: Turn
-    tilt: Turn
-    angle: Expression
-    last: Turn
-    first_angle: float
-    parallel: int
-    origin: Vector
+    first: Turn  # Rz(ψ)
+    tilt: Turn  # Rx(α)
+    angle: Expression  # θ, of the last rotation Rz(θ)
+    last: Turn  # Rz(θ)
+    first_angle: float  # ψ
+    parallel: int  # 1: its axis has the parent's direction, -1: the opposite one, 0: another
+    origin: Vector  # in the parent's frame, with the slide of a prismatic joint
 
     def out(self, a: Vector) -> Vector:
         """A vector in the parent's frame, seen from the link's."""
@@ -83,12 +72,7 @@ class JointFrame:
 
 
 def joint_frame(joint: Joint, q: Operand) -> JointFrame:
-    """The frame behind a joint.
-
-    Args:
-        joint: the joint.
-        q: its position.
-    """
+    """The frame behind a joint at the position q."""
     psi, alpha, phi = _angles(joint.rotation)
     revolute = joint.kind == "revolute"
     angle = as_expression(q) + phi if revolute else constant(phi)
@@ -112,7 +96,7 @@ def turn(angle: Operand) -> Turn:
 
 
 def _angles(rotation: np.ndarray) -> tuple[float, float, float]:
-    """ψ, α, φ of R = Rz(ψ) Rx(α) Rz(φ), with ψ = 0 where that can be."""
+    """ψ, α, φ of R = Rz(ψ) Rx(α) Rz(φ), with ψ = 0 where possible."""
     tilt = math.hypot(rotation[0, 2], rotation[1, 2])
     if tilt < EXACT:
         alpha = 0.0 if rotation[2, 2] > 0.0 else math.pi
@@ -126,6 +110,6 @@ def _angles(rotation: np.ndarray) -> tuple[float, float, float]:
 
 
 def _exact(value: float) -> Expression:
-    """A constant, with 0 and ±1 where it is that to rounding."""
+    """A constant; 0 and ±1 within rounding are exact."""
     whole = round(value)
     return constant(whole if abs(value - whole) < EXACT and abs(whole) <= 1 else value)

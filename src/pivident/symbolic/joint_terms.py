@@ -1,4 +1,4 @@
-"""What acts on single joints: rotor inertias, friction, springs, motor couplings."""
+"""Torques of single joints: rotor inertias, friction, springs, motor couplings."""
 
 from __future__ import annotations
 
@@ -15,26 +15,22 @@ from pivident.dynamics.grouping.expressions import (
     sine,
 )
 from pivident.dynamics.parameters import Parameter
-from pivident.robot.friction import FrictionColumn, FrictionTerm, SignFunction
+from pivident.robot.friction import FrictionColumn, FrictionTerm
+from pivident.robot.friction_term import SignFunction
 from pivident.symbolic.model_symbols import ModelSymbols
 
 
 def joints_of(p: Parameter) -> tuple[int, ...]:
-    """Joints on which a parameter acts that is none of a link's ten."""
+    """Joints on which a parameter acts that is not one of a link's ten."""
     return (p.joint,) if p.coupling is None else (p.coupling.joint, p.coupling.motor)
 
 
 def joint_column(
     model: ModelSymbols, p: Parameter, joint: int, inner: Expression | None = None
 ) -> Expression:
-    """Entry of the observation matrix for a parameter that is none of a link's ten.
+    """Entry of the observation matrix for a parameter that is not one of a link's ten.
 
-    Args:
-        model: robot and symbols.
-        p: the parameter.
-        joint: the row, one of `joints_of`.
-        inner: the column itself where friction remembers its path; the load that the joint
-            carries where friction grows with it.
+    ``inner`` is the column itself of friction with memory; the load of load-dependent friction.
     """
     if p.friction is not None:
         return _friction_column(p.friction, model.q[joint], model.dq[joint], inner)
@@ -60,7 +56,7 @@ def smooth_sign(code: int, gamma: float, dq: Expression) -> Expression:
 
 
 def has_memory(p: Parameter) -> bool:
-    """Whether it belongs to friction that remembers its path."""
+    """Whether it belongs to friction with memory."""
     return p.friction is not None and p.friction.has_memory
 
 
@@ -70,7 +66,7 @@ def depends_on_load(p: Parameter) -> bool:
 
 
 def inner_name(p: Parameter) -> str:
-    """Name of the signal that stands for the path or the load of a friction term."""
+    """Name of the signal for the path or the load of a friction term."""
     return f"z_{p.name}" if has_memory(p) else f"load_{p.name}"
 
 

@@ -7,9 +7,9 @@ From the base outwards, with R and p the pose of link i in its parent j,
     a_i  = Rᵀ (a_j + U_j p) + 2 ω_i × dq z + ddq z    (last two terms: prismatic)
     U_i  = [dω_i]× + [ω_i]× [ω_i]×
 
-Gravity is an upward acceleration of the base. Where joints follow each other with parallel axes
-they turn together by one angle: what comes from before the first of them is turned once, by
-q₂ + q₃, instead of twice (Khalil and Kleinfinger 1987).
+Gravity is an upward acceleration of the base. Consecutive joints with parallel axes turn together
+by one angle: a vector from before the first of them is rotated once, by q₂ + q₃, instead of twice
+(Khalil and Kleinfinger 1987).
 """
 
 from __future__ import annotations
@@ -36,50 +36,27 @@ Matrix = tuple[Vector, Vector, Vector]
 
 @dataclass(frozen=True)
 class Run:
-    """Joints with parallel axes that follow each other, the last of them the link's own.
+    """Consecutive joints with parallel axes, the last of them the link's own."""
 
-    Attributes:
-        before: link that carries the first of them, -1 for the base.
-        first: index of the first of them.
-        angle: angle by which they turn together.
-        turn: its cosine and sine.
-        flip: Rx(0) or Rx(π) behind that rotation.
-        rate: speed of the turn, about the link's axis.
-        acceleration: its derivative.
-    """
-
-    before: int
-    first: int
-    angle: Expression
-    turn: Turn
-    flip: Turn
-    rate: Expression
+    before: int  # link that carries the first of them, -1 for the base
+    first: int  # index of the first of them
+    angle: Expression  # by which they turn together
+    turn: Turn  # its cosine and sine
+    flip: Turn  # Rx(0) or Rx(π) after that rotation
+    rate: Expression  # speed of the turn, about the link's axis
     acceleration: Expression
 
     def out(self, frame: JointFrame, a: Vector) -> Vector:
-        """A vector in the frame before the run, seen from the link at its end.
-
-        Args:
-            frame: that of the run's first joint.
-            a: the vector.
-        """
+        """A vector in the frame before the run's first joint, seen from the link at its end."""
         return back_about_x(self.flip, back_about_z(self.turn, frame.staged(a)))
 
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """Motion of one link in its own frame.
+    """Motion of one link in its own frame: ω, dω, and a of the origin, less gravity.
 
-    Attributes:
-        frame: pose in its parent.
-        run: joints with parallel axes that end here; one joint alone is a run too.
-        w: angular velocity ω.
-        dw: its derivative.
-        a: acceleration of the origin, less gravity.
-        origin: its part across the axis as it was before the run, None if that is not all.
-        u: U row by row.
-        squares: products wx², wy², wz².
-        products: products wx wy, wx wz, wy wz.
+    ``run`` are the joints with parallel axes that end here, one joint alone included; ``origin`` is
+    the part of a across the axis as it was before the run, None if that is not all.
     """
 
     frame: JointFrame
@@ -88,12 +65,12 @@ class LinkMotion:
     dw: Vector
     a: Vector
     origin: Vector | None
-    u: Matrix
-    squares: Vector
-    products: Vector
+    u: Matrix  # U row by row
+    squares: Vector  # wx², wy², wz²
+    products: Vector  # wx wy, wx wz, wy wz
 
     def hints(self, number: int) -> Iterator[tuple[str, Expression]]:
-        """Telling names of its quantities for generated code."""
+        """Descriptive names of its quantities for generated code."""
         yield f"s{number}", self.frame.last.sin
         yield f"c{number}", self.frame.last.cos
         for name, vector in (("w", self.w), ("dw", self.dw), ("a", self.a)):
@@ -110,15 +87,7 @@ def link_motion(
     gravity: bool = True,
     combine: bool = True,
 ) -> list[LinkMotion]:
-    """Motion of every link.
-
-    Args:
-        model: robot and symbols.
-        speeds: whether the joints move; else all speeds are zero.
-        accelerations: whether they accelerate.
-        gravity: whether gravity acts.
-        combine: whether joints with parallel axes are turned together.
-    """
+    """Motion of every link; ``combine`` rotates joints with parallel axes together."""
     moving: list[LinkMotion] = []
     for i, joint in enumerate(model.robot.joints):
         frame = joint_frame(joint, model.q[i])
@@ -168,7 +137,7 @@ def _run(
     if before is None or not combine or not frame.parallel:
         none = turn(constant(0.0))
         return Run(parent, i, frame.angle, frame.last, none, rate, acceleration)
-    # Rx(flip) Rz(x) = Rz(±x) Rx(flip), so that angles behind a flip count negative
+    # Rx(flip) Rz(x) = Rz(±x) Rx(flip), so that angles after a flip count negative
     sign = before.run.flip.cos
     angle = before.run.angle + sign * frame.first_angle + sign * frame.parallel * frame.angle
     flip = turn(0.0) if (sign * frame.parallel).is_one else Turn(constant(-1.0), ZERO)
@@ -222,7 +191,7 @@ def _acceleration(
     total = plus(before.a, (lever[0], lever[1], lever[2]))
     origin: Vector | None = total
     if first is not frame:
-        # without lever arm since the run began, what came from before it is turned only once
+        # without lever arm since the run began, the vector from before it is rotated only once
         origin = before.origin if is_null((lever[0], lever[1], lever[2])) else None
     x, y, z = frame.out(total)
     if origin is not None:

@@ -9,11 +9,12 @@ from typing import Literal
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
-from pivident.dynamics.grouping.expressions import ZERO, Expression, constant, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import ZERO, Expression, constant
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL, Robot
-from pivident.symbolic.program import Input
+from pivident.symbolic.assignments import Input
 from pivident.symbolic.vectors import Tensor, Vector
 
 #: Which columns of the model: base or standard parameters, or chosen ones.
@@ -22,42 +23,25 @@ Columns = Literal["base", "standard"] | BaseParameters | Sequence[Parameter]
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """The ten inertial parameters of a link.
+    """The ten inertial parameters of a link."""
 
-    Attributes:
-        tensor: inertia at the frame's origin.
-        moments: first moments.
-        mass: mass.
-    """
-
-    tensor: Tensor
-    moments: Vector
+    tensor: Tensor  # inertia at the frame's origin
+    moments: Vector  # first moments
     mass: Expression
 
 
 @dataclass(frozen=True, eq=False)
 class ModelSymbols:
-    """A robot whose motion and parameters are symbols.
-
-    Attributes:
-        robot: the robot.
-        parameters: columns of the model, in order.
-        theta: value of each: its symbol, or a number.
-        q: symbols of the positions; ``dq ddq`` likewise.
-        dq: of the speeds.
-        ddq: of the accelerations.
-        gravity: acceleration of gravity in the base frame.
-        argument: the parameters as an argument of a program, without symbols for numbers.
-    """
+    """A robot whose motion and parameters are symbols."""
 
     robot: Robot
-    parameters: tuple[Parameter, ...]
-    theta: tuple[Expression, ...]
+    parameters: tuple[Parameter, ...]  # columns of the model, in order
+    theta: tuple[Expression, ...]  # value of each: its symbol, or a number
     q: tuple[Expression, ...]
     dq: tuple[Expression, ...]
     ddq: tuple[Expression, ...]
-    gravity: Vector
-    argument: Input
+    gravity: Vector  # in the base frame
+    argument: Input  # θ as an argument of a program; no symbols for numbers
 
     def value(self, stem: str, joint: int) -> Expression:
         """A link's parameter; zero if it is no column."""
@@ -96,16 +80,7 @@ class ModelSymbols:
 def model_symbols(
     robot: Robot, columns: Columns = "base", values: np.ndarray | None = None
 ) -> ModelSymbols:
-    """Symbols for the motion and the parameters of a robot.
-
-    Args:
-        robot: the robot.
-        columns: parameters of the model; all others are zero.
-        values: their values, shape (parameters,); None: they stay symbols.
-
-    Raises:
-        RobotDescriptionError: values of another number of parameters.
-    """
+    """Symbols for the motion and the parameters of a robot; other parameters are zero."""
     if isinstance(columns, str):
         columns = base_parameters(robot) if columns == "base" else standard_parameters(robot)
     if isinstance(columns, BaseParameters):

@@ -1,22 +1,23 @@
-"""Customised Newton–Euler: the inverse model of one robot, with nothing in it that is zero.
+"""Customised Newton–Euler: the inverse model of one robot, without zero terms.
 
 The method is that of Khalil and Kleinfinger (1987; Khalil and Dombre, *Modeling, Identification
 and Control of Robots*, chapter 9.6): the recursion of Newton and Euler is carried out once in
 symbols, linear in the inertial parameters (inertia J at the frame's origin, first moments h), with
-base parameters, so that most of them are zero. What is multiplied by zero is never written, what
-no torque needs is dropped, and what appears twice is computed once.
+base parameters, so that most of them are zero. Products with zero are never written, unused
+quantities are dropped, and common subexpressions are computed once.
 
     f_i = m a + U h,     n_i = J dω + ω × J ω + h × a            of each link
     f_j += R f_i,        n_j += R n_i + p × R f_i                 from the tip to the base
-    tau_i = z·n_i (revolute) or z·f_i (prismatic), and what acts on the joint itself
+    tau_i = z·n_i (revolute) or z·f_i (prismatic), plus rotor and friction of the joint
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.grouping.expressions import (
     ZERO,
     Constant,
@@ -24,10 +25,10 @@ from pivident.dynamics.grouping.expressions import (
     Multiply,
     Symbol,
     operation_count,
-    symbol,
 )
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.joint_terms import (
     depends_on_load,
     has_memory,
@@ -37,7 +38,7 @@ from pivident.symbolic.joint_terms import (
 )
 from pivident.symbolic.link_motion import LinkMotion, link_motion
 from pivident.symbolic.model_symbols import Columns, LinkInertia, ModelSymbols, model_symbols
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.symbolic.vectors import Vector, cross, dot, is_null, plus, scaled
 
 Hints = list[tuple[str, Expression]]
@@ -53,25 +54,17 @@ def inverse_model(
 ) -> Program:
     """Inverse dynamic model tau(q, dq, ddq), as a program.
 
-    Args:
-        robot: the robot.
-        parameters: parameters of the model (base, standard or chosen ones); others are zero.
-        values: their values, shape (parameters,), folded into the program; None: they are its
-            argument ``theta``.
-        rotors: whether rotor inertias ``ia`` and their couplings are in it.
-        friction: whether friction, springs and coupled friction are in it.
-
-    Returns:
-        A program of ``q dq ddq`` (and of ``inner``, the columns of friction with memory, where
-        there is such friction) and ``theta`` with the output ``tau``.
+    Its arguments are ``q dq ddq``, ``inner`` (the columns of friction with memory, if there is any)
+    and ``theta``; ``values`` of the parameters are folded into the program instead. ``rotors`` are
+    rotor inertias and their couplings, ``friction`` includes springs and coupled friction.
     """
     model = model_symbols(robot, parameters, values)
     inner = inner_symbols(model, load=False) if friction else {}
-    body, hints = _cheapest(rigid_torques(model, combine=c) for c in (True, False))
+    body, hints = cheapest(rigid_torques(model, combine=c) for c in (True, False))
     own = joint_torques(model, body, inner, rotors, friction)
     total = [a + b for a, b in zip(body, own, strict=True)]
     notes = [
-        f"{p.name}: its friction remembers the path; give its column as {inner[key].name}."
+        f"{p.name}: its friction has a memory; give its column as {inner[key].name}."
         for key, p in _inner_parameters(model)
         if key in inner
     ]
@@ -90,16 +83,10 @@ def inverse_model(
 def coriolis_vector(
     robot: Robot, parameters: Columns = "base", values: np.ndarray | None = None
 ) -> Program:
-    """Torques of Coriolis and centrifugal forces c(q, dq), without gravity and friction.
-
-    Args:
-        robot: the robot.
-        parameters: as for `inverse_model`.
-        values: likewise.
-    """
+    """Torques of Coriolis and centrifugal forces c(q, dq), without gravity and friction."""
     model = model_symbols(robot, parameters, values)
     still = {"accelerations": False, "gravity": False}
-    torques, hints = _cheapest(rigid_torques(model, combine=c, **still) for c in (True, False))
+    torques, hints = cheapest(rigid_torques(model, combine=c, **still) for c in (True, False))
     return Program.build(
         "coriolis_vector",
         model.inputs("q", "dq"),
@@ -118,18 +105,7 @@ def rigid_torques(
     accelerations: bool = True,
     gravity: bool = True,
 ) -> tuple[list[Expression], Hints]:
-    """Torques of the links, without rotors and friction.
-
-    Args:
-        model: robot and symbols.
-        combine: whether joints with parallel axes are turned together.
-        speeds: whether the joints move.
-        accelerations: whether they accelerate.
-        gravity: whether gravity acts.
-
-    Returns:
-        A torque for each joint, and telling names of what is computed on the way.
-    """
+    """Torques of the links, without rotors and friction, and names of intermediate quantities."""
     motions = link_motion(
         model, speeds=speeds, accelerations=accelerations, gravity=gravity, combine=combine
     )
@@ -161,11 +137,11 @@ def rigid_torques(
 def link_wrench(motion: LinkMotion, inertia: LinkInertia) -> tuple[Vector, Vector]:
     """Force and moment (f, n) that move a link, at its frame's origin.
 
-    With the products of the speeds at hand, n = J dω + ω × J ω is
+    With the products of the speeds, n = J dω + ω × J ω is
 
         n_x = xx dω_x + (zz - yy) ω_y ω_z - xy U_31 + xz U_21 + yz (ω_y² - ω_z²)
 
-    and so on around.
+    and cyclically.
     """
     w, dw, u, a = motion.squares, motion.dw, motion.u, motion.a
     j, h = inertia.tensor, inertia.moments
@@ -188,16 +164,12 @@ def joint_torques(
 ) -> list[Expression]:
     """Torques of rotors, friction, springs and couplings.
 
-    Args:
-        model: robot and symbols.
-        body: torques of the links, for friction that grows with the load.
-        inner: columns of friction with memory, by joint and parameter.
-        rotors: whether rotor inertias act.
-        friction: whether the others act.
+    ``body`` are the torques of the links, the load of load-dependent friction; ``inner`` the
+    columns of friction with memory, by joint and parameter.
     """
     torques = [ZERO] * model.robot.size
     load = list(body)
-    for late in (False, True):  # what grows with the load comes last
+    for late in (False, True):  # load-dependent friction comes last
         for k, (p, value) in enumerate(zip(model.parameters, model.theta, strict=True)):
             wanted = rotors if p.stem in ("ia", "iam") else friction
             if p.is_inertial or not wanted or depends_on_load(p) != late:
@@ -219,12 +191,7 @@ def _weighted(value: Expression, column: Expression) -> Expression:
 
 
 def inner_symbols(model: ModelSymbols, load: bool) -> dict[tuple[int, int], Symbol]:
-    """Symbols of inner signals, by joint and number of the parameter, in the regressor's order.
-
-    Args:
-        model: robot and symbols.
-        load: whether friction that grows with the load counts too.
-    """
+    """Symbols of memory (and load) by joint and number of the parameter, as in the regressor."""
     return {
         key: symbol(inner_name(p)) for key, p in _inner_parameters(model) if has_memory(p) or load
     }
@@ -246,10 +213,10 @@ def _inner_parameters(model: ModelSymbols) -> list[tuple[tuple[int, int], Parame
     return sorted(found, key=lambda item: item[0])
 
 
-def _cheapest(
-    candidates: Iterator[tuple[list[Expression], Hints]],
+def cheapest(
+    candidates: Iterable[tuple[list[Expression], Hints]],
 ) -> tuple[list[Expression], Hints]:
-    """The one of several ways to write a model that costs least; the first of equal ones."""
+    """The form of a model with the fewest operations; the first of equal ones."""
     return min(candidates, key=lambda candidate: operation_count(candidate[0]).price)
 
 

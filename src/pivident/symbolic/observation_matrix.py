@@ -1,9 +1,9 @@
 """The observation matrix of a robot as a program: tau = Φ(q, dq, ddq) θ.
 
 A column of link i is the force and moment (f, n) of one unit parameter, at the origin of the link's
-frame. Its entry in the row of joint j is the power that this takes at a unit speed of that joint,
-v·f + w·n, with (v, w) the velocity that the joint gives to the link's origin and frame. The wrench
-of a unit parameter has many zeros, and the zeros of (v, w) are known too.
+frame. Its entry in the row of joint j is the power of this wrench at a unit speed of that joint,
+v·f + w·n, with (v, w) the velocity that the joint gives to the link's origin and frame. Wrench and
+velocity have many structural zeros.
 """
 
 from __future__ import annotations
@@ -15,11 +15,12 @@ import numpy as np
 from pivident.dynamics.grouping.expressions import ONE, ZERO, Expression, operation_count
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import INERTIAL, Robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.joint_terms import joint_column, joints_of
 from pivident.symbolic.link_motion import LinkMotion, link_motion
 from pivident.symbolic.model_symbols import Columns, ModelSymbols, model_symbols
 from pivident.symbolic.newton_euler import Hints, inner_input, inner_symbols
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.symbolic.vectors import NULL, Vector, cross, dot, plus
 
 Wrench = tuple[Vector, Vector]
@@ -28,14 +29,8 @@ Wrench = tuple[Vector, Vector]
 def observation_matrix(robot: Robot, parameters: Columns = "base") -> Program:
     """Observation matrix Φ(q, dq, ddq), shape (joints, parameters), as a program.
 
-    Args:
-        robot: the robot.
-        parameters: its columns: base, standard or chosen parameters.
-
-    Returns:
-        A program of ``q dq ddq`` (and of ``inner``, the columns of friction with memory and the
-        loads of friction that grows with them, in the order of `Regressor.inner_entries`), with
-        the output ``phi``.
+    Its arguments are ``q dq ddq`` and ``inner``, the columns of friction with memory and the loads
+    of load-dependent friction in the order of `Regressor.inner_entries`; the output is ``phi``.
     """
     model = model_symbols(robot, parameters)
     inner = inner_symbols(model, load=True)
@@ -88,14 +83,14 @@ def _matrix(
 def _joint_entry(
     model: ModelSymbols, p: Parameter, joint: int, inner: Expression | None
 ) -> Expression:
-    """Entry of a rotor or of friction; inner signals are given as they stand in the matrix."""
+    """Entry of a rotor or of friction; an inner signal is the entry itself."""
     return joint_column(model, p, joint) if inner is None else inner
 
 
 def _velocities(
     model: ModelSymbols, motions: list[LinkMotion], link: int
 ) -> list[tuple[int, tuple[Vector, Vector]]]:
-    """Velocities (v, w) that joints up to a link give to its origin and frame, in its frame."""
+    """Velocities (v, w) of a link's origin and frame per joint speed, in its frame."""
     robot = model.robot
     chain = robot.ancestors(link)
     found = []

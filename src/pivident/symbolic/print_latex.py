@@ -4,22 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
+import numpy as np
+
 from pivident.dynamics.grouping.expressions import Expression
 from pivident.dynamics.grouping.notation import LATEX, expression_texts
+from pivident.symbolic.assignments import Assignments, Output
 from pivident.symbolic.print_python import scalar_names
-from pivident.symbolic.program import Output, Program
 from pivident.text.identifiers import identifiers, latex_name, latex_text
 
 #: Equations in one block; long blocks of `align` take TeX more than linear time.
 _BLOCK = 40
 
 
-def latex_document(programs: Sequence[Program]) -> str:
-    """Text of a document with the assignments and outputs of each program.
-
-    Args:
-        programs: what to print.
-    """
+def latex_document(programs: Sequence[Assignments]) -> str:
+    """Text of a document with the assignments and outputs of each program."""
     lines = [
         r"\documentclass[10pt,a4paper]{article}",
         r"\usepackage[utf8]{inputenc}",
@@ -34,12 +32,8 @@ def latex_document(programs: Sequence[Program]) -> str:
     return "\n".join([*lines, r"\end{document}", ""])
 
 
-def latex_section(program: Program) -> list[str]:
-    """Lines of one program: title, cost, assignments, outputs.
-
-    Args:
-        program: what to print.
-    """
+def latex_section(program: Assignments) -> list[str]:
+    """Lines of one program: title, cost, assignments, outputs."""
     names = _latex_names(program)
     texts = expression_texts(program.variables, LATEX, names)
     equations = [f"{names[v]} &= {text}" for v, text in zip(program.variables, texts, strict=True)]
@@ -65,8 +59,8 @@ def latex_section(program: Program) -> list[str]:
     return lines
 
 
-def _latex_names(program: Program) -> dict[Expression, str]:
-    """What each symbol and variable is called, all different."""
+def _latex_names(program: Assignments) -> dict[Expression, str]:
+    """Distinct names of all symbols and variables."""
     texts = scalar_names(program)
     own: dict[Expression, str] = {
         s: s.name for a in (*program.inputs, program.parameters) for s in a.symbols
@@ -85,8 +79,6 @@ def _distinct(names: Iterable[str]) -> list[str]:
 
 
 def _element_names(output: Output) -> list[str]:
-    import numpy as np
-
     head = latex_name(identifiers([output.name])[0])
     return [
         f"{head}_{{{','.join(str(k + 1) for k in place)}}}" for place in np.ndindex(output.shape)

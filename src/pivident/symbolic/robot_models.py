@@ -12,10 +12,11 @@ from pivident.dynamics.grouping.closed_form import (
     ClosedFormBaseParameters,
     closed_form_base_parameters,
 )
-from pivident.dynamics.grouping.expressions import symbol
+from pivident.dynamics.grouping.expression_graph import symbol
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import Robot
+from pivident.symbolic.assignments import Input, Output, output_array
 from pivident.symbolic.composite_bodies import gravity_vector, mass_matrix
 from pivident.symbolic.model_symbols import Columns
 from pivident.symbolic.newton_euler import coriolis_vector, inverse_model
@@ -24,10 +25,10 @@ from pivident.symbolic.print_c import c_header, c_source
 from pivident.symbolic.print_latex import latex_document
 from pivident.symbolic.print_python import python_module
 from pivident.symbolic.print_sympy import sympy_module
-from pivident.symbolic.program import Input, Output, Program, output_array
+from pivident.symbolic.program import Program
 from pivident.text.identifiers import identifier
 
-#: What can be written, and what it is.
+#: Models that can be written, and their description.
 MODELS = {
     "inverse": "inverse model tau(q, dq, ddq)",
     "regressor": "observation matrix phi(q, dq, ddq)",
@@ -37,7 +38,7 @@ MODELS = {
     "base": "base parameters from standard ones",
 }
 
-#: Languages, and what stands behind the robot's name in their file.
+#: Languages, and the suffix of the robot's name in their files.
 LANGUAGES = {"python": ".py", "c": ".c", "latex": ".tex", "sympy": "_sympy.py"}
 
 
@@ -53,13 +54,14 @@ def symbolic_models(
         robot: the robot.
         what: names out of ``MODELS``.
         columns: parameters of the models (base, standard or chosen ones).
-        values: their values, folded into the programs; None: they are arguments.
+        values: their values, shape (parameters,), folded into the programs; None: they are
+            arguments.
 
     Returns:
         A program for each name. Parameter values are no part of ``regressor`` and ``base``.
     """
     if columns == "base":
-        columns = base_parameters(robot)  # found once for all of them
+        columns = base_parameters(robot)  # computed once for all of them
     makers: Mapping[str, Callable[[], Program]] = {
         "inverse": lambda: inverse_model(robot, columns, values),
         "regressor": lambda: observation_matrix(robot, columns),
@@ -72,12 +74,7 @@ def symbolic_models(
 
 
 def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None = None) -> Program:
-    """Base parameters theta from standard parameters, by the closed form, as a program.
-
-    Args:
-        robot: the robot.
-        groups: its groups with numbers for the geometry; None: they are made here.
-    """
+    """Base parameters theta from standard parameters, by the closed form, as a program."""
     closed = groups or closed_form_base_parameters(robot, "numbers")
     symbols = tuple(symbol(p.name) for p in closed.standard)
     given = "standard parameters, " + " ".join(p.name for p in closed.standard)
@@ -92,21 +89,12 @@ def base_parameter_program(robot: Robot, groups: ClosedFormBaseParameters | None
 
 
 def nominal_base_values(base: BaseParameters) -> np.ndarray:
-    """Base parameters of the nominal (CAD) values in the robot's description.
-
-    Raises:
-        RobotDescriptionError: it has no nominal values.
-    """
-    nominal = nominal_standard_values(base.robot)
-    return base.values(nominal)
+    """Base parameters of the nominal (CAD) values in the robot's description."""
+    return base.values(nominal_standard_values(base.robot))
 
 
 def nominal_standard_values(robot: Robot) -> np.ndarray:
-    """Standard parameters of the nominal (CAD) values in a robot's description.
-
-    Raises:
-        RobotDescriptionError: it has no nominal values.
-    """
+    """Standard parameters of the nominal (CAD) values in a robot's description."""
     nominal = nominal_values(robot, standard_parameters(robot))
     if not nominal.any():
         raise RobotDescriptionError(
@@ -119,13 +107,7 @@ def nominal_standard_values(robot: Robot) -> np.ndarray:
 def model_files(
     robot: Robot, programs: Sequence[Program], languages: Sequence[str]
 ) -> dict[str, str]:
-    """Text of the files that hold given programs, by file name.
-
-    Args:
-        robot: the robot, which gives the files their name, and the functions in C their prefix.
-        programs: what to write.
-        languages: names out of ``LANGUAGES``.
-    """
+    """Texts of files by name; the robot gives files their name and C functions their prefix."""
     stem = identifier(robot.name).lower()
     printers: Mapping[str, Callable[[Sequence[Program]], str]] = {
         "python": python_module,

@@ -44,12 +44,7 @@ def is_null(a: Vector) -> bool:
 
 
 class Turn(NamedTuple):
-    """Cosine and sine of an angle.
-
-    Attributes:
-        cos: cosine.
-        sin: sine.
-    """
+    """Cosine and sine of an angle."""
 
     cos: Expression
     sin: Expression
@@ -110,6 +105,6 @@ def tensor_about_z(turn: Turn, a: Tensor) -> Tensor:
 
 
 def tensor_about_x(turn: Turn, a: Tensor) -> Tensor:
-    """Rx(α) A Rx(α)ᵀ, the same with the axes passed on by one."""
+    """Rx(α) A Rx(α)ᵀ, the same with the axes permuted cyclically."""
     b = tensor_about_z(turn, Tensor(a.yy, a.yz, a.xy, a.zz, a.xz, a.xx))
     return Tensor(b.zz, b.xz, b.yz, b.xx, b.xy, b.yy)

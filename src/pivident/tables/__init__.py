@@ -6,7 +6,6 @@ share is in the column's name (``t_s``, ``rate_hz``, ``relative_std_percent``); 
 ``low`` and ``high`` beside ``value``, at 2σ unless the column ``confidence`` says otherwise.
 """
 
-from pivident.tables.chosen import table, table_names
-from pivident.tables.columns import Table, TableError
+import lazy_loader
 
-__all__ = ["Table", "TableError", "table", "table_names"]
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

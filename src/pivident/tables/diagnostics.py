@@ -1,4 +1,4 @@
-"""Tables of what speaks for a result and against it: tests, held-out motion, verdict."""
+"""Tables of what supports a result, and of reservations: tests, held-out motion, verdict."""
 
 from __future__ import annotations
 
@@ -108,10 +108,10 @@ def verdict_statements(found: Verdict) -> Table:
         found: the verdict.
     """
     rows = [
-        {"topic": s.topic, "grade": s.grade, "text": s.text, "evidence": s.evidence}
+        {"topic": s.topic, "severity": s.severity, "message": s.message, "basis": s.basis}
         for s in found.statements
     ]
-    return Table.of_rows("statements", rows, empty=("topic", "grade", "text", "evidence"))
+    return Table.of_rows("statements", rows, empty=("topic", "severity", "message", "basis"))
 
 
 def _of(error: Any, name: str) -> float:

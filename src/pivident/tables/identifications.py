@@ -98,7 +98,7 @@ def identification_joints(result: Identification) -> Table:
         for fit, joint in zip(result.joints, result.robot.joints, strict=True)
     ]
     meanings = {
-        "relative_error_percent": "‖τ - Φθ‖/‖τ‖ over the rows that voted",
+        "relative_error_percent": "‖τ - Φθ‖/‖τ‖ over the rows in use",
         "rms_error": "rms of τ - Φθ over the same rows [torque_unit]",
         "noise_std": "deviation of the innovations of the filtered equation [noise_unit]",
         "encoder_std": "measurement noise found by the smoother [position_unit]",
@@ -174,7 +174,7 @@ def identification_signals(result: Identification) -> Table:
             "t_s": np.repeat(recording.t, count),
             "joint": np.tile(np.array([j.name for j in joints], dtype=object), samples),
             **{name: np.asarray(values, dtype=float).ravel() for name, values in signals.items()},
-            "voted": ~np.asarray(recording.mask, dtype=bool).ravel(),
+            "used": np.asarray(recording.used, dtype=bool).ravel(),
             "position_unit": _tiled([_position_unit(j.kind) for j in joints], samples),
             "torque_unit": _tiled([fit.torque_unit for fit in result.joints], samples),
         }
@@ -184,7 +184,7 @@ def identification_signals(result: Identification) -> Table:
     meanings = {
         "q": "estimated position; dq and ddq per second and per second squared",
         "tau_model": "reconstructed torque",
-        "whitened": "residual of the equation that was solved, of unit variance; NaN: no vote",
+        "whitened": "residual of the equation that was solved, of unit variance; NaN: not used",
     }
     return Table("signals", columns, meanings)
 

@@ -13,6 +13,7 @@ from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.tables.columns import Table
+from pivident.text.finding import Quantity
 
 
 def recording_signals(recording: Recording) -> Table:
@@ -181,26 +182,34 @@ def audit_findings(audit: Audit) -> Table:
     rows = [
         {
             "severity": f.severity,
-            "check": f.check,
+            "topic": f.topic,
             "kind": f.kind,
-            "where": f.where,
-            "value": math.nan if f.value is None else float(f.value),
-            "low": math.nan if f.interval is None else float(f.interval[0]),
-            "high": math.nan if f.interval is None else float(f.interval[1]),
-            "bound": math.nan if f.bound is None else float(f.bound),
-            "unit": f.unit,
-            "t_s": math.nan if f.time is None else float(f.time),
-            "sentence": f.sentence,
-            "step": f.step,
+            "subject": f.subject,
+            **_quantity(f.quantity),
+            "t_s": _known(f.time),
+            "message": f.message,
+            "next_step": f.next_step,
         }
         for f in audit.findings
     ]
     empty = (
-        "severity", "check", "kind", "where", "value", "low", "high", "bound", "unit", "t_s",
-        "sentence", "step",
+        "severity", "topic", "kind", "subject", "value", "low", "high", "bound", "unit", "t_s",
+        "message", "next_step",
     )  # fmt: skip
-    meanings = {"bound": "value from which it would be worse", "step": "what to do next"}
+    meanings = {"bound": "value from which it would be worse"}
     return Table.of_rows("findings", rows, meanings, empty)
+
+
+def _quantity(decisive: Quantity | None) -> dict[str, float | str]:
+    """The decisive number of a finding in columns."""
+    low, high = (None, None) if decisive is None else decisive.interval or (None, None)
+    return {
+        "value": _known(None if decisive is None else decisive.value),
+        "low": _known(low),
+        "high": _known(high),
+        "bound": _known(None if decisive is None else decisive.bound),
+        "unit": "" if decisive is None else decisive.unit,
+    }
 
 
 def _known(value: float | None) -> float:

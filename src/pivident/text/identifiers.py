@@ -16,7 +16,7 @@ j0 j1 jn y0 y1 yn gamma erf signgam main size_t restrict M_PI INFINITY NAN I
 """.split()
 _PYTHON_WORDS = ("np", "numpy", "print", "math", "sum", "abs", "max", "min", "pow", "len", "range")
 
-#: Words that generated code needs for itself, in C or in Python.
+#: Words that are reserved in generated code, in C or in Python.
 RESERVED = frozenset([*_C_WORDS, *_PYTHON_WORDS, *keyword.kwlist, *keyword.softkwlist])
 
 _GREEK = (
@@ -26,13 +26,13 @@ _GREEK = (
 
 
 def identifier(name: str) -> str:
-    """A valid identifier that reads like the name: ``zz[left elbow]`` becomes ``zz_left_elbow``.
+    """A valid identifier that resembles the name: ``zz[left elbow]`` becomes ``zz_left_elbow``.
 
-    Letters with accents lose them, other characters become underscores, keywords and names that
-    generated code needs get an underscore behind.
+    Letters lose their accents, other characters become underscores, keywords and names that
+    generated code needs get a trailing underscore.
     """
     plain = unicodedata.normalize("NFKD", name).encode("ascii", "ignore").decode()
-    # What has no likeness in ASCII is spelled by its number, so that names stay apart.
+    # Characters without an ASCII equivalent become their numbers, so that names stay distinct.
     if not re.search(r"[A-Za-z0-9]", plain) and name:
         plain = "_".join(f"u{ord(c):x}" for c in name)
     text = re.sub(r"[^A-Za-z0-9]+", "_", plain).strip("_") or "x"
@@ -42,12 +42,7 @@ def identifier(name: str) -> str:
 
 
 def identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
-    """An identifier for each name, all different; a number is added where two would be alike.
-
-    Args:
-        names: different names.
-        taken: identifiers that are in use already.
-    """
+    """Distinct identifiers for different names, none of them ``taken``; numbered where equal."""
     used = set(taken)
     result = []
     for name in names:
@@ -61,20 +56,12 @@ def identifiers(names: Iterable[str], taken: Iterable[str] = ()) -> list[str]:
 
 
 def one_line(text: str) -> str:
-    """A text without line ends and other control characters, fit for a comment.
-
-    Args:
-        text: any text.
-    """
+    """A text without line ends and other control characters, for a comment."""
     return " ".join("".join(c if c.isprintable() else " " for c in text).split())
 
 
 def c_comment(lines: Iterable[str]) -> list[str]:
-    """Lines of a C comment; what would end it, nest in it or be a trigraph is drawn apart.
-
-    Args:
-        lines: any texts, one for each line.
-    """
+    """Lines of a C comment; what would end it, nest in it or be a trigraph is separated."""
     safe = [line.replace("*/", "* /").replace("/*", "/ *") for line in map(_indented, lines)]
     safe = [re.sub(r"\?(?=\?)", "? ", line) for line in safe]
     return ["/*", *(f" * {line}".rstrip() for line in safe), " */"]

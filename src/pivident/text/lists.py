@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-#: Names listed in one sentence.
-LISTED = 8
+#: Maximum number of names in one sentence.
+MAX_LISTED = 8
 
 
 def listed(names: Sequence[str]) -> str:
-    """The first names of a list, and how many more there are.
-
-    Args:
-        names: of parameters or joints.
-    """
-    shown = ", ".join(names[:LISTED])
-    return shown if len(names) <= LISTED else f"{shown} and {len(names) - LISTED} more"
+    """The first names of a list, and how many more there are."""
+    shown = ", ".join(names[:MAX_LISTED])
+    return shown if len(names) <= MAX_LISTED else f"{shown} and {len(names) - MAX_LISTED} more"

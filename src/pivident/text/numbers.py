@@ -1,4 +1,4 @@
-"""Numbers as text: as many digits as they deserve.
+"""Numbers as text, with a meaningful number of digits.
 
 An estimate is written to the second digit of its interval, everything else to a few significant
 digits; NaN is a dash.
@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 
-#: Numbers of so many decimals, or as large as this, are written with an exponent.
+#: Numbers of this many decimals, or as large as this, are written with an exponent …
 _MANY_DECIMALS, _LARGE = 7, 1e6
 
-#: … unless they are larger than this, where an exponent would only hide their size.
+#: … unless they are larger than this, where an exponent would obscure their size.
 _SMALL = 1e-3
 
 
@@ -26,17 +26,12 @@ def format_significant(x: float, digits: int = 3) -> str:
 
 
 def format_exact(x: float) -> str:
-    """A number that is known exactly, with the digits it has, six at most."""
+    """An exact number with its own digits, at most six."""
     return f"{x:.6g}" if math.isfinite(x) else format_significant(x)
 
 
 def with_spread(value: float, spread: float) -> tuple[str, str]:
-    """A value and its ± spread, both to the second digit of the spread.
-
-    Args:
-        value: the value.
-        spread: such as 2σ.
-    """
+    """A value and its ± spread, both to the second digit of the spread."""
     if not (math.isfinite(value) and math.isfinite(spread) and spread > 0.0):
         return format_significant(value, 5), format_significant(spread, 2)
     decimals = max(0, 1 - _exponent(spread))
@@ -51,13 +46,7 @@ def with_spread(value: float, spread: float) -> tuple[str, str]:
 
 
 def plus_minus(value: float, spread: float, sign: bool = False) -> str:
-    """``0.123 ± 0.045``: a value and its spread in matching digits; the value where none is known.
-
-    Args:
-        value: the value.
-        spread: such as 2σ; none where it is zero or NaN.
-        sign: whether a positive value is written with its sign.
-    """
+    """``0.123 ± 0.045`` in matching digits; the value alone where the spread is zero or NaN."""
     text, spread_text = with_spread(value, spread)
     text = f"+{text}" if sign and not text.startswith("-") else text
     return f"{text} ± {spread_text}" if spread > 0.0 else text

@@ -8,12 +8,7 @@ _GAP = "  "
 
 
 def plain_table(columns: Sequence[tuple[str, str, Sequence[str]]]) -> str:
-    """Columns side by side under their heads.
-
-    Args:
-        columns: title, alignment (``<``, ``>``, or ``.`` for decimal points below each other)
-            and cells of each column.
-    """
+    """Columns (title, alignment ``<``, ``>`` or ``.`` for decimal points, cells) side by side."""
     padded = []
     for title, align, cells in columns:
         body = _on_decimal_point(cells) if align == "." else list(cells)
@@ -24,7 +19,7 @@ def plain_table(columns: Sequence[tuple[str, str, Sequence[str]]]) -> str:
 
 
 def _on_decimal_point(cells: Sequence[str]) -> list[str]:
-    """Numbers padded on the right so that their points stand below each other."""
+    """Numbers padded on the right so that their decimal points are aligned."""
     tails = [len(cell) - cell.find(".") if "." in cell else 0 for cell in cells]
     widest = max(tails, default=0)
     return [cell + " " * (widest - tail) for cell, tail in zip(cells, tails, strict=True)]

@@ -12,11 +12,7 @@ import numpy as np
 
 
 def plain(value: Any) -> Any:
-    """Lists, dictionaries, texts and finite numbers; anything else as its text.
-
-    Args:
-        value: arrays, dataclasses, mappings, sequences and numbers, in one another.
-    """
+    """Lists, dictionaries, texts and finite numbers; anything else as its text."""
     if isinstance(value, np.ndarray | np.generic):
         value = value.tolist()
     if is_dataclass(value) and not isinstance(value, type):
@@ -33,26 +29,12 @@ def plain(value: Any) -> Any:
 
 
 def strict_json(value: Any) -> str:
-    """JSON on one line.
-
-    Args:
-        value: plain values.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """JSON on one line."""
     return json.dumps(value, allow_nan=False, ensure_ascii=False)
 
 
 def json_of_entries(content: Mapping[str, Any]) -> str:
-    """A JSON object with a line for each key, and for each element of a list.
-
-    Args:
-        content: plain values.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """A JSON object with a line for each key, and for each element of a list."""
     entries = []
     for key, value in content.items():
         text = strict_json(value)

@@ -1,7 +1,7 @@
-"""TOML from files that nobody has checked: answers and errors come in bounded time.
+"""TOML from untrusted files: results and errors in bounded time.
 
-The standard parser takes time with the square of a key's length in parts, and follows nested
-values by recursion; both are bounded here.
+The standard parser takes time quadratic in the parts of a key, and follows nested values by
+recursion; both are bounded here.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from typing import Any
 #: Largest file that is read as TOML [bytes]; larger ones are logs.
 MAX_FILE = 2**20
 
-#: Most parts of a dotted key. Nothing here has more than seven.
+#: Maximum number of parts of a dotted key. No key here has more than seven.
 MAX_PARTS = 12
 
 _PART = r"(?:[\w-]++|\"(?:[^\"\\\n]|\\.)*+\"|'[^'\n]*+')"
@@ -24,14 +24,7 @@ _LONG_KEY = re.compile(rf"(?<![\w.\"'-])(?:{_PART}[ \t]*+\.[ \t]*+){{{MAX_PARTS}
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text.
-
-    Args:
-        text: content of a file.
-
-    Raises:
-        ValueError: it is not TOML, or nested or dotted beyond what any file of ours is.
-    """
+    """The tables of a TOML text."""
     long_key = _LONG_KEY.search(text)
     if long_key is not None:
         line = text.count("\n", 0, long_key.start()) + 1
@@ -49,12 +42,7 @@ def parse_toml(text: str) -> dict[str, Any]:
 
 
 def toml_lines(tables: Mapping[str, Any], heading: str = "") -> list[str]:
-    """Tables as TOML, one dotted key to a line; a key without a value is left out.
-
-    Args:
-        tables: as `parse_toml` gives them, with None where nothing was said.
-        heading: dotted name of the table that these are in.
-    """
+    """Tables as TOML, one dotted key to a line; keys of None are left out."""
     lines = []
     for key, value in tables.items():
         name = f"{heading}.{key}" if heading else key
@@ -78,7 +66,7 @@ def _toml_value(value: Any) -> str:
 
 
 def _check_whole_numbers(value: Any, key: str = "") -> None:
-    """Refuse whole numbers that TOML has no room for; the parser lets them pass."""
+    """Refuse whole numbers beyond 64 bits, which the parser accepts."""
     if isinstance(value, dict):
         for name, inner in value.items():
             _check_whole_numbers(inner, name)

@@ -1,1 +1,5 @@
-"""Should one believe it: tests, essential parameters, cross-validation, model error."""
+"""Tests of residuals and instruments, prediction of held-out motion."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

@@ -13,8 +13,7 @@ import numpy as np
 
 from pivident.dynamics.parameters import Parameter
 from pivident.estimation.covariance.sandwich import windows_of
-from pivident.estimation.decimated import DecimatedRecord, decimated_sums
-from pivident.estimation.full_rate import FullRateRecord, accumulate
+from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
 from pivident.signals.prefilter import Prefilter
@@ -76,11 +75,8 @@ def torque_sums(identification: Identification) -> list[JointSums]:
     equations = identification.equations
     assert equations is not None
     plain = [Prefilter()] * identification.robot.size
-    full_rate = [r for r in equations.records if isinstance(r, FullRateRecord)]
-    if full_rate:
-        return accumulate(equations.regressor, full_rate, plain, by_window=False)
-    decimated = [r for r in equations.records if isinstance(r, DecimatedRecord)]
-    return decimated_sums(equations.regressor, decimated)
+    by_window = not equations.full_rate  # the sums of few rows are kept as the estimate had them
+    return accumulate(equations.regressor, equations.records, plain, by_window)
 
 
 def torque_error(sums: Sequence[JointSums], theta: np.ndarray, weights: np.ndarray) -> float:

@@ -49,7 +49,7 @@ class Scores:
     """Scores of an estimate in their order.
 
     Attributes:
-        records: of each record, shape (rows, parameters); rows without votes are zero.
+        records: of each record, shape (rows, parameters); rows that are not used are zero.
         bread: ZᵀΦ, shape (parameters, parameters).
         white: Σ s_t s_tᵀ over samples.
         white_hc3: the same with ε/(1 - h), h the leverage of its row.

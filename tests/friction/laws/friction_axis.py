@@ -10,11 +10,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from numba import njit
 
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.description import Joint, Link, Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.transmission import Transmission
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 
 RATE = 1000.0

@@ -15,10 +15,12 @@ from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.least_squares import least_squares_on
 from pivident.estimation.load_dependence import MAX_PASSES
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
-from pivident.robot import FrictionLaw, load_robot
+from pivident.robot.friction import FrictionLaw
+from pivident.robot.gallery import load_robot
 from pivident.simulation.closed_loop import LoopSignals, simulate
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
 from pivident.validation.instruments.moment_sums import moment_sums

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 from pivident.estimation.problem import Problem
-from pivident.experiment import load_experiment
+from pivident.experiment.experiment import load_experiment
 from pivident.recording.public_records import load_kuka_kr300
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.validation.held_out.cross_validation import cross_validate
 
 EXAMPLES = Path(__file__).resolve().parents[3] / "examples"

@@ -81,7 +81,7 @@ def test_held_out_errors_are_those_of_separate_fits():
     (record,) = found.equations.records
     k = record.kinematics
     phi = given.regressor.matrix(k.q.T, k.dq.T, k.ddq.T)[:, 0]
-    tau, votes = k.tau[0], record.votes[0]
+    tau, votes = k.tau[0], record.used[0]
     moving = np.flatnonzero(np.abs(k.dq[0]) > given.low_speeds(k.recording)[0])
     start, stop = max(moving[0], k.start), min(moving[-1] + 1, k.stop)
     borders = np.linspace(start, stop, 5)

@@ -14,7 +14,7 @@ from pivident.friction.ripple.ripple_orders import NamedOrder, angles_of, relate
 from pivident.friction.ripple.ripple_search import find_ripple
 from pivident.recording.recording import Recording
 from pivident.report.friction.ripple_figures import ripple_figures
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.robot.transmission import Transmission
 from tests.synthetic_identification import synthetic_identification
 
@@ -53,7 +53,7 @@ def record(
     if extra is not None:
         error[:, 0] += extra(t)
     return SimpleNamespace(
-        name="run", t=t, q=q, dq=dq, tau=model + error, tau_model=model, mask=np.abs(dq) < 0.05
+        name="run", t=t, q=q, dq=dq, tau=model + error, tau_model=model, used=np.abs(dq) >= 0.05
     )
 
 
@@ -130,7 +130,7 @@ def test_a_line_in_time_is_taken_out_where_speed_hardly_varies():
     made = SimpleNamespace(
         name="run", t=t, q=np.column_stack([q, q]), dq=np.column_stack([dq, dq]),
         tau=np.column_stack([5 + error, 5 + noise]), tau_model=np.full((t.size, 2), 5.0),
-        mask=np.zeros((t.size, 2), bool),
+        used=np.ones((t.size, 2), bool),
     )  # fmt: skip
     joint = found_in(made, lag=0.0).joints[0]
     assert not joint.lines
@@ -154,7 +154,7 @@ def test_constant_speed_cannot_tell():
     made = SimpleNamespace(
         name="run", t=t, q=np.column_stack([q, q]), dq=np.full((t.size, 2), 3.0),
         tau=5 + np.column_stack([noise + 0.1 * np.cos(60 * q), noise]),
-        tau_model=np.full((t.size, 2), 5.0), mask=np.zeros((t.size, 2), bool),
+        tau_model=np.full((t.size, 2), 5.0), used=np.ones((t.size, 2), bool),
     )  # fmt: skip
     (line,) = found_in(made, lag=0.0).joints[0].lines
     assert not line.distinct_from_time
@@ -237,7 +237,7 @@ def test_sliding_joint_counts_in_cycles_per_lead():
     error = base.tau[:, :1] - base.tau_model[:, :1] + 0.1 * np.cos(2 * 2 * np.pi / 0.005 * q)
     made = SimpleNamespace(
         name="run", t=base.t, q=q, dq=dq, tau=error + 5.0, tau_model=np.full(q.shape, 5.0),
-        mask=np.abs(dq) < 1e-3,
+        used=np.abs(dq) >= 1e-3,
     )  # fmt: skip
     (line,) = found_in(made, robot=robot, lag=0.0, most=1).joints[0].lines
     assert line.unit == "N"
@@ -269,7 +269,7 @@ def test_removed_from_a_recording():
     clean = 0.02 * np.random.default_rng(0).standard_normal(fitted.q.shape)
     made = SimpleNamespace(
         name="run", t=fitted.t, q=fitted.q, dq=fitted.dq, tau_model=fitted.tau_model,
-        tau=fitted.tau_model + clean + np.column_stack([ripple, 0 * ripple]), mask=fitted.mask,
+        tau=fitted.tau_model + clean + np.column_stack([ripple, 0 * ripple]), used=fitted.used,
     )  # fmt: skip
     result = found_in(made, robot=robot, lag=0.0)
     lines = result.main_lines

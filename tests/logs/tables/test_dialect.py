@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pivident.audit.file_columns import read_columns
 from pivident.errors import BadCell, FileFormatError
+from pivident.logs.file_columns import read_columns
 from pivident.logs.tables.read_csv import csv_names, read_csv
 from pivident.recording.load import load_recording
 

@@ -15,7 +15,7 @@ import pytest
 
 from pivident.errors import ExperimentError
 from pivident.many.fleet import identify_fleet as module
-from pivident.many.fleet.conclusion import ALARMS, PARAMETERS, conclude
+from pivident.many.fleet.conclusion import ALARMS, PARAMETERS, conclude_fleet
 from pivident.many.fleet.fleet_errors import FleetError, OtherFleet
 from pivident.many.fleet.identify_fleet import identify_fleet
 from pivident.many.fleet.judgement import judge
@@ -76,7 +76,7 @@ def identified(folder, **options):
 
 def test_wear_is_found_apart_from_warmth_and_nothing_else_is(folder):
     fleet = identified(folder)
-    judgement = conclude(fleet)
+    judgement = conclude_fleet(fleet)
     assert {a.robot for a in judgement.alarms} == {"arm_2"}
     assert {a.time for a in judgement.alarms} == {"2026-03-04"}
     assert {a.parameter for a in judgement.alarms} == {"fv1", "fc1", "fv2", "fc2"}
@@ -95,7 +95,7 @@ def test_wear_is_found_apart_from_warmth_and_nothing_else_is(folder):
 
 def test_the_table_has_a_row_for_each_log_and_parameter(folder):
     fleet = identified(folder)
-    conclude(fleet)
+    conclude_fleet(fleet)
     table = pl.read_parquet(folder.parent / "out" / PARAMETERS)
     assert table.columns[:6] == ["task", "robot", "day", "time", "position", "log"]
     parameters = table["parameter"].n_unique()

@@ -238,7 +238,8 @@ def test_a_scheduler_that_does_not_answer_is_named(tmp_path, monkeypatch):
     assert not Store(tmp_path).done()
 
 
-def test_workers_take_one_thread_each():
+def test_workers_take_one_thread_each(monkeypatch):
+    monkeypatch.delenv("OPENBLAS_NUM_THREADS")  # the tests' own, see conftest.py
     before = dict(os.environ)
     with Processes(1)():
         assert os.environ["OPENBLAS_NUM_THREADS"] == "1"  # its processes inherit that

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from pivident.errors import ExperimentError, PividentError
+from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import load_scenario, read_scenario, shipped_scenarios
-from pivident.simulation.scenarios import tx40_scenario
 from tests.many.study.small import TEXT, small
 
 

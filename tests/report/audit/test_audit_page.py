@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pivident.audit import audit_log
+from pivident.audit.audit import audit_log
 from pivident.cli import main
 from pivident.errors import PividentError
 from pivident.report.audit.audit_files import write_audit
@@ -39,7 +39,7 @@ def test_page_has_every_section_and_plot(faulty):
     for figure in figures:
         assert json.loads(figure)["data"]
     visible = html.unescape(text)
-    assert all(finding.sentence in visible for finding in faulty.findings)
+    assert all(finding.message in visible for finding in faulty.findings)
 
 
 def test_names_are_escaped():
@@ -51,11 +51,11 @@ def test_names_are_escaped():
 def test_json_is_strict_and_complete(faulty, tmp_path):
     write_audit([faulty], tmp_path / "out")
     content = json.loads((tmp_path / "out" / "audit.json").read_text("utf-8"))
-    assert content["schema"] == 1 and content["severity"] == "wrong"
+    assert content["schema"] == 2 and content["severity"] == "error"
     (audit,) = content["audits"]
     assert audit["joints"] == ["shoulder", "elbow"] and audit["rate_hz"] > 999
-    wrong = [f for f in audit["findings"] if f["severity"] == "wrong"]
-    assert {f["where"] for f in wrong} == {"elbow"}
+    wrong = [f for f in audit["findings"] if f["severity"] == "error"]
+    assert {f["subject"] for f in wrong} == {"elbow"}
     assert audit["gain"][1] == pytest.approx(-1.0, abs=0.01)
     assert abs(audit["delay"]["common_s"]) < 1e-4
     assert audit["excitation"]["rank"] == len(audit["excitation"]["parameters"])
@@ -78,11 +78,11 @@ def test_command_line(tmp_path, capsys):
     out = tmp_path / "audit"
     assert main(["audit", str(experiment), "--out", str(out)]) == 0
     assert {p.name for p in out.iterdir()} == {"audit.json", "audit.html"}
-    assert "0 wrong, 0 to look at" in capsys.readouterr().out
+    assert "0 errors, 0 warnings" in capsys.readouterr().out
     log = tmp_path / "log.csv"
     assert main(["audit", str(log), "--robot", "planar_2r", "--out", str(out)]) == 4
     text = capsys.readouterr().out
-    assert 'units = {q = "deg"}' in text and text.count("wrong") >= 2
+    assert 'units = {q = "deg"}' in text and text.count("error") >= 2
     assert main(["audit", str(tmp_path / "none.csv"), "--out", str(out)]) == 1
     assert main(["audit", str(log), "--robot", "no_such_robot", "--out", str(out)]) == 1
     errors = [line for line in capsys.readouterr().err.splitlines() if "error:" in line]

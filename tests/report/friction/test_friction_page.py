@@ -43,7 +43,7 @@ def test_page_has_every_finding_and_plot(study):
     assert all(unit in words for unit in ("[N m]", "[rad/s]", "[rad]", "[s]", "[rad/s²]", "[%]"))
     visible = html.unescape(text)
     for finding in study.joints[0].findings:
-        assert finding.sentence in visible
+        assert finding.message in visible
     assert "wrist is left out: it rests." in visible
 
 

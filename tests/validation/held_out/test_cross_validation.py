@@ -15,7 +15,7 @@ from pivident.estimation.methods import (
     RandomWalk,
 )
 from pivident.recording.public_records import load_emps, load_emps_pulses
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.signals.bandpass import butterworth
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out import cross_validation

@@ -9,7 +9,7 @@ from scipy.linalg import eigh
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import OVERLAP, windows_of
 from pivident.estimation.identify import identify
-from pivident.simulation.scenarios import tx40_scenario
+from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.validation.instruments.instrument_tests import instrument_tests
 from pivident.validation.instruments.moment_sums import moment_sums
 from pivident.validation.instruments.overidentification import (

@@ -7,16 +7,17 @@ import pytest
 
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk
-from pivident.estimation.problem import Loop, Problem
-from pivident.estimation.repetition import (
+from pivident.estimation.methods import LeastSquares, PrefilteredIV, RandomWalk, Repetition
+from pivident.estimation.problem import Problem
+from pivident.recording.public_records import load_emps, load_emps_pulses
+from pivident.recording.repeated_motion import (
     RepeatedMotion,
-    Repetition,
     find_period,
     find_repetition,
+    repeated_motion,
 )
-from pivident.recording.public_records import load_emps, load_emps_pulses
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Cascade
 from pivident.validation.held_out.cross_validation import cross_validate
 from pivident.validation.residuals.model_error import (
@@ -70,7 +71,7 @@ def test_fewer_than_two_periods_do_not_repeat(made):
     record = axis.recording(made).part(0, 2 * axis.PERIOD - 10)
     assert find_repetition([record]) is None
     with pytest.raises(IdentificationError, match="Repeat the motion"):
-        Repetition().non_repeating([], [type("K", (), {"recording": record})()])
+        repeated_motion([record], Repetition().period)
 
 
 def test_two_recordings_of_one_motion_repeat_each_other(made):

@@ -9,7 +9,7 @@ import pivident as pv
 from pivident.estimation.full_rate import torque_of
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV, RandomWalk
-from pivident.robot import load_robot
+from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from pivident.validation.residuals.cross_correlation import Stretches, cross_correlation_test
 from pivident.validation.residuals.residual import joint_residuals
@@ -89,8 +89,8 @@ def test_the_order_of_the_noise_model_is_counted():
     residuals = joint_residuals(synthetic_identification())
     assert [r.order for r in residuals] == [20, 21]
     assert all(r.prefiltered and r.rate == 1000.0 for r in residuals)
-    with_options = synthetic_identification(options={"noise": {"criterion": "aic"}})
-    assert joint_residuals(with_options)[0].penalty == 2.0
+    with_order_search = synthetic_identification(method_used=PrefilteredIV())
+    assert joint_residuals(with_order_search)[0].penalty == 2.0
     assert joint_residuals(synthetic_identification())[0].penalty is None
 
 

@@ -7,9 +7,9 @@ robot these are xx + yy, mz and m:
     xx_i - yy_i,  zz_i, mx_i … stay         yy_i (with xx_i), mz_i, m_i  →  link before
 
 so that with a modified DH table, for example, mz_i adds d sin α to xy and -sin α to my of the link
-before. What each joint feels follows from rules about axes and gravity (``grouping_rules``): no
-random state, no decomposition of an observation matrix. `dynamics.base_parameters` finds the same
-groups as numbers from the matrix; the two test each other.
+before. What each joint feels follows from rules about axes and gravity (``rules``), without random
+states or a decomposition of the observation matrix. `dynamics.base_parameters` finds the same
+groups as numbers from the matrix; each is a test of the other.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ from pivident.dynamics.grouping.members import Group, Member
 from pivident.dynamics.grouping.reach import Reach
 from pivident.dynamics.grouping.rows import ONE as WHOLE
 from pivident.dynamics.grouping.rows import Row
-from pivident.dynamics.grouping.rules import LocalGroups, local_groups
+from pivident.dynamics.grouping.rules import JointRules, LocalGroups
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.errors import RobotDescriptionError
 from pivident.robot.description import INERTIAL, Robot
@@ -51,23 +51,14 @@ ZERO_BELOW = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class ClosedFormBaseParameters:
-    """The base parameters of a robot by rule, in the order of the standard parameters.
-
-    Attributes:
-        robot: the robot.
-        standard: all standard parameters.
-        groups: one for each base parameter.
-        without_effect: parameters that no torque depends on.
-        reasons: why a parameter heads no group, by its name.
-        constants: values of the named constants [m, rad, m/s²].
-    """
+    """The base parameters of a robot by rule, in the order of the standard parameters."""
 
     robot: Robot
     standard: tuple[Parameter, ...]
     groups: tuple[Group, ...]
-    without_effect: tuple[Parameter, ...]
-    reasons: dict[str, str]
-    constants: dict[str, float]
+    without_effect: tuple[Parameter, ...]  # parameters that no torque depends on
+    reasons: dict[str, str]  # why a parameter heads no group
+    constants: dict[str, float]  # of the geometry, by name [m, rad, m/s²]
 
     def __len__(self) -> int:
         return len(self.groups)
@@ -97,21 +88,14 @@ class ClosedFormBaseParameters:
         return {group.name: group.expression for group in self.groups}
 
     def values(self, standard: np.ndarray) -> np.ndarray:
-        """Base parameters of given standard ones, by evaluating the expressions.
-
-        Args:
-            standard: standard parameters, shape (standard,).
-
-        Returns:
-            Base parameters, shape (base,).
-        """
+        """Base parameters of given standard ones, by evaluating the expressions."""
         named: Mapping[str, float] = self.constants | {
             p.name: float(x) for p, x in zip(self.standard, standard, strict=True)
         }
         return np.array([group.expression.evaluate(named) for group in self.groups], dtype=float)
 
     def numeric(self) -> BaseParameters:
-        """The same as matrix of numbers, as estimators use them."""
+        """The same as a matrix of numbers, as used by the estimators."""
         index = {p.name: k for k, p in enumerate(self.standard)}
         kept = [index[group.head.name] for group in self.groups]
         nothing = [index[p.name] for p in self.without_effect]
@@ -145,20 +129,10 @@ def closed_form_base_parameters(
 ) -> ClosedFormBaseParameters:
     """Base parameters of a robot by the rules of Gautier and Khalil.
 
-    Args:
-        robot: chain or tree of revolute and prismatic joints.
-        geometry: ``names`` for lengths and angles as symbols (``d3``, ``alpha2``), ``numbers``
-            for their values.
-        tolerance: elements of rotation matrices closer than this to 0 or ±1, and positions
-            closer to 0 [m], count as exact. A URDF whose right angles are written 1.5708 needs
-            1e-5 for its axes to count as perpendicular.
-
-    Returns:
-        The groups.
-
-    Raises:
-        RobotDescriptionError: another word for ``geometry``, or a tolerance that is no small
-            number.
+    ``geometry`` "names" writes lengths and angles as symbols (``d3``, ``alpha2``), "numbers" as
+    their values. Elements of rotation matrices within ``tolerance`` of 0 or ±1, and positions
+    within it of 0 [m], count as exact: a URDF whose right angles are written 1.5708 needs 1e-5 for
+    its axes to count as perpendicular.
     """
     if geometry not in ("names", "numbers"):
         raise RobotDescriptionError(f"geometry is 'names' or 'numbers', not {geometry!r}")
@@ -225,9 +199,8 @@ def _all_local_groups(
         reach = before.seen_from(numbers(frame.rotation), numbers(frame.translation))
         above = gravity if joint.parent < 0 else directions[joint.parent]
         directions.append(frame.rotation.T @ above)
-        local.append(
-            local_groups(robot, i, own[i], reach, directions[i], frames, coupled, names[i])
-        )
+        rules = JointRules(robot, i, own[i], reach, directions[i], frames, coupled, names[i])
+        local.append(rules.groups())
         behind.append(reach.moved_by(joint.kind, coupled.index(i) if i in coupled else None))
     return local
 
@@ -245,7 +218,7 @@ def _carried_to_heads(
     """
     first = {p.joint: k for k, p in reversed(list(enumerate(standard))) if p.is_inertial}
     rows: list[Row] = [{} for _ in standard]
-    for i, groups in enumerate(local):  # the link before has its rows already
+    for i, groups in enumerate(local):  # the rows of the link before are complete
         parent = robot.joints[i].parent
         for k in groups.kept:
             rows[k] = {k: WHOLE}
@@ -281,5 +254,5 @@ def _group(head: Parameter, members: list[Member]) -> Group:
 
 
 def _cleaned(value: float) -> float:
-    """A number that is whole but for rounding is whole."""
+    """A number within rounding of an integer is set to it."""
     return float(round(value)) if abs(value - round(value)) < ZERO_BELOW else value

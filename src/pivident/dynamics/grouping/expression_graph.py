@@ -1,4 +1,4 @@
-"""The graph of expressions: its nodes, each of which exists once, their sums and products.
+"""The graph of expressions: its unique nodes, their sums and products.
 
 `pivident.dynamics.grouping.expressions` is the module to import from; it adds the functions.
 """
@@ -27,7 +27,7 @@ _PROVIDED: dict[str, Callable[..., Any]] = {}
 
 
 def provides(name: str) -> Callable[[_Method], _Method]:
-    """Register a function as what a method of expressions does."""
+    """Register a function as a method of expressions."""
 
     def register(function: _Method) -> _Method:
         _PROVIDED[name] = function
@@ -37,17 +37,12 @@ def provides(name: str) -> Callable[[_Method], _Method]:
 
 
 class Expression:
-    """A node of the graph, immutable.
-
-    Attributes:
-        operands: the expressions it is made of.
-        order: sort key among operands; the same in every process.
-    """
+    """An immutable node of the graph."""
 
     __slots__ = ("__weakref__", "operands", "order")
 
     operands: tuple[Expression, ...]
-    order: tuple[int, float, str, int]
+    order: tuple[int, float, str, int]  # sort key among operands; the same in every process
 
     def __add__(self, other: Operand) -> Expression:
         return add(self, other)
@@ -80,7 +75,7 @@ class Expression:
         return negate(self)
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Copies and pickles come back as the one object that equals this one."""
+        """Copying and unpickling return the unique object that equals this one."""
         if isinstance(self, Constant):
             return constant, (self.value,)
         if isinstance(self, Symbol):
@@ -110,23 +105,15 @@ class Expression:
         return tuple(sorted(found, key=lambda node: node.order))
 
     def evaluate(self, values: Mapping[str, Any]) -> Any:
-        """Its value where symbols have the given values.
-
-        Args:
-            values: by name of the symbol: numbers, arrays that broadcast, or other expressions
-                (which substitutes them).
-
-        Raises:
-            KeyError: a symbol has no value.
-        """
+        """Its value; symbols become numbers, arrays that broadcast, or other expressions."""
         return _PROVIDED["evaluate"](self, values)
 
     def to_python(self, prefix: str = "np.") -> str:
-        """As text of Python; ``prefix`` stands before the names of functions."""
+        """As Python text; ``prefix`` precedes the names of functions."""
         return _PROVIDED["to_python"](self, prefix)
 
     def to_c(self) -> str:
-        """As text of C99 with the functions of ``math.h``."""
+        """As C99 text with the functions of ``math.h``."""
         return _PROVIDED["to_c"](self)
 
     def to_latex(self) -> str:
@@ -134,27 +121,19 @@ class Expression:
         return _PROVIDED["to_latex"](self)
 
     def to_sympy(self) -> sympy.Expr:
-        """As an expression of SymPy, with real symbols of the same names."""
+        """As a SymPy expression, with real symbols of the same names."""
         return _PROVIDED["to_sympy"](self)
 
 
 class Constant(Expression):
-    """A finite number.
-
-    Attributes:
-        value: the number.
-    """
+    """A finite number."""
 
     __slots__ = ("value",)
     value: float
 
 
 class Symbol(Expression):
-    """A named quantity.
-
-    Attributes:
-        name: its name, any text; printers turn it into a valid identifier.
-    """
+    """A named quantity; the name is any text, printers turn it into a valid identifier."""
 
     __slots__ = ("name",)
     name: str
@@ -191,11 +170,7 @@ class Cosine(Expression):
 
 
 class Call(Expression):
-    """Another function of its operands.
-
-    Attributes:
-        function: one of ``expressions.FUNCTIONS``.
-    """
+    """Another function of its operands, one of ``expressions.FUNCTIONS``."""
 
     __slots__ = ("function",)
     function: str
@@ -206,11 +181,7 @@ _lock = Lock()
 
 
 def constant(value: Number) -> Constant:
-    """The number as an expression.
-
-    Raises:
-        ValueError: it is not finite.
-    """
+    """The number as an expression."""
     number = float(value) + 0.0  # no negative zero
     if not math.isfinite(number):
         raise ValueError(f"a constant must be finite, not {value}")
@@ -267,7 +238,7 @@ def make_node(kind: type[Expression], operands: tuple[Expression, ...], function
 
 
 def without_sign(x: Expression) -> tuple[bool, Expression]:
-    """Whether a minus stands before it, and the expression without it."""
+    """Whether it has a minus sign, and the expression without it."""
     if isinstance(x, Negate):
         return True, x.operands[0]
     if isinstance(x, Constant) and x.value < 0.0:
@@ -362,7 +333,7 @@ def _scaled(factor: float, a: Expression) -> Expression:
 
 
 def _product(a: Expression, b: Expression) -> Expression:
-    """The product a · b, none of them a constant other than 1."""
+    """The product a · b, neither of them a constant other than 1."""
     if a is ONE or b is ONE:
         return b if a is ONE else a
     return make_node(Multiply, (a, b) if a.order <= b.order else (b, a))
@@ -371,12 +342,7 @@ def _product(a: Expression, b: Expression) -> Expression:
 def ordered(
     roots: Iterable[Expression], stop: Mapping[Expression, Any] | None = None
 ) -> list[Expression]:
-    """All expressions that the given ones are made of, each once, operands first.
-
-    Args:
-        roots: where to start; each comes behind what it is made of.
-        stop: expressions that are not looked into, unless they are roots.
-    """
+    """All subexpressions of the roots, each once, operands first; ``stop`` is not entered."""
     roots = list(roots)
     known = () if stop is None else stop
     own = set(roots)

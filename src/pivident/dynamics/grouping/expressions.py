@@ -1,17 +1,17 @@
 """Expressions as a graph in which every subexpression exists once.
 
-An expression is made by the functions of this module or by ``+ - * / **`` between expressions and
-numbers; never by calling the classes. Making one simplifies it as far as that is always right and
-costs nothing:
+An expression is built by the functions of this module or by ``+ - * / **`` between expressions and
+numbers, never by calling the classes. Building one applies the simplifications that are always
+valid and cost nothing:
 
-- constants are folded, terms of 0 and factors of 1 disappear, equal terms meet;
+- constants are folded, terms of 0 and factors of 1 disappear, equal terms are collected;
 - signs move outwards, a·(-b) = -(a·b) and (-a) + (-b) = -(a + b), so that an expression and its
   negative share everything but the sign;
-- operands of + and · are put into one order, so that a·b and b·a are the same object;
+- operands of + and · have one order, so that a·b and b·a are the same object;
 - sine and cosine of multiples of π/2 are exact, sin(x + π/2) = cos x, cos²x + sin²x = 1.
 
 Equal expressions are one object: compare them with ``is``. The order of operands depends on the
-expressions alone and not on what was made before, so generated code is the same each time.
+expressions alone and not on what was built before, so generated code is reproducible.
 """
 
 from __future__ import annotations
@@ -38,51 +38,15 @@ from pivident.dynamics.grouping.expression_graph import (
     Operand,
     Sine,
     Symbol,
-    add,
     as_expression,
     constant,
     make_node,
-    multiply,
     negate,
     ordered,
     provides,
-    symbol,
     without_constant,
     without_sign,
 )
-
-__all__ = [
-    "EXACT",
-    "FUNCTIONS",
-    "ONE",
-    "ZERO",
-    "Add",
-    "Call",
-    "Constant",
-    "Cosine",
-    "Expression",
-    "Multiply",
-    "Negate",
-    "Number",
-    "Operand",
-    "OperationCount",
-    "Sine",
-    "Symbol",
-    "add",
-    "as_expression",
-    "call",
-    "constant",
-    "cosine",
-    "divide",
-    "evaluate",
-    "multiply",
-    "negate",
-    "operation_count",
-    "ordered",
-    "power",
-    "sine",
-    "symbol",
-]
 
 #: Distance from 0, ±1 or a multiple of π/2 below which a constant is taken to be that number.
 EXACT = 1e-12
@@ -101,25 +65,18 @@ FUNCTIONS = {
     "divide": 2,
 }
 
-#: Price of a sine or a cosine, in products.
+#: Cost of a sine or a cosine, in products.
 SINE_PRICE = 4
 
 
 @dataclass(frozen=True)
 class OperationCount:
-    """What evaluating something costs; a change of sign is free.
-
-    Attributes:
-        multiplications: products.
-        additions: sums and differences.
-        sines: sines and cosines, each counted once.
-        functions: other functions, divisions among them.
-    """
+    """Cost of an evaluation; a change of sign is free."""
 
     multiplications: int = 0
     additions: int = 0
-    sines: int = 0
-    functions: int = 0
+    sines: int = 0  # sines and cosines, each counted once
+    functions: int = 0  # other functions and divisions
 
     def __str__(self) -> str:
         text = (
@@ -130,7 +87,7 @@ class OperationCount:
 
     @property
     def price(self) -> int:
-        """What two ways of writing a model are compared by, in products; other functions apart."""
+        """Cost in products, for comparing two forms of a model; other functions not counted."""
         return self.multiplications + self.additions + SINE_PRICE * self.sines
 
     def __add__(self, other: OperationCount) -> OperationCount:
@@ -186,11 +143,7 @@ def _quarter_turns(a: Expression) -> tuple[Expression, int]:
 
 @provides("divide")
 def divide(a: Operand, b: Operand) -> Expression:
-    """The quotient a / b; by a constant it is a product.
-
-    Raises:
-        ZeroDivisionError: b is 0.
-    """
+    """The quotient a / b; by a constant it is a product."""
     a, b = as_expression(a), as_expression(b)
     if b.is_zero:
         raise ZeroDivisionError("division of an expression by 0")
@@ -217,15 +170,7 @@ def power(a: Operand, exponent: Number) -> Expression:
 
 
 def call(function: str, *arguments: Operand) -> Expression:
-    """Another function of expressions; of constants it is evaluated.
-
-    Args:
-        function: one of ``FUNCTIONS``.
-        arguments: what it is a function of.
-
-    Raises:
-        ValueError: no such function, or another number of arguments.
-    """
+    """Another function of ``FUNCTIONS``; of constants it is evaluated."""
     if FUNCTIONS.get(function) != len(arguments):
         raise ValueError(f"there is no function {function!r} of {len(arguments)} arguments")
     if function == "divide":
@@ -250,15 +195,7 @@ def _evaluated(expression: Expression, values: Mapping[str, Any]) -> Any:
 
 
 def evaluate(expressions: Iterable[Expression], values: Mapping[str, Any]) -> list[Any]:
-    """Values of several expressions, common parts evaluated once.
-
-    Args:
-        expressions: what to evaluate.
-        values: by name of the symbol: numbers, arrays that broadcast, or other expressions.
-
-    Raises:
-        KeyError: a symbol has no value.
-    """
+    """Values of expressions, common parts once; symbols become numbers, arrays or expressions."""
     roots = list(expressions)
     result: dict[Expression, Any] = {}
     for node in ordered(roots):
@@ -288,7 +225,7 @@ def _value(node: Expression, inputs: list[Any], values: Mapping[str, Any]) -> An
 
 
 def operation_count(expressions: Iterable[Expression]) -> OperationCount:
-    """What evaluating all of them costs, common parts counted once."""
+    """Cost of evaluating all of them, common parts counted once."""
     kinds = [type(node) for node in ordered(expressions)]
     return OperationCount(
         kinds.count(Multiply),

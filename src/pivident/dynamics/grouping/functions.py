@@ -45,13 +45,8 @@ def friction_functions(term: FrictionTerm) -> Functions:
 def coupling_functions(robot: Robot, stem: str, coupling: Coupling) -> Functions:
     """The columns ``fvm`` and ``fcm`` of a coupling likewise.
 
-    They act on two joints at once, so nothing else is like them, unless the ratio is 0: then
+    They act on two joints at once and are independent of all others, unless the ratio is 0: then
     ``fvm`` has no effect and ``fcm`` is the Coulomb friction of the motor's own joint.
-
-    Args:
-        robot: the robot.
-        stem: which of the two.
-        coupling: the coupling.
     """
     if coupling.ratio == 0.0:
         return {} if stem == "fvm" else {_sign(*coupling_sign(robot, coupling.motor)): 1.0}

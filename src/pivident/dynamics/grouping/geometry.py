@@ -1,8 +1,8 @@
 """Geometry of a robot as named constants, for the groups of base parameters.
 
-A frame that stands in its parent's by Rx(alpha) Tx(d) Rz(theta) Tz(r), as every row of a modified
-DH table without gamma and b does, has the constants ``d3 r3 alpha3 theta3``. Of any other frame the
-position has names, ``x3 y3 z3``, and the orientation stays numbers. Right angles and zeros are
+A frame whose pose in its parent is Rx(alpha) Tx(d) Rz(theta) Tz(r), as in every row of a modified
+DH table without gamma and b, has the constants ``d3 r3 alpha3 theta3``. Of any other frame the
+position has names, ``x3 y3 z3``, and the orientation stays numeric. Right angles and zeros are
 structure and never get a name.
 """
 
@@ -13,7 +13,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from pivident.dynamics.grouping.expressions import Expression, cosine, sine, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import Expression, cosine, sine
 from pivident.dynamics.grouping.polynomial import Polynomial
 from pivident.robot.description import Joint
 
@@ -27,12 +28,7 @@ Geometry = Literal["names", "numbers"]
 
 @dataclass(frozen=True, slots=True)
 class Quantity:
-    """A number and the polynomial in named constants that it is the value of.
-
-    Attributes:
-        value: its value.
-        polynomial: in the names of the geometry.
-    """
+    """A number and the polynomial in named constants that it is the value of."""
 
     value: float
     polynomial: Polynomial
@@ -49,13 +45,13 @@ class Quantity:
 
     @property
     def is_zero(self) -> bool:
-        """Whether nothing is there; the difference of two lengths that are equal is something."""
+        """Whether it vanishes identically; the difference of two equal lengths does not."""
         return not self.polynomial.terms
 
     def __add__(self, other: Quantity | float) -> Quantity:
-        b = _quantity(other)
+        b = as_quantity(other)
         total, polynomial = self.value + b.value, self.polynomial + b.polynomial
-        # Fractions have no normal form: there the number says whether they cancel.
+        # Fractions have no normal form: there the numbers decide whether they cancel.
         cancels = abs(total) < 1e-13 * (abs(self.value) + abs(b.value))
         if not polynomial.terms or (cancels and polynomial.is_fraction):
             return Quantity.number(0.0)
@@ -64,7 +60,7 @@ class Quantity:
     def __mul__(self, other: Quantity | float) -> Quantity:
         if isinstance(other, np.ndarray):
             return NotImplemented  # the array multiplies element by element
-        b = _quantity(other)
+        b = as_quantity(other)
         return Quantity(self.value * b.value, self.polynomial * b.polynomial)
 
     def __truediv__(self, other: Quantity) -> Quantity:
@@ -74,7 +70,7 @@ class Quantity:
         return Quantity(-self.value, -self.polynomial)
 
     def __sub__(self, other: Quantity | float) -> Quantity:
-        return self + -_quantity(other)
+        return self + -as_quantity(other)
 
     def __rsub__(self, other: float) -> Quantity:
         return -self + other
@@ -83,7 +79,8 @@ class Quantity:
     __rmul__ = __mul__
 
 
-def _quantity(x: Quantity | float) -> Quantity:
+def as_quantity(x: Quantity | float) -> Quantity:
+    """A quantity as it is, a number as a plain one."""
     return x if isinstance(x, Quantity) else Quantity.number(x)
 
 
@@ -103,38 +100,24 @@ def numbers(array: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True, eq=False)
 class NamedFrame:
-    """Where the frame of a link stands in its parent's link frame, in quantities.
+    """Pose of a link's frame in its parent's, in quantities, at q = 0 and at a convenient position.
 
     Parameters that are carried from a link to its parent may be carried at any position of the
-    joint: what depends on it is not felt. The second pose is that of a convenient position, where
-    ``theta`` of a revolute joint and ``r`` of a prismatic one have disappeared.
-
-    Attributes:
-        rotation: orientation at q = 0, shape (3, 3).
-        translation: origin at q = 0 [m], shape (3,).
-        carrying_rotation: orientation at the convenient position.
-        carrying_translation: origin at the convenient position [m].
-        constants: values of its named constants.
+    joint: what depends on it is not felt. At the convenient position, that of the ``carrying``
+    pose, ``theta`` of a revolute joint and ``r`` of a prismatic one have disappeared.
     """
 
     rotation: np.ndarray
     translation: np.ndarray
     carrying_rotation: np.ndarray
     carrying_translation: np.ndarray
-    constants: dict[str, float]
+    constants: dict[str, float]  # values by name
 
 
 def named_frame(
     joint: Joint, label: str, geometry: Geometry, tolerance: float = GEOMETRY_TOLERANCE
 ) -> NamedFrame:
-    """Frame of a joint in named constants.
-
-    Args:
-        joint: the joint.
-        label: what follows the names: ``3``, or ``[elbow]`` on a tree.
-        geometry: names or numbers.
-        tolerance: see ``GEOMETRY_TOLERANCE``.
-    """
+    """Frame of a joint in named constants; ``label`` follows the names (``3``, ``[elbow]``)."""
     rotation = snapped(joint.rotation, (0.0, 1.0, -1.0), tolerance)
     translation = snapped(joint.translation, (0.0,), tolerance)
     names = Names(label, geometry, tolerance)
@@ -162,13 +145,7 @@ def named_gravity(
 ) -> tuple[np.ndarray, dict[str, float]]:
     """Gravity in the base frame [m/s²]: ``g`` along an axis of the base, else ``gx gy gz``.
 
-    Args:
-        gravity: acceleration of gravity, shape (3,).
-        geometry: names or numbers.
-        tolerance: components smaller than this part of the largest are zero.
-
-    Returns:
-        Its three components as quantities, and the values of the named constants.
+    Components below ``tolerance`` times the largest are zero. Also the values of the constants.
     """
     gravity = np.where(np.abs(gravity) <= tolerance * np.abs(gravity).max(), 0.0, gravity)
     names = Names("", geometry, tolerance)
@@ -188,11 +165,7 @@ def snapped(array: np.ndarray, targets: tuple[float, ...], tolerance: float) -> 
 
 
 class Names:
-    """Gives names to constants of one joint, and remembers their values.
-
-    Attributes:
-        constants: values by name.
-    """
+    """Gives names to constants of one joint, and remembers their values."""
 
     def __init__(
         self, label: str, geometry: Geometry, tolerance: float = GEOMETRY_TOLERANCE

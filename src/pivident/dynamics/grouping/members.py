@@ -1,4 +1,4 @@
-"""A group of standard parameters that only their sum is felt of: a base parameter."""
+"""A base parameter: a group of standard parameters of which only the sum is felt."""
 
 from __future__ import annotations
 
@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from pivident.dynamics.grouping.expressions import ONE, ZERO, Add, Expression, symbol
+from pivident.dynamics.grouping.expression_graph import symbol
+from pivident.dynamics.grouping.expressions import ONE, ZERO, Add, Expression
 from pivident.dynamics.grouping.polynomial import Polynomial
 from pivident.dynamics.parameters import Parameter
 from pivident.text.identifiers import latex_name
@@ -17,17 +18,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Member:
-    """A standard parameter in a group.
-
-    Attributes:
-        parameter: the parameter.
-        polynomial: its factor in the names of the geometry, in normal form.
-        value: its factor as a number.
-    """
+    """A standard parameter in a group, with its factor."""
 
     parameter: Parameter
-    polynomial: Polynomial
-    value: float
+    polynomial: Polynomial  # the factor in the names of the geometry, in normal form
+    value: float  # the factor as a number
 
     @cached_property
     def coefficient(self) -> Expression:
@@ -37,15 +32,9 @@ class Member:
 
 @dataclass(frozen=True)
 class Group:
-    """A base parameter: its head plus the standard parameters that were regrouped into it.
+    """A base parameter: its head, with factor 1, plus the standard parameters regrouped into it."""
 
-    Attributes:
-        name: name of the base parameter, ``zz1r``.
-        head: the standard parameter that heads it, with factor 1.
-        members: the others.
-    """
-
-    name: str
+    name: str  # ``zz1r``
     head: Parameter
     members: tuple[Member, ...]
 

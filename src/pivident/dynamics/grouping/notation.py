@@ -21,7 +21,7 @@ from pivident.dynamics.grouping.expression_graph import (
 )
 from pivident.text.identifiers import identifier, latex_name
 
-#: How firmly the parts of a text hold together: a sum, a sign, a product, anything else.
+#: Precedence of a text: a sum, a sign, a product, anything else.
 _SUM, _SIGN, _PRODUCT, _ATOM = 0, 1, 2, 3
 
 
@@ -29,21 +29,14 @@ _SUM, _SIGN, _PRODUCT, _ATOM = 0, 1, 2, 3
 class Notation:
     """How one language writes an expression.
 
-    Attributes:
-        times: between factors.
-        functions: name of each function; divisions, where they have no name, as a fraction.
-        number: text of a constant that is not negative.
-        symbol: text of a symbol's name.
-        opening: opening bracket.
-        closing: closing bracket.
-        computes: whether a machine reads it; sums and products are then bracketed in the order
-            in which they are evaluated, because rounding depends on it.
+    Where a machine ``computes`` with the text, sums and products are bracketed in the order in
+    which they are evaluated, because rounding depends on it.
     """
 
-    times: str
+    times: str  # between factors
     functions: Mapping[str, str]
-    number: Callable[[float], str]
-    symbol: Callable[[str], str]
+    number: Callable[[float], str]  # text of a constant that is not negative
+    symbol: Callable[[str], str]  # text of a symbol's name
     opening: str = "("
     closing: str = ")"
     computes: bool = True
@@ -93,7 +86,7 @@ LATEX = Notation(
 
 
 def expression_text(expression: Expression, notation: Notation, prefix: str = "") -> str:
-    """One expression as text, written out in full."""
+    """One expression as text, in full."""
     return expression_texts([expression], notation, {}, prefix)[0]
 
 
@@ -103,14 +96,7 @@ def expression_texts(
     names: Mapping[Expression, str],
     prefix: str = "",
 ) -> list[str]:
-    """Several expressions as text.
-
-    Args:
-        expressions: what to write; each is written out itself even where it has a name.
-        notation: of which language.
-        names: text of symbols and of other expressions that are known by a name.
-        prefix: before the names of functions.
-    """
+    """Expressions as text; each root is written in full even where it is in ``names``."""
     return [_written_out(root, notation, names, prefix) for root in expressions]
 
 
@@ -149,19 +135,11 @@ def _text(
     prefix: str,
     minus: bool = False,
 ) -> tuple[str, int]:
-    """Text of a node from the texts of its operands, and how firmly it holds together.
-
-    Args:
-        node: the node.
-        operands: their texts and firmness.
-        notation: of which language.
-        prefix: before the names of functions.
-        minus: of a sum, whether its second operand is subtracted.
-    """
+    """Text of a node from its operands (text, precedence); ``minus``: of a reversed difference."""
 
     def bracketed(k: int, least: int) -> str:
-        text, firmness = operands[k]
-        return text if firmness >= least else f"{notation.opening}{text}{notation.closing}"
+        text, precedence = operands[k]
+        return text if precedence >= least else f"{notation.opening}{text}{notation.closing}"
 
     if isinstance(node, Constant):
         text = notation.number(abs(node.value))
@@ -191,7 +169,7 @@ def _text(
 
 
 def _sum(node: Add, bracketed: Callable[[int, int], str], notation: Notation) -> str:
-    """The sum a + b, or a - b where b stands under a minus (its text then begins with one)."""
+    """The sum a + b, or a - b where b has a minus sign (its text then begins with one)."""
     second = bracketed(1, _SIGN if notation.computes else _SUM)
     if isinstance(node.operands[1], Negate) and second.startswith("-"):
         return f"{bracketed(0, _SUM)} - {second[1:]}"

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from pivident.dynamics.grouping.expression_graph import multiply
 from pivident.dynamics.grouping.expressions import (
     ONE,
     ZERO,
@@ -22,7 +23,6 @@ from pivident.dynamics.grouping.expressions import (
     constant,
     cosine,
     divide,
-    multiply,
     power,
     sine,
 )
@@ -30,23 +30,19 @@ from pivident.dynamics.grouping.expressions import (
 #: Product of powers: (expression, exponent) in the order of the expressions.
 Monomial = tuple[tuple[Expression, int], ...]
 
-#: Part of the summands below which a sum is rounding.
+#: Fraction of the summands below which a sum is rounding.
 _ROUNDING = 1e-14
 
 
 @dataclass(frozen=True, slots=True)
 class Polynomial:
-    """A sum of terms, each a number times a product of powers.
-
-    Attributes:
-        terms: number by product; no number is 0.
-    """
+    """A sum of terms, each a number (never 0) times a product of powers."""
 
     terms: dict[Monomial, float]
 
     @classmethod
     def of(cls, value: Expression | float) -> Polynomial:
-        """A number, or an expression that is not looked into (a symbol, sine or cosine)."""
+        """A number, or an expression taken as an atom (a symbol, sine or cosine)."""
         if isinstance(value, Expression) and not isinstance(value, Constant):
             return cls({((value, 1),): 1.0})
         number = value.value if isinstance(value, Constant) else float(value)
@@ -60,7 +56,7 @@ class Polynomial:
 
     @property
     def is_fraction(self) -> bool:
-        """Whether something is divided by a sum."""
+        """Whether a sum is a divisor."""
         return any(
             exponent < 0 and isinstance(atom, Add)
             for monomial in self.terms

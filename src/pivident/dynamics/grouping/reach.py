@@ -1,6 +1,6 @@
-"""What the joints before a link, and gravity, can do to it.
+"""Motions and directions of gravity that the joints before a link can subject it to.
 
-Closed under the motion of every joint by rule: turning about z leaves what lies along z and takes
+Closed under the motion of every joint by rule: turning about z keeps what lies along z and turns
 what lies across to every direction across; sliding along z adds ω × z to the speed of the origin.
 """
 
@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-#: Relative size below which a number is rounding. The geometry is clean before (see
-#: ``GEOMETRY_TOLERANCE``), so that nothing lies near this line.
+#: Relative size below which a number is rounding. The geometry was cleaned before (see
+#: ``GEOMETRY_TOLERANCE``), so that no number is near this threshold.
 ROUNDING = 1e-10
 
 
@@ -19,14 +19,12 @@ ROUNDING = 1e-10
 class Reach:
     """What a link can be subjected to by the joints before it and by gravity.
 
-    Attributes:
-        twists: basis of all (ω, v, speeds of the coupled joints) of the frame's origin, in the
-            link's frame, shape (twists, 6 + coupled joints).
-        gravities: basis of all (g, 1), gravity in the link's frame, shape (directions, 4).
+    Rows of ``twists`` are a basis of all (ω, v, speeds of the coupled joints) of the frame's
+    origin, rows of ``gravities`` one of all (g, 1), both in the link's frame.
     """
 
-    twists: np.ndarray
-    gravities: np.ndarray
+    twists: np.ndarray  # (twists, 6 + coupled joints)
+    gravities: np.ndarray  # (directions, 4)
 
     @classmethod
     def of_base(cls, gravity: np.ndarray, coupled: int) -> Reach:
@@ -43,12 +41,7 @@ class Reach:
         )
 
     def moved_by(self, kind: str, coupled: int | None) -> Reach:
-        """What is left to reach behind the joint: all its positions, and its own screw.
-
-        Args:
-            kind: ``revolute`` or ``prismatic``.
-            coupled: place of its speed among those of the coupled joints, None where it is none.
-        """
+        """What is reachable behind the joint: all its positions, and its own screw."""
         twists, gravities = self.twists, self.gravities
         screw = np.zeros((1, twists.shape[1]))
         screw[0, 2 if kind == "revolute" else 5] = 1.0

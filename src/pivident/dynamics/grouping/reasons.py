@@ -1,4 +1,4 @@
-"""Why a parameter heads no group, in words."""
+"""Texts that say why a parameter heads no group."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pivident.robot.description import INERTIAL, JointKind
 _ON_THE_AXIS = "lies on the axis: it acts as part of the link before"
 _NEVER_ACROSS = "the link never turns about a direction across its axis"
 _DIFFERENCE = "only xx - yy is felt here; equal xx and yy act as part of the link before"
-_NOT_ACCELERATED = "nothing accelerates the link across its axis, gravity neither"
+_NOT_ACCELERATED = "neither motion nor gravity accelerates the link across its axis"
 _CROSSING = "all axes before cross this axis in one point: felt only as inertia about it"
 _SLIDES = "does not change with the slide: it acts as part of the link before"
 _NEVER_ACROSS_SLIDE = "the link never turns about a direction across its slide"
@@ -17,11 +17,8 @@ _ONE_DIRECTION = "moments along the one direction that the link turns about are 
 def reasons_by_stem(kind: JointKind, turns_across: bool, crossing: bool) -> dict[str, str]:
     """The rule that keeps a parameter from heading a group, by stem.
 
-    Args:
-        kind: of the joint.
-        turns_across: whether a joint before turns the link about a direction across its axis.
-        crossing: whether all axes before cross this one in one point, and gravity does not show
-            first moments.
+    ``crossing``: all axes before cross this one in one point, and gravity does not act on its first
+    moments.
     """
     if kind == "prismatic":
         words = dict.fromkeys(INERTIAL[:6], _SLIDES)

@@ -22,15 +22,7 @@ def summed(a: Row, b: Row) -> Row:
 
 
 def reduced(rows: list[Row], order: list[int]) -> dict[int, Row]:
-    """Gauss–Jordan elimination: rows with a leading 1 each, pivots sought in the given order.
-
-    Args:
-        rows: what is felt, coefficients by column.
-        order: columns, those that are to lead first.
-
-    Returns:
-        The rows by the column that leads them.
-    """
+    """Gauss–Jordan elimination: rows by their leading column (a 1), sought in the given order."""
     left = [(row, max(abs(x.value) for x in row.values())) for row in rows if row]
     done: dict[int, Row] = {}
     for column in order:
@@ -49,7 +41,7 @@ def reduced(rows: list[Row], order: list[int]) -> dict[int, Row]:
 
 
 def _without(row: Row, column: int, pivot: Row) -> Row:
-    """The row less so much of the pivot row that nothing is left in the column."""
+    """The row less the multiple of the pivot row that clears the column."""
     if column not in row:
         return row
     factor, out = row[column], dict(row)

@@ -1,15 +1,16 @@
 """Which combinations of a link's parameters its joint can feel: the rules of Gautier and Khalil.
 
 The torques depend on a link's parameters through kinetic and potential energy alone. Carry all
-parameters of the links behind a link to it, at any fixed position of their joints. Joint i then
-tells about the ten sums of link i what changes with q_i, and its own inertia and coupling:
+parameters of the links behind a link to it, at any fixed position of their joints. The torque of
+joint i then depends on the ten sums of link i only through what changes with q_i, and on its own
+inertia and coupling:
 
     sᵀ A(a) X(q_i) v      for every twist v that the links before can have
     T(v, q_i) - T(v, 0)   what the kinetic energy with this twist gains when q_i changes
     U(g, q_i) - U(g, 0)   likewise the potential energy, for every direction of gravity
 
 with s the joint's screw, A(a) the spatial inertia. Everything else acts as if the link were part
-of its parent and is carried on. Expanded in functions of q_i these are, for a revolute joint,
+of its parent and is carried to it. Expanded in functions of q_i these are, for a revolute joint,
 
     zz                                always
     xx - yy, xy                       if an axis before is not parallel to this one
@@ -34,7 +35,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.dynamics.grouping.functions import coupling_functions, friction_functions
-from pivident.dynamics.grouping.geometry import NamedFrame, Names, Quantity, numbers, quantities
+from pivident.dynamics.grouping.geometry import (
+    NamedFrame,
+    Names,
+    Quantity,
+    as_quantity,
+    numbers,
+    quantities,
+)
 from pivident.dynamics.grouping.reach import ROUNDING, Reach, row_space
 from pivident.dynamics.grouping.reasons import reasons_by_stem
 from pivident.dynamics.grouping.rows import ONE, Row, reduced, summed, times
@@ -44,76 +52,54 @@ from pivident.robot.description import INERTIAL, Robot
 
 @dataclass(frozen=True)
 class LocalGroups:
-    """What one joint feels of its own parameters.
+    """What one joint feels of its own parameters, by their index among the standard parameters."""
 
-    Attributes:
-        kept: indices (in the robot's standard parameters) of those that head a group.
-        shares: for each other index, how much of it the joint feels in each of its own heads.
-        reasons: for each other index, the rule in words.
+    kept: tuple[int, ...]  # heads of groups
+    shares: dict[int, Row]  # of the others: what the joint feels of each in each of its own heads
+    reasons: dict[int, str]  # of the others: the rule in words
+
+
+@dataclass(eq=False)
+class JointRules:
+    """The rules for joint i; a coupling's inertia belongs to the later joint.
+
+    ``reach`` is that of the links before, seen from the joint at q = 0, ``gravity`` (3,) in the
+    link's frame with all joints at 0; ``coupled`` are the joints whose speeds ``reach`` has.
     """
 
-    kept: tuple[int, ...]
-    shares: dict[int, Row]
-    reasons: dict[int, str]
+    robot: Robot
+    i: int
+    own: dict[int, Parameter]
+    reach: Reach
+    gravity: np.ndarray
+    frames: list[NamedFrame]
+    coupled: list[int]
+    names: Names
 
-
-def local_groups(
-    robot: Robot,
-    i: int,
-    own: dict[int, Parameter],
-    reach: Reach,
-    gravity: np.ndarray,
-    frames: list[NamedFrame],
-    coupled: list[int],
-    names: Names,
-) -> LocalGroups:
-    """Apply the rules to joint i.
-
-    Args:
-        robot: the robot.
-        i: index of the joint.
-        own: its parameters by their index; a coupling's inertia belongs to the later joint.
-        reach: of the links before, seen from the joint at q = 0.
-        gravity: in the link's frame at q = 0 and all joints at 0, quantities, shape (3,).
-        frames: of all joints.
-        coupled: joints whose speeds ``reach`` has.
-        names: for directions and distances that the rules need.
-    """
-    link = _Link(robot, i, own, reach, gravity, frames, coupled, names)
-    rows = link.revolute_rows() if robot.joints[i].kind == "revolute" else link.prismatic_rows()
-    heads = reduced(rows, sorted(own, key=lambda k: (_rank(robot, own[k]), k)))
-    shares = {
-        k: {head: row[k] for head, row in heads.items() if k in row} for k in own if k not in heads
-    }
-    return LocalGroups(tuple(sorted(heads)), shares, link.reasons(shares))
-
-
-class _Link:
-    """The rules, for one joint."""
-
-    def __init__(
-        self,
-        robot: Robot,
-        i: int,
-        own: dict[int, Parameter],
-        reach: Reach,
-        gravity: np.ndarray,
-        frames: list[NamedFrame],
-        coupled: list[int],
-        names: Names,
-    ) -> None:
-        self.robot, self.i, self.own, self.reach = robot, i, own, reach
-        self.gravity, self.frames, self.coupled, self.names = gravity, frames, coupled, names
-        self.of = {p.stem: k for k, p in own.items() if p.is_inertial or p.stem == "ia"}
-        self.omega, self.v = reach.twists[:, :3], reach.twists[:, 3:6]
+    def __post_init__(self) -> None:
+        self.of = {p.stem: k for k, p in self.own.items() if p.is_inertial or p.stem == "ia"}
+        self.omega, self.v = self.reach.twists[:, :3], self.reach.twists[:, 3:6]
         self.turns_across = _any(self.omega[:, :2])
-        #: z of the point that all axes before pass through, where there is one and it matters
+        #: z of the point where all axes before cross this one, None where it has no effect
         self.crossing: Quantity | None = None
         self.functions = self._joint_functions()
 
+    def groups(self) -> LocalGroups:
+        """What the joint feels of its own parameters."""
+        revolute = self.robot.joints[self.i].kind == "revolute"
+        rows = self.revolute_rows() if revolute else self.prismatic_rows()
+        own = self.own
+        heads = reduced(rows, sorted(own, key=lambda k: (_rank(self.robot, own[k]), k)))
+        shares = {
+            k: {head: row[k] for head, row in heads.items() if k in row}
+            for k in own
+            if k not in heads
+        }
+        return LocalGroups(tuple(sorted(heads)), shares, self.reasons(shares))
+
     def row(self, **entries: Quantity | float) -> Row:
         """A row from the stems of the link's own parameters."""
-        made = {self.of[stem]: _as_quantity(x) for stem, x in entries.items()}
+        made = {self.of[stem]: as_quantity(x) for stem, x in entries.items()}
         return {k: x for k, x in made.items() if x.value != 0.0}
 
     def revolute_rows(self) -> list[Row]:
@@ -160,16 +146,10 @@ class _Link:
     def _reactions(self, amounts: np.ndarray) -> tuple[Row | None, list[Row]]:
         """Reaction of the joint to motion of the joints before it, with couplings' inertias.
 
-        The coupled joints' speeds belong to the same twists as the link's own motion, so what is
-        felt are combinations of the two.
-
-        Args:
-            amounts: how much of the motion that the joint reacts to is in each reachable twist,
-                shape (twists,).
-
-        Returns:
-            Inertias of couplings that are felt together with the joint's reaction to one unit of
-            that motion, None where it is not reachable; and rows of couplings alone.
+        ``amounts`` is the motion that the joint reacts to in each reachable twist. The speeds of
+        the coupled joints belong to the same twists as the link's own motion, so combinations of
+        the two are felt: the couplings' inertias felt with the joint's reaction to one unit of
+        that motion, None where it is not reachable; and rows of couplings alone.
         """
         own = -1  # the column of the motion itself
         rows: list[Row] = [{own: Quantity.number(x)} if x else {} for x in amounts]
@@ -181,7 +161,7 @@ class _Link:
                 speeds = self.reach.twists[:, 6 + self.coupled.index(partner)]
                 for row, x in zip(rows, coupling.ratio * speeds, strict=True):
                     row |= {k: Quantity.number(x)} if x else {}
-            elif coupling.ratio:  # on another branch: its speed has nothing to do with this link
+            elif coupling.ratio:  # on another branch: its speed is independent of this link
                 alone.append({k: Quantity.number(coupling.ratio)})
         found = reduced(rows, [own, *couplings])
         reaction = found.pop(own, None)
@@ -299,7 +279,11 @@ class _Link:
         out = {}
         for k, share in shares.items():
             heads = " and ".join(self.own[head].name for head in share)
-            other = f"its torque cannot be told from that of {heads}" if heads else "has no torque"
+            other = (
+                f"its torque is indistinguishable from that of {heads}"
+                if heads
+                else "has no torque"
+            )
             out[k] = words.get(self.own[k].stem, other)
         return out
 
@@ -323,7 +307,3 @@ def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _any(array: np.ndarray) -> bool:
     return bool((np.abs(array) > ROUNDING).any())
-
-
-def _as_quantity(x: Quantity | float) -> Quantity:
-    return x if isinstance(x, Quantity) else Quantity.number(x)

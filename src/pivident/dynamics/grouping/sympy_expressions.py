@@ -1,4 +1,4 @@
-"""Expressions as expressions of SymPy."""
+"""Translation of expressions to SymPy."""
 
 from __future__ import annotations
 
@@ -24,15 +24,7 @@ from pivident.extras import require
 def sympy_expressions(
     expressions: Iterable[Expression], names: Mapping[Expression, Any] | None = None
 ) -> list[Any]:
-    """Several expressions for SymPy.
-
-    Args:
-        expressions: what to translate; each is written out itself even where it has a name.
-        names: SymPy's symbols for expressions that are known by a name.
-
-    Returns:
-        Expressions of SymPy; symbols are real, whole numbers exact.
-    """
+    """Expressions for SymPy, roots in full; symbols are real, whole numbers exact."""
     sympy = require("sympy", extra="symbolic", purpose="an expression of SymPy")
 
     known = names or {}

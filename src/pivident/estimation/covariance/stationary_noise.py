@@ -8,7 +8,7 @@ Instruments are free of noise, so γ is all that has to be estimated, from the w
 deviations are then twice as certain as those of the sandwich over windows, which has to find the
 variance at each place of the record from that place alone.
 
-γ is estimated over pairs of samples that both vote. Gaps in the votes, at standstill, would
+γ is estimated over pairs of samples that are both used. Gaps, at standstill, would
 otherwise spread the noise of high frequencies over the low ones, where the residual of a closed
 loop has next to none and where the motion is. Up to ``MAX_LAG`` it is tapered by a Parzen
 window, which has no negative spectrum. At the frequencies of the motion the estimate has taken
@@ -23,7 +23,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.full_rate import FullRateRecord
+from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.normal_equations import JointSums
@@ -41,7 +41,7 @@ MIN_LAGS = 50
 #: Largest share of a record that a lag may be: on short records few independent pairs are left.
 MAX_SHARE = 1.0 / 14.0
 
-#: Share of pairs of samples that must vote for a lag to be estimated.
+#: Share of pairs of samples that must be in use for a lag to be estimated.
 MIN_PAIRS = 0.05
 
 #: Largest leverage that a spectrum is corrected for.
@@ -54,7 +54,7 @@ MAX_STRETCH = 2**17
 
 def stationary_covariance(
     regressor: Regressor,
-    records: Sequence[FullRateRecord],
+    records: Sequence[EquationRecord],
     filters: Sequence[Prefilter],
     sums: Sequence[JointSums],
     variance: np.ndarray,
@@ -64,7 +64,7 @@ def stationary_covariance(
 
     Args:
         regressor: the observation matrix.
-        records: recordings with instruments and votes.
+        records: recordings with instruments.
         filters: prefilter of each joint.
         sums: normal equations, one per joint.
         variance: λ of each joint, shape (joints,).
@@ -82,7 +82,7 @@ def stationary_covariance(
 
 def score_variance(
     regressor: Regressor,
-    records: Sequence[FullRateRecord],
+    records: Sequence[EquationRecord],
     filters: Sequence[Prefilter],
     sums: Sequence[JointSums],
     variance: np.ndarray,
@@ -93,7 +93,7 @@ def score_variance(
 
     Args:
         regressor: the observation matrix.
-        records: recordings with instruments and votes.
+        records: recordings with instruments.
         filters: prefilter of each joint.
         sums: normal equations, one per joint.
         variance: λ of each joint, shape (joints,).
@@ -105,7 +105,7 @@ def score_variance(
     for record, residual in zip(records, residuals, strict=True):
         source = record.kinematics if record.motion is None else record.motion
         streams = [f.stream(s.columns.size, threads=1) for f, s in zip(filters, sums, strict=True)]
-        for first in range(0, record.votes.shape[1], MAX_STRETCH):
+        for first in range(0, record.used.shape[1], MAX_STRETCH):
             span = slice(first, first + MAX_STRETCH)
             packed = packed_stretch(regressor, source, span)
 
@@ -113,9 +113,9 @@ def score_variance(
                 j: int, record=record, residual=residual, streams=streams, span=span, packed=packed
             ) -> None:
                 own = slice(regressor.offsets[j], regressor.offsets[j + 1])
-                votes = record.votes[j, span].astype(float)
-                z = streams[j].process(packed[own]) * (votes / np.sqrt(variance[j]))
-                spectra[j].add(z, residual[j, span] * votes, votes)
+                used = record.used[j, span].astype(float)
+                z = streams[j].process(packed[own]) * (used / np.sqrt(variance[j]))
+                spectra[j].add(z, residual[j, span] * used, used)
 
             run_in_threads(add, range(len(sums)))
     scores = np.zeros_like(metric)
@@ -125,11 +125,11 @@ def score_variance(
 
 
 def _spectra(
-    records: Sequence[FullRateRecord], sums: Sequence[JointSums], metric: np.ndarray
+    records: Sequence[EquationRecord], sums: Sequence[JointSums], metric: np.ndarray
 ) -> list[JointSpectra]:
     """Empty sums of every joint."""
     rate = records[0].kinematics.recording.rate
-    longest = min(max(r.votes.shape[1] for r in records), MAX_STRETCH)
+    longest = min(max(r.used.shape[1] for r in records), MAX_STRETCH)
     lags = min(MAX_LAG * rate, MAX_SHARE * longest)
     lags = int(min(max(lags, MIN_LAGS), longest - 1))
     metrics = [metric[np.ix_(s.columns, s.columns)] for s in sums]
@@ -156,13 +156,13 @@ class JointSpectra:
         self.cross = np.zeros((self.bins, *metric.shape))
         self.pairs, self.products, self.taken = np.zeros((3, lags + 1))
 
-    def add(self, z: np.ndarray, residual: np.ndarray, votes: np.ndarray) -> None:
-        """Add a stretch; all that does not vote is zero.
+    def add(self, z: np.ndarray, residual: np.ndarray, used: np.ndarray) -> None:
+        """Add a stretch; all that is not used is zero.
 
         Args:
             z: filtered instruments, shape (k, samples).
             residual: filtered residual, shape (samples,).
-            votes: one where a sample votes, likewise.
+            used: one where a sample is used, likewise.
         """
         from scipy.fft import irfft, rfft
 
@@ -170,7 +170,7 @@ class JointSpectra:
         leverage = np.einsum(
             "ik,ik->k", spectrum.conj(), self.metric @ spectrum, optimize=True
         ).real
-        self.pairs += lagged_products(votes, self.lags, self.length)
+        self.pairs += lagged_products(used, self.lags, self.length)
         self.products += lagged_products(residual, self.lags, self.length)
         self.taken += irfft(leverage, self.length)[: self.lags + 1]
         spectrum[:, 1 : (self.length + 1) // 2] *= np.sqrt(2.0)  # negative frequencies

@@ -87,7 +87,7 @@ class LawChoice:
     gap: float
 
     def joint(self, name: str) -> JointLawChoice:
-        """The laws tried on one joint."""
+        """What was tried on the joint ``name``."""
         return self.joints[find_joint([j.joint for j in self.joints], name)]
 
     def toml(self) -> str:

@@ -94,7 +94,14 @@ def default_changes(reach: Reach) -> dict[str, Change]:
 
 
 def adding(terms: tuple[FrictionTerm, ...]) -> Change:
-    """The change that adds given terms, a ripple of a known order for example."""
+    """The change that adds given terms, a ripple of a known order for example.
+
+    Args:
+        terms: friction terms, for example those of `pivident.robot.ripple`.
+
+    Returns:
+        A function from a law to the law with the terms, or to None where it has one already.
+    """
     stems = {t.stem for t in terms}
 
     def change(law: FrictionLaw) -> FrictionLaw | None:

@@ -22,8 +22,6 @@ import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.errors import IdentificationError
-from pivident.estimation.decimated import DecimatedRecord
-from pivident.estimation.full_rate import FullRateRecord
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import (
     LeastSquares,
@@ -182,7 +180,7 @@ def _grown(
             break
         current = best
     scores = _compared(judge, scores)
-    rows = float(sum(r.valid.sum() for r in judge.rows))
+    rows = float(sum(r.used.sum() for r in judge.rows))
     effective = effective_rows(judge.residual(min(scores, key=lambda s: s.rms)))
     return JointLawChoice(name, unit, tuple(scores), chosen_law(scores), rows, effective)
 
@@ -190,7 +188,7 @@ def _grown(
 def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:
     """Scores with criteria, the effective number of rows from the residual of the best law."""
     best = min(scores, key=lambda s: s.rms)
-    rows = float(sum(r.valid.sum() for r in judge.rows))
+    rows = float(sum(r.used.sum() for r in judge.rows))
     return with_criteria(scores, rows, effective_rows(judge.residual(best)))
 
 
@@ -198,24 +196,21 @@ def _own_sums(last: LastPass, joint: int, segments: Segments) -> SegmentSums:
     """Sums of one joint's rows on its own columns."""
     every = np.arange(last.equations.regressor.columns_of(joint).size)
     rows = last.rows_of(joint, every)
-    return SegmentSums.of([(r.phi, r.z, r.tau, r.valid) for r in rows], segments)
+    return SegmentSums.of([(r.phi, r.z, r.tau, r.used) for r in rows], segments)
 
 
 def _segments(problem: Problem, last: LastPass, folds: int, gap: float) -> Segments:
     """Consecutive blocks of equal length of all recordings' motion, and their gaps."""
     if folds < 3:
         raise IdentificationError(f"folds is {folds}; laws are compared on at least 3 blocks")
-    records: list[FullRateRecord | DecimatedRecord] = [*last.equations.records]
+    records = last.equations.records
     moving = [moving_part(problem, r.kinematics) for r in records]
     total = sum(stop - start for start, stop in moving)
     borders = np.linspace(0, total, folds + 1)
     labels, offset = [], 0
     for record, (start, stop) in zip(records, moving, strict=True):
         k = record.kinematics
-        if isinstance(record, DecimatedRecord):
-            sample = (record.t - k.recording.start_time) * k.recording.rate
-        else:
-            sample = np.arange(record.votes.shape[1], dtype=float)
+        sample = record.sample_numbers
         place = sample - start + offset
         inside = (sample >= start) & (sample < stop)
         block = np.clip(np.searchsorted(borders, place, side="right") - 1, 0, folds - 1)

@@ -126,7 +126,7 @@ class JointJudge:
         made = []
         for rows, extra in zip(self.rows, self._law_columns(score.law), strict=True):
             phi = np.vstack([rows.phi, extra[0]])
-            made.append((rows.tau - theta @ phi)[rows.valid > 0])
+            made.append((rows.tau - theta @ phi)[rows.used > 0])
         return made
 
     def _points(
@@ -235,7 +235,7 @@ class JointJudge:
         parts = []
         for rows, (phi, z) in zip(self.rows, self._law_columns(law), strict=True):
             both = None if z is None or rows.z is None else np.vstack([rows.z, z])
-            parts.append((np.vstack([rows.phi, phi]), both, rows.tau, rows.valid))
+            parts.append((np.vstack([rows.phi, phi]), both, rows.tau, rows.used))
         return SegmentSums.of(parts, self.segments)
 
     def _law_columns(self, law: FrictionLaw) -> list[tuple[np.ndarray, np.ndarray | None]]:
@@ -279,7 +279,7 @@ class JointJudge:
             for motion in (self.motions[number], *self._simulated(number)):
                 known = with_inner(regressor, motion, theta)
                 column = regressor.packed(known.q, known.dq, known.ddq, inner=known.inner)[[row]]
-                pair.append(self.last.passed(column, number, self.joint) * rows.valid)
+                pair.append(self.last.passed(column, number, self.joint) * rows.used)
             made.append((pair[0], pair[1] if len(pair) == 2 else None))
         return made
 

@@ -52,7 +52,7 @@ class ShapedRows:
         self._fixed_sums = JointSums.empty(robot.joint_names[j], self.columns[: keep.size])
         for rows in self.records:
             self._fixed_sums.add(rows.phi, rows.z, rows.tau, None)
-        self.rows = sum(int(r.valid.sum()) for r in self.records)
+        self.rows = sum(int(r.used.sum()) for r in self.records)
 
     def values(self, coordinates: np.ndarray) -> tuple[ShapeConstant, ...]:
         """The constants at coordinates u, shape (constants,)."""

@@ -36,6 +36,7 @@ from pivident.friction.laws.variable_projection import (
     Projection,
     SeparableSearch,
 )
+from pivident.text.finding import Finding
 from pivident.text.numbers import format_significant
 
 #: Maximum number of passes of estimate and search.
@@ -87,7 +88,20 @@ class IdentifiedShape:
 
 @dataclass(frozen=True, eq=False)
 class ShapedIdentification:
-    """Parameters and shape constants, estimated together."""
+    """Parameters and constants of shape, estimated together.
+
+    Attributes:
+        identification: the estimate with the constants found; its covariance knows that they are
+            estimates.
+        problem: the problem with the constants found in the robot's friction laws.
+        shapes: the constants.
+        covariance: of parameters and constants together, the sandwich, shape
+            (parameters + constants,) squared, in their units.
+        formula_covariance: the same for white residuals, shape
+            (parameters + constants,) squared.
+        passes: how often estimate and search were repeated.
+        converged: whether both stood still.
+    """
 
     # the estimate with these constants; its covariance includes their uncertainty
     identification: Identification
@@ -290,7 +304,10 @@ def _answer(
             covariance=covariance[:n, :n],
             robust_covariance=covariance[:n, :n],
             formula_covariance=formula[:n, :n],
-            warnings=(*found.warnings, *(s.note for s in shapes if s.note)),
+            warnings=(
+                *found.warnings,
+                *(Finding("warning", "shape", "searched", s.note) for s in shapes if s.note),
+            ),
         ),
         problem,
         tuple(shapes),

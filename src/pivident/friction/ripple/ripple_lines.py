@@ -251,6 +251,9 @@ def remove_ripple(recording: Recording, lines: Sequence[RippleLine]) -> Recordin
         recording: the recording.
         lines: found by ``find_ripple`` in this or another recording of the same machine.
 
+    Returns:
+        A new recording; the given one stays as it is.
+
     Raises:
         ExperimentError: a line belongs to a joint that the recording does not have.
     """

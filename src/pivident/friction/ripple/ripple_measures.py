@@ -58,23 +58,23 @@ def measured_line(
     near = int(np.argmin(np.abs(left.orders - wave.order)))
     excess = max(float(left.floor[near]), 1.0)
     order_std = float(fit.order_std[n]) * math.sqrt(excess)
-    valid = [s.valid[:, joint] for s in series]
+    used = [s.used[:, joint] for s in series]
     phases = np.concatenate(
-        [wave.order * wave.angle(s)[v] for s, v in zip(series, valid, strict=True)]
+        [wave.order * wave.angle(s)[v] for s, v in zip(series, used, strict=True)]
     )
     torque = a * np.cos(phases) + b * np.sin(phases)
-    error = np.concatenate([s.error[v, joint] for s, v in zip(series, valid, strict=True)])
+    error = np.concatenate([s.error[v, joint] for s, v in zip(series, used, strict=True)])
     speed = np.concatenate(
-        [np.abs(s.dq @ angle.coefficients)[v] for s, v in zip(series, valid, strict=True)]
+        [np.abs(s.dq @ angle.coefficients)[v] for s, v in zip(series, used, strict=True)]
     )
     frequency = wave.order * speed / (2.0 * math.pi)
     loads = [s.load[:, joint] for s in series]
-    mean = float(np.mean(np.concatenate([x[v] for x, v in zip(loads, valid, strict=True)])))
+    mean = float(np.mean(np.concatenate([x[v] for x, v in zip(loads, used, strict=True)])))
     by_load = _modulation(
         series, joint, fit, wave, [x / max(mean, 1e-300) - 1.0 for x in loads], excess
     )
     signs = [np.sign(s.dq @ angle.coefficients) for s in series]
-    tilt = float(np.mean(np.concatenate([x[v] for x, v in zip(signs, valid, strict=True)])))
+    tilt = float(np.mean(np.concatenate([x[v] for x, v in zip(signs, used, strict=True)])))
     by_direction = _modulation(series, joint, fit, wave, [x - tilt for x in signs], excess)
     size = max(math.hypot(a, b), 1e-300)
     along = np.array([a, b]) / size**2
@@ -132,9 +132,9 @@ def _modulation(
         phase = wave.order * wave.angle(s)
         plain = np.column_stack([np.cos(phase), np.sin(phase)])
         stack = np.hstack([plain, factor[:, None] * plain])
-        valid = settled_rows(s.valid[:, joint], fit.noise.order)
-        columns.append(whitened(fit.filter, stack)[valid])
-        right.append(whitened(fit.filter, left - fit.noise.mean)[valid])
+        used = settled_rows(s.used[:, joint], fit.noise.order)
+        columns.append(whitened(fit.filter, stack)[used])
+        right.append(whitened(fit.filter, left - fit.noise.mean)[used])
     matrix, values = np.vstack(columns), np.concatenate(right)
     spread = np.linalg.pinv(matrix.T @ matrix)
     solution = spread @ (matrix.T @ values)
@@ -185,7 +185,7 @@ def visibility_notes(
         f"orders {low:.4g} to {high:.4g} of {angle.name} searched, median detection limit "
         f"{visible:.2g} {unit}; lower orders have fewer than {cycles:g} cycles in the record"
     ]
-    speed = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.valid[:, joint]] for s in series])
+    speed = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.used[:, joint]] for s in series])
     typical = float(np.median(speed))
     gears = [(name, gear) for name, gear in angle.motors if gear != 1.0]
     for name, gear in gears:

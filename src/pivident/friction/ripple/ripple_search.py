@@ -89,6 +89,9 @@ def find_ripple(
         lag: delay of the torque relative to the positions [s]; None: estimated from the strongest
             line of each joint, up to three sampling periods.
 
+    Returns:
+        The lines of each joint with their amplitudes, and what they belong to.
+
     Raises:
         ExperimentError: a recording has other joints than the robot, or a named order names an
             unknown joint.
@@ -229,9 +232,9 @@ def _gained(
     after = fit_waves(series, joint, [*fit.waves, *more], (fit.noise, fit.scale))
     rows = [
         sum(
-            float(np.sum(whitened(fit.filter, e - fit.noise.mean)[valid] ** 2))
-            for e, valid in (
-                (e, settled_rows(s.valid[:, joint], fit.noise.order))
+            float(np.sum(whitened(fit.filter, e - fit.noise.mean)[used] ** 2))
+            for e, used in (
+                (e, settled_rows(s.used[:, joint], fit.noise.order))
                 for s, e in zip(series, left, strict=True)
             )
         )
@@ -263,9 +266,9 @@ def _best_in_time(
     length = next_fast_len(_PADDING * max(s.t.size for s in series), real=True)
     gain = np.zeros(length // 2 + 1)
     for s, left in zip(series, fit.left, strict=True):
-        valid = settled_rows(s.valid[:, joint], fit.noise.order)
-        white = np.where(valid, whitened(fit.filter, left - fit.noise.mean), 0.0)
-        gain += np.abs(rfft(white, length)) ** 2 / max(int(valid.sum()), 1)
+        used = settled_rows(s.used[:, joint], fit.noise.order)
+        white = np.where(used, whitened(fit.filter, left - fit.noise.mean), 0.0)
+        gain += np.abs(rfft(white, length)) ** 2 / max(int(used.sum()), 1)
     frequency = np.arange(gain.size) * series[0].rate / length
     longest = max(s.t.size for s in series) / series[0].rate
     reach = min(2 * _NEIGHBOURS * _PADDING + 1, gain.size // 4 * 2 + 1)
@@ -283,7 +286,7 @@ def _band(
     series: Sequence[ResidualSeries], joint: int, angle: np.ndarray, order: float
 ) -> tuple[float, float]:
     """Frequencies that an order passes through [Hz]; only a line there can be confused with it."""
-    speed = np.concatenate([np.abs(s.dq @ angle)[s.valid[:, joint]] for s in series])
+    speed = np.concatenate([np.abs(s.dq @ angle)[s.used[:, joint]] for s in series])
     low, high = np.quantile(speed, [0.02, 0.98]) * order / (2.0 * math.pi)
     return 0.95 * float(low), 1.05 * float(high)
 

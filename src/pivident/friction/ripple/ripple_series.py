@@ -41,7 +41,7 @@ class ResidualSeries:
     dq: np.ndarray  # speeds [rad/s or m/s]
     error: np.ndarray  # τ - Φθ [N m or N]
     load: np.ndarray  # |Φθ| [N m or N]
-    valid: np.ndarray  # rows in use
+    used: np.ndarray  # rows in use
     # half-power frequency of the position smoother [Hz], shape (joints,); NaN: unknown
     f50: np.ndarray
 
@@ -54,7 +54,7 @@ def residual_series(
         series = tuple(
             ResidualSeries(
                 r.name, r.t, float(1.0 / np.median(np.diff(r.t))), r.q, r.dq,
-                r.tau - r.tau_model, np.abs(r.tau_model), ~r.mask,
+                r.tau - r.tau_model, np.abs(r.tau_model), r.used,
                 np.array([fit.f50 for fit in identification.joints]),
             )
             for r in identification.recordings
@@ -85,11 +85,11 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
     model = identification.predict(q, dq, ddq)
     fastest = np.abs(dq).max(axis=0)
     rated = np.where(np.isfinite(robot.rated_speeds), robot.rated_speeds, fastest)
-    valid = np.abs(dq) >= LOW_SPEED * rated
+    used = np.abs(dq) >= LOW_SPEED * rated
     t = recording.t[part]
     error = tau - model
     return ResidualSeries(
-        recording.name, t, recording.rate, q, dq, error, np.abs(model), valid, k.f50
+        recording.name, t, recording.rate, q, dq, error, np.abs(model), used, k.f50
     )
 
 
@@ -146,17 +146,17 @@ def whitened(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
     return lfilter(coefficients, [1.0], x, axis=0)
 
 
-def settled_rows(valid: np.ndarray, order: int) -> np.ndarray:
+def settled_rows(used: np.ndarray, order: int) -> np.ndarray:
     """Rows in use without the transient of the filter."""
-    out = valid.copy()
+    out = used.copy()
     out[:order] = False
     return out
 
 
-def fit_noise(errors: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tuple[ArModel, float]:
+def fit_noise(errors: Sequence[np.ndarray], used: Sequence[np.ndarray]) -> tuple[ArModel, float]:
     """Autoregressive model of a residual over the rows in use, and s of its innovations."""
     apart = [np.ones(1, bool)]
-    mask = np.concatenate([part for v in valid for part in (~v, apart[0])])
+    mask = np.concatenate([part for v in used for part in (~v, apart[0])])
     joined = np.concatenate([part for e in errors for part in (_without_peaks(e), np.zeros(1))])
     stretches = unmasked_stretches(mask)
     lengths = stretches[:, 1] - stretches[:, 0]
@@ -167,7 +167,7 @@ def fit_noise(errors: Sequence[np.ndarray], valid: Sequence[np.ndarray]) -> tupl
     white = np.concatenate(
         [
             whitened(model.coefficients, e - model.mean)[settled_rows(v, model.order)]
-            for e, v in zip(errors, valid, strict=True)
+            for e, v in zip(errors, used, strict=True)
         ]
     )
     return model, float(white.std())
@@ -200,8 +200,8 @@ def fit_waves(
     ``noise``: model to start from; None: that of the residual itself.
     """
     errors = [s.error[:, joint] for s in series]
-    valid = [s.valid[:, joint] for s in series]
-    model, scale = noise or fit_noise(errors, valid)
+    used = [s.used[:, joint] for s in series]
+    model, scale = noise or fit_noise(errors, used)
     if not waves:
         empty = np.zeros((0, 2))
         return WaveFit((), empty, np.zeros((0, 2, 2)), np.zeros(0), tuple(errors), model, scale)
@@ -210,15 +210,15 @@ def fit_waves(
     reach = np.array(
         [np.pi / max(max(np.ptp(a[k]) for a in angles), 1e-12) for k in range(len(waves))]
     )
-    right = _white_rows(model, scale, errors, valid)
+    right = _white_rows(model, scale, errors, used)
     beta = np.zeros(2 * len(waves))
     for step in range(_REFINEMENTS):
         columns, slopes = _columns(waves, orders, angles, beta)
-        left = _white_columns(model, scale, columns, valid)
+        left = _white_columns(model, scale, columns, used)
         if step == 0:
             beta = _solved(left, right)
             continue
-        turned = _white_columns(model, scale, slopes, valid)
+        turned = _white_columns(model, scale, slopes, used)
         both = np.hstack([left, turned])
         solution = _solved(both, right)
         beta = solution[: beta.size]
@@ -227,8 +227,8 @@ def fit_waves(
         if np.all(np.abs(change) < _SETTLED * reach):
             break
     columns, slopes = _columns(waves, orders, angles, beta)
-    left = _white_columns(model, scale, columns, valid)
-    both = np.hstack([left, _white_columns(model, scale, slopes, valid)])
+    left = _white_columns(model, scale, columns, used)
+    both = np.hstack([left, _white_columns(model, scale, slopes, used)])
     spread = np.linalg.pinv(both.T @ both)
     fixed = np.linalg.pinv(left.T @ left)
     beta = _solved(left, right)
@@ -240,7 +240,7 @@ def fit_waves(
         for wave, order in zip(waves, orders, strict=True)
     )
     std = np.sqrt(np.maximum(np.diag(spread)[2 * count :], 0.0))
-    model, scale = fit_noise(remaining, valid)
+    model, scale = fit_noise(remaining, used)
     return WaveFit(found, beta.reshape(count, 2), blocks, std, remaining, model, scale)
 
 
@@ -267,23 +267,23 @@ def _columns(
 
 
 def _white_rows(
-    model: ArModel, scale: float, errors: Sequence[np.ndarray], valid: Sequence[np.ndarray]
+    model: ArModel, scale: float, errors: Sequence[np.ndarray], used: Sequence[np.ndarray]
 ) -> np.ndarray:
     return np.concatenate(
         [
             whitened(model.coefficients / scale, e - model.mean)[settled_rows(v, model.order)]
-            for e, v in zip(errors, valid, strict=True)
+            for e, v in zip(errors, used, strict=True)
         ]
     )
 
 
 def _white_columns(
-    model: ArModel, scale: float, columns: Sequence[np.ndarray], valid: Sequence[np.ndarray]
+    model: ArModel, scale: float, columns: Sequence[np.ndarray], used: Sequence[np.ndarray]
 ) -> np.ndarray:
     return np.vstack(
         [
             whitened(model.coefficients / scale, c)[settled_rows(v, model.order)]
-            for c, v in zip(columns, valid, strict=True)
+            for c, v in zip(columns, used, strict=True)
         ]
     )
 
@@ -292,12 +292,12 @@ def white_rows(
     series: Sequence[ResidualSeries], joint: int, coefficients: np.ndarray, fit: WaveFit
 ) -> WhiteRows:
     """Residual of a joint after the waves of ``fit``, whitened, over the angle φ = c·q."""
-    valid = [settled_rows(s.valid[:, joint], fit.noise.order) for s in series]
+    used = [settled_rows(s.used[:, joint], fit.noise.order) for s in series]
     return WhiteRows(
-        _white_rows(fit.noise, fit.scale, fit.left, [s.valid[:, joint] for s in series]),
-        np.concatenate([(s.q @ coefficients)[v] for s, v in zip(series, valid, strict=True)]),
+        _white_rows(fit.noise, fit.scale, fit.left, [s.used[:, joint] for s in series]),
+        np.concatenate([(s.q @ coefficients)[v] for s, v in zip(series, used, strict=True)]),
         np.concatenate(
-            [(s.dq @ coefficients)[v] / s.rate for s, v in zip(series, valid, strict=True)]
+            [(s.dq @ coefficients)[v] / s.rate for s, v in zip(series, used, strict=True)]
         ),
         fit.filter,
     )

@@ -41,7 +41,7 @@ def highest_order(
     robot: Robot, series: Sequence[ResidualSeries], joint: int, angle: Angle, highest: float | None
 ) -> float:
     """Largest order to try: requested or the gear's, and at most what the sampling resolves."""
-    steps = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.valid[:, joint]] for s in series])
+    steps = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.used[:, joint]] for s in series])
     if not steps.size or not np.any(steps > 0):
         return 0.0
     slow = max(float(np.quantile(steps, MIN_SHARE)), 1e-3 * float(steps.max()))
@@ -57,7 +57,7 @@ def visited_grid(
     series: Sequence[ResidualSeries], joint: int, angle: Angle, highest: float
 ) -> np.ndarray:
     """Orders of an angle, from one cycle over the visited positions on."""
-    visited = np.concatenate([(s.q @ angle.coefficients)[s.valid[:, joint]] for s in series])
+    visited = np.concatenate([(s.q @ angle.coefficients)[s.used[:, joint]] for s in series])
     return order_grid(visited, highest) if visited.size else np.empty(0)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from pivident.errors import RecordingError, UnknownColumn
 from pivident.logs.bags.joint_topics import TopicTable
 from pivident.logs.bags.read_bag import RECEIVED, STAMP, Bag
-from pivident.recording.clock_alignment import ClockedChannel, in_order, onto_sparsest
+from pivident.logs.clocks.clock_alignment import ClockedChannel, in_order, onto_sparsest
 from pivident.robot.naming import near_names
 
 #: What the fields of messages hold, by the channel that a robot's record has for it.
@@ -104,11 +104,7 @@ def full_names(
 
 
 def joint_fields(table: TopicTable) -> dict[str, dict[str, str]]:
-    """What a topic holds: columns by joint for each of `FIELDS`, as far as it has them.
-
-    Args:
-        table: a topic of joint states or of a controller's state.
-    """
+    """What a topic holds: columns by joint for each of `FIELDS`, as far as it has them."""
     found: dict[str, dict[str, str]] = {}
     for channel, fields in FIELDS.items():
         for field in fields:

@@ -68,7 +68,7 @@ def unpacked(path: Path, kind: str, data: bytes, size: int | None, before: int) 
 
 
 def _packed_message(path: Path, data: bytes) -> bytes:
-    """A Zstandard frame that tells its own size, as recorders write them: no more is unpacked."""
+    """A Zstandard frame that states its own size, as recorders write them: no more is unpacked."""
     zstd = _zstd()
     size = zstd.get_frame_info(data).decompressed_size
     if size is None or size > MAX_PACKED_MESSAGE:

@@ -149,9 +149,6 @@ class TopicReader:
     def table(self, path: Path) -> TopicTable | None:
         """All columns, or None where the topic cannot be read or holds no floats.
 
-        Args:
-            path: the bag, for messages.
-
         Raises:
             FileFormatError: columns that are mostly empty would take far more than the file.
         """

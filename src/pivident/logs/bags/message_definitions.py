@@ -125,10 +125,6 @@ KNOWN: dict[str, tuple[str, ...]] = {
 def parse_definition(type_name: str, text: str) -> Definitions:
     """Fields of a type and of the types it is made of; topics of one type are read once.
 
-    Args:
-        type_name: full name of the message's own type, such as ``sensor_msgs/JointState``.
-        text: its definition, with those of other types below lines ``MSG: package/Type``.
-
     Raises:
         FileFormatError: a line is no field, a type is missing, or types contain themselves.
     """

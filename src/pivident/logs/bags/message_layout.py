@@ -5,7 +5,7 @@ else lies; two messages that agree in these have their numbers at the same place
 walked field by field, and thousands like it are read as columns of one array of bytes.
 
 ROS 1 packs fields without gaps, little-endian. ROS 2 (CDR) puts each number on a multiple of its
-own size, counted behind four bytes that tell the byte order, and ends strings with a zero.
+own size, counted behind four bytes that give the byte order, and ends strings with a zero.
 """
 
 from __future__ import annotations
@@ -117,12 +117,6 @@ class Layout:
 
 def layout_of(message: bytes, type_name: str, definitions: Definitions, cdr: bool) -> Layout:
     """Walk one message.
-
-    Args:
-        message: its bytes.
-        type_name: its type, ``package/Type``.
-        definitions: fields of that type and of those inside.
-        cdr: whether it was written by ROS 2.
 
     Raises:
         FileFormatError: the bytes do not fit the definition.

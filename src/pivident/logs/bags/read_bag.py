@@ -88,10 +88,6 @@ class Bag:
     def times(self, table: TopicTable, kind: str) -> np.ndarray:
         """Stamps of a topic's messages, shape (messages,) [s].
 
-        Args:
-            table: the topic.
-            kind: `STAMP` or `RECEIVED`.
-
         Raises:
             FileFormatError: its messages have no stamps.
         """
@@ -153,9 +149,6 @@ def read_bag(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 
 def open_bag(path: str | Path) -> Bag:
     """A bag read as a whole. The last one is kept, since names are asked for before columns.
-
-    Args:
-        path: a ``.bag``, ``.mcap`` or ``.db3`` file, or the folder of a ROS 2 bag.
 
     Raises:
         FileFormatError: no bag, a damaged one, or one without a topic of numbers.
@@ -235,6 +228,6 @@ def _messages(file: Path) -> Iterator[Message]:
 
 
 def _kind(path: Path) -> str:
-    """The ending that tells the container, below the one of a packed file."""
+    """The ending that names the container, below the one of a packed file."""
     name = path.name.lower()
     return Path(name.removesuffix(".zstd").removesuffix(".zst")).suffix

@@ -1,4 +1,4 @@
-"""How a text table was written, told from its first lines.
+"""How a text table was written, by its first lines.
 
 sep=;                                   a title or a hint to a spreadsheet: passed over
 Zeit;A1_Ist;A2_Ist                      the header
@@ -62,10 +62,6 @@ class Dialect:
 def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
     """Tell how a table was written.
 
-    Args:
-        file: name of the file, for messages.
-        lines: its lines from the beginning, with their ends.
-
     Raises:
         FileFormatError: no table, or one with columns of the same name.
     """
@@ -119,12 +115,7 @@ def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
 
 
 def cells_of(line: str, separator: str) -> list[str]:
-    """The cells of one line, without blanks around them and quotes.
-
-    Args:
-        line: the line, with its end or without.
-        separator: what stands between cells.
-    """
+    """The cells of one line, without blanks around them and quotes."""
     reader = csv.reader([line.rstrip("\r\n")], delimiter=separator, skipinitialspace=True)
     try:
         cells = next(reader, [])
@@ -139,12 +130,7 @@ def quoted(cell: str) -> str:
 
 
 def is_number(cell: str, decimal_comma: bool = False) -> bool:
-    """Whether a cell reads as a number, NaN and infinity included.
-
-    Args:
-        cell: without blanks around it.
-        decimal_comma: whether numbers have a decimal comma.
-    """
+    """Whether a cell reads as a number, NaN and infinity included."""
     if decimal_comma:
         cell = cell.replace(",", ".", 1)
     try:

@@ -57,9 +57,6 @@ class Variable:
 def variables(path: Path) -> list[Variable]:
     """All variables with a name, without their numbers.
 
-    Args:
-        path: the file.
-
     Raises:
         ValueError: it is of another version, or damaged; the text says where.
     """
@@ -77,10 +74,6 @@ def variables(path: Path) -> list[Variable]:
 
 def array_of(path: Path, variable: Variable) -> np.ndarray:
     """The numbers of a variable in the shape it has in MATLAB.
-
-    Args:
-        path: the file.
-        variable: a numeric one without imaginary parts, as `variables` found it.
 
     Raises:
         ValueError: the file is damaged; the text says how.

@@ -79,9 +79,6 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
     """All columns of a text table that hold numbers, NaN where a cell is empty or no number.
 
-    Args:
-        path: the file.
-
     Raises:
         FileFormatError: the file cannot be read as a table at all.
     """
@@ -178,20 +175,20 @@ def _number(cell: str, header: Dialect) -> float | None:
 
 
 def _header(path: Path) -> Dialect:
-    """What the first lines tell; see `pivident.logs.tables.dialect`."""
+    """What the first lines show; see `pivident.logs.tables.dialect`."""
     with _text(path) as lines:
         return dialect_of(path.name, _tables_only(path, _lines(path, lines)))
 
 
 def _tables_only(path: Path, lines: Iterable[str]) -> Iterator[str]:
-    """The same lines, while none tells that the file is something else."""
+    """The same lines, while none shows that the file is something else."""
     for line in lines:
         _refuse_other_files(path, line)
         yield line
 
 
 def _refuse_other_files(path: Path, line: str) -> None:
-    """Say what a file is that is no table, where one of its first lines tells."""
+    """Say what a file is that is no table, where one of its first lines shows it."""
     if "\0" in line or line.startswith(("\ufffdPNG", "%PDF", "PK\x03")):
         raise FileFormatError(f"{path.name} is a binary file, not a text table")
     if line.lstrip().lower().startswith(("<!doctype html", "<html", "<?xml")):
@@ -277,7 +274,7 @@ def _explain(path: Path, header: Dialect, wanted: Sequence[str], reason: str) ->
 
 
 def _why_no_number(cell: str, name: str, line: int) -> str:
-    """What is wrong with a cell, as far as it tells."""
+    """What is wrong with a cell, as far as it shows."""
     if not cell:
         return "the cell is empty"
     reason = f"{quoted(cell)} is not a number"

@@ -95,7 +95,7 @@ def _refuse_text(path: Path) -> None:
 
 
 def _reader(path: Path) -> tuple[Names, Read]:
-    """The two functions for a kind of file, which its name tells."""
+    """The two functions for a kind of file, by its name."""
     if is_bag(path):
         return bag_names, read_bag
     if os.path.isdir(path):  # takes any name

@@ -17,8 +17,20 @@ from pivident.text.plain_values import plain
 PARAMETERS, ALARMS, PAGE = "parameters.parquet", "alarms.json", "fleet.html"
 
 
-def conclude(fleet: Fleet, say: Callable[[str], None] | None = None) -> Judgement:
-    """Judge a fleet and write its table, its alarms and its page into the results folder."""
+def conclude_fleet(fleet: Fleet, say: Callable[[str], None] | None = None) -> Judgement:
+    """Judge a fleet and write its table, its alarms and its page into the results folder.
+
+    Args:
+        fleet: the estimates.
+        say: progress.
+
+    Returns:
+        The judgement that was written.
+
+    Raises:
+        FleetError: a watched parameter was not estimated.
+        FleetFolderError: the folder cannot be written to.
+    """
     say = say or (lambda line: None)
     buffer = io.BytesIO()
     parameter_table(fleet).write_parquet(buffer)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from pivident.errors import ExperimentError, PividentError
 from pivident.many.batch.runner import CHANGED, GivenExecutor, Pool, Processes, Runner
 from pivident.many.fleet.fleet_store import FleetStore
-from pivident.many.fleet.logs import Log, TimeAxis, find_logs
+from pivident.many.fleet.logs import FleetLog, TimeAxis, find_logs
 from pivident.many.fleet.one_log import Task, identify_log, identify_log_alone, lost_log
 from pivident.many.fleet.template import FILE, Template, load_template
 from pivident.threads import thread_count
@@ -27,7 +27,7 @@ class Fleet:
     """The estimates of a fleet."""
 
     template: Template  # its experiment file
-    logs: tuple[Log, ...]  # its logs, in the order of robots and time
+    logs: tuple[FleetLog, ...]  # its logs, in the order of robots and time
     axis: TimeAxis  # meaning of their positions in time
     # one row for each log and parameter, or with an error; as they are in the store
     rows: pl.DataFrame
@@ -123,7 +123,7 @@ def template_of(folder: Path, path: str | Path | None = None) -> Template:
     return load_template(folder / FILE if path is None else path)
 
 
-def _known_digest(log: Log, known: dict[str, set[str]]) -> str | None:
+def _known_digest(log: FleetLog, known: dict[str, set[str]]) -> str | None:
     """Hash of a log that was identified with its present content, else None."""
     if log.fault or log.name not in known:
         return None

@@ -23,7 +23,7 @@ TIMES = ("time", "day", "date")
 
 
 @dataclass(frozen=True)
-class Log:
+class FleetLog:
     """Files of one identification problem."""
 
     name: str  # its captures, ``arm_03/2026-03-01``; unique
@@ -71,7 +71,7 @@ def find_logs(
     together: Sequence[str] | None = None,
     time: str | None = None,
     without: Path | None = None,
-) -> tuple[list[Log], TimeAxis]:
+) -> tuple[list[FleetLog], TimeAxis]:
     """The logs of a folder in the order of robots and time, and their time axis.
 
     ``together``: captures whose logs are one problem; None: all. ``time``: the capture with the
@@ -169,7 +169,7 @@ def _chosen(
 
 def _grouped(
     folder: Path, keys: Mapping[str, Mapping[Captures, str]], chosen: Sequence[str]
-) -> list[Log]:
+) -> list[FleetLog]:
     """Files grouped by record, and records by problem."""
     every: dict[tuple[tuple[str, str], ...], None] = {}
     canonical: dict[str, dict[frozenset[tuple[str, str]], str]] = {}
@@ -192,12 +192,12 @@ def _grouped(
         record = tuple((key, str(folder / file)) for key, file in files.items() if file)
         problems.setdefault(problem, []).append(record)
     return [
-        Log("/".join(v for _, v in p), p, tuple(records), fault=faults.get(p, ""))
+        FleetLog("/".join(v for _, v in p), p, tuple(records), fault=faults.get(p, ""))
         for p, records in problems.items()
     ]
 
 
-def _in_time(logs: Sequence[Log], name: str | None) -> tuple[list[Log], TimeAxis]:
+def _in_time(logs: Sequence[FleetLog], name: str | None) -> tuple[list[FleetLog], TimeAxis]:
     """The logs with their positions in time, sorted by robot and time."""
     said = {
         log.name: dict(log.captures)[name] if name else date_in(dict(log.captures).get("log", ""))
@@ -205,7 +205,7 @@ def _in_time(logs: Sequence[Log], name: str | None) -> tuple[list[Log], TimeAxis
     }
     kind, read = kind_of_times(list(said.values()), required=name is not None)
     if read is None:
-        robots: dict[str, list[Log]] = {}
+        robots: dict[str, list[FleetLog]] = {}
         for log in sorted(logs, key=lambda log: log.name):
             robots.setdefault(log.robot, []).append(log)
         ranked = [
@@ -226,5 +226,5 @@ def _in_time(logs: Sequence[Log], name: str | None) -> tuple[list[Log], TimeAxis
     return _sorted(made), TimeAxis(kind, "day" if kind == "date" else str(name))
 
 
-def _sorted(logs: Sequence[Log]) -> list[Log]:
+def _sorted(logs: Sequence[FleetLog]) -> list[FleetLog]:
     return sorted(logs, key=lambda log: (log.robot, log.position, log.name))

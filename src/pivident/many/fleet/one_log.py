@@ -21,7 +21,7 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.temperature import TEMPERATURE, without_temperature
 from pivident.many.batch.failure import failure
 from pivident.many.batch.results_folder import Row
-from pivident.many.fleet.logs import Log
+from pivident.many.fleet.logs import FleetLog
 from pivident.many.fleet.template import Template
 from pivident.recording.recording import Recording
 
@@ -57,7 +57,7 @@ class Task:
         return _last_template[self.key]
 
 
-def identify_log(task: Task, log: Log) -> list[Row]:
+def identify_log(task: Task, log: FleetLog) -> list[Row]:
     """All rows of a log, one for each parameter."""
     begin = time.perf_counter()
     common: Row = {"task": log.name, "sha256": None}
@@ -84,20 +84,20 @@ def identify_log(task: Task, log: Log) -> list[Row]:
     return [common | row for row in _parameters(found, temperatures)]
 
 
-def identify_log_alone(task: Task, log: Log) -> list[Row]:
+def identify_log_alone(task: Task, log: FleetLog) -> list[Row]:
     """``identify_log`` in a worker process with one thread: workers share the cores."""
     os.environ["PIVIDENT_THREADS"] = "1"
     return identify_log(task, log)
 
 
-def lost_log(task: Task, log: Log, times: int) -> list[Row]:
+def lost_log(task: Task, log: FleetLog, times: int) -> list[Row]:
     """The row of a log whose worker died each time; it is retried in the next call."""
     message = f"the worker died {times} times on this log; is there enough memory?"
     common: Row = {"task": log.name, "sha256": None, "method": task.template.method_name}
     return [common | {"computed": time.time(), "error": "WorkerLost", "message": message}]
 
 
-def _problem(template: Template, log: Log) -> tuple[Problem, np.ndarray | None]:
+def _problem(template: Template, log: FleetLog) -> tuple[Problem, np.ndarray | None]:
     """The problem of a log, and the mean temperature of each joint if the log has it."""
     experiment = template.experiment_of(log)
     recordings = experiment.recordings()

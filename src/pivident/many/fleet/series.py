@@ -10,7 +10,7 @@ import numpy as np
 
 from pivident.extras import require
 from pivident.many.fleet.fleet_errors import FleetError
-from pivident.many.fleet.logs import Log
+from pivident.many.fleet.logs import FleetLog
 from pivident.robot.naming import nearest
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class Series:
 
 
 def watched_series(
-    rows: pl.DataFrame, logs: Sequence[Log], watch: Sequence[str], baseline: int
+    rows: pl.DataFrame, logs: Sequence[FleetLog], watch: Sequence[str], baseline: int
 ) -> list[Series]:
     """The watched series, without estimates that did not converge.
 

@@ -11,11 +11,12 @@ from pathlib import Path
 from typing import Any
 
 from pivident.estimation.methods import Method
-from pivident.experiment.experiment import Experiment, errors_name, toml_content
+from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.temperature import with_temperature
+from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
-from pivident.many.fleet.logs import Log
+from pivident.many.fleet.logs import FleetLog
 
 #: Default name of the template in the folder of logs.
 FILE = "fleet.toml"
@@ -66,7 +67,7 @@ class Template:
         """The method with the options of the file."""
         return self.experiment.methods([self.method_name])[self.method_name]
 
-    def experiment_of(self, log: Log) -> Experiment:
+    def experiment_of(self, log: FleetLog) -> Experiment:
         """The experiment of one log."""
         (entry,) = self.content.recording
         if self.fleet.temperature is not None:

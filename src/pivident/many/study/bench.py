@@ -17,13 +17,14 @@ from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
-from pivident.estimation.problem import Loop, Problem
+from pivident.estimation.problem import Problem
 from pivident.many.study.motion import per_joint, reference_of
 from pivident.many.study.scenario_tables import ScenarioTables
 from pivident.many.study.starts import perturbed_values
 from pivident.recording.recording import Recording
 from pivident.robot.naming import nearest
 from pivident.simulation.closed_loop import Trajectory
+from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import Controller
 from pivident.simulation.counted_law import counted
 from pivident.simulation.excitation import FourierSeries
@@ -217,8 +218,19 @@ class Bench:
     ) -> Trajectory:
         """The closed loop along a reference q, dq, ddq, at the control rate.
 
-        ``parameters`` are heads of base groups; the others are zero. ``noise`` is added to the
-        positions that the control law reads. ``clip``: negative friction levels count as zero.
+        Args:
+            parameters: heads of base groups; the others are zero.
+            theta: their values, shape (parameters,).
+            reference: q, dq, ddq, each of shape (joints, samples).
+            noise: position noise that the control law reads [rad or m].
+            clip: whether negative friction levels count as zero.
+            rounded: whether the control law reads rounded positions.
+
+        Returns:
+            Positions, speeds, accelerations and torques of the simulated loop.
+
+        Raises:
+            SimulationDiverged: names the joint and the time.
         """
         scenario, loop, rate = self.scenario, self.loop, self.scenario.content.record.law_rate
         controller = with_measured_gravity(

@@ -17,10 +17,22 @@ from pivident.many.study.summary import Summary, summarise
 SUMMARY, PAGE = "summary.json", "report.html"
 
 
-def conclude(
+def conclude_study(
     scenario: Scenario, folder: str | Path, say: Callable[[str], None] | None = None
 ) -> Summary:
-    """Summarise the runs of a folder in ``summary.json`` and ``report.html``."""
+    """Judge the runs of a folder and write ``summary.json`` and ``report.html`` beside them.
+
+    Args:
+        scenario: the scenario that the folder belongs to.
+        folder: results folder.
+        say: progress.
+
+    Returns:
+        The summary that was written.
+
+    Raises:
+        StudyFolderError: there are no runs, or the folder cannot be written to.
+    """
     say = say or (lambda line: None)
     store = Store(Path(folder))
     rows = store.rows()

@@ -77,6 +77,9 @@ def load_scenario(name: str | Path) -> Scenario:
     Args:
         name: ``fine``, ``loop``, ``coloured``, ``coarse``, ``birdy``, or a file.
 
+    Returns:
+        The scenario.
+
     Raises:
         ExperimentError: there is no such scenario; or it has an unknown key, a bad value or a
             contradiction, and the message names table, key, value and the next step.
@@ -110,7 +113,19 @@ def shipped_scenarios() -> tuple[str, ...]:
 
 
 def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
-    """A scenario from the text of its file."""
+    """A scenario from the text of its file.
+
+    Args:
+        text: TOML.
+        name: name of the scenario.
+        source: what errors call it, and what paths are relative to.
+
+    Returns:
+        The scenario.
+
+    Raises:
+        ExperimentError: as of ``load_scenario``.
+    """
     from pivident.experiment.explained import checked
     from pivident.many.study.study_schema import ScenarioFile
 

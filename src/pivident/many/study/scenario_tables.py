@@ -52,8 +52,8 @@ class ScenarioTables:
     @cached_property
     def robot(self) -> Robot:
         """The robot."""
-        from pivident.experiment.experiment import errors_name
         from pivident.experiment.robot_table import robot_of
+        from pivident.experiment.toml_file import errors_name
 
         with errors_name(Path(self.source), "[robot]"):
             return robot_of(self.content.robot, Path(self.source).parent)

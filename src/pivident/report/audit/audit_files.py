@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from pivident.audit.audit import SCHEMA, Audit
-from pivident.audit.finding import worst
 from pivident.files import atomic_folder
 from pivident.report.audit.audit_page import render_page
+from pivident.text.finding import worst
 from pivident.version import __version__
 
 

@@ -8,10 +8,10 @@ from jinja2 import ChoiceLoader, Environment, PackageLoader
 from markupsafe import Markup
 
 from pivident.audit.audit import Audit
-from pivident.audit.finding import Finding, gravest_first, grouped
 from pivident.report.audit import audit_figures as figures
 from pivident.report.builder import page_environment
 from pivident.report.plotly_figures import Figure
+from pivident.text.finding import Finding, counted, gravest_first, serious
 from pivident.version import __version__
 
 #: Checks in the order of the page, with their headings.
@@ -43,8 +43,8 @@ def render_page(audits: Sequence[Audit]) -> str:
     for number, audit in enumerate(audits, start=1):
         tag = f"-{number}" if len(audits) > 1 else ""
         name = f"{audit.log.name}: " if len(audits) > 1 else ""
-        serious = grouped(audit.findings)
-        body = summary.render(audit=audit, serious=serious)
+        grave = serious(audit.findings)
+        body = summary.render(audit=audit, serious=grave, counted=counted(audit.findings))
         sections.append((f"summary{tag}", f"{name}What was found", Markup(body)))
         for check, heading in CHECKS.items():
             drawn = _figures(audit, check)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.friction.contrasts import common_speeds
-from pivident.friction.friction_findings import Finding, pm
+from pivident.friction.friction_findings import FrictionFinding, pm
 from pivident.friction.friction_map import FrictionMap
 from pivident.friction.friction_study import JointFriction
 from pivident.report.drawing_library import go
@@ -271,8 +271,8 @@ def _law(plot: go.Figure, joint: JointFriction) -> None:
 
 
 def _sentence(joint: JointFriction, key: str) -> str:
-    found: Finding | None = next((f for f in joint.findings if f.key == key), None)
-    return f"{joint.name}: {found.sentence}" if found else joint.name
+    found: FrictionFinding | None = next((f for f in joint.findings if f.kind == key), None)
+    return f"{joint.name}: {found.message}" if found else joint.name
 
 
 def _bins(joint: JointFriction) -> int:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
-from pivident.friction.friction_findings import Finding, headline
+from pivident.friction.friction_findings import FrictionFinding, headline
 from pivident.friction.friction_study import FrictionStudy
 from pivident.report.builder import page_environment
 from pivident.report.friction.friction_figures import gain_figure, joint_figures
@@ -50,6 +50,6 @@ def render_page(study: FrictionStudy, title: str | None = None) -> str:
     )
 
 
-def _clear(findings: Sequence[Finding]) -> bool:
+def _clear(findings: Sequence[FrictionFinding]) -> bool:
     """Whether anything stands out beyond viscous and Coulomb friction."""
-    return any(f.clear and f.brief for f in findings)
+    return any(f.severity == "warning" for f in findings)

@@ -7,15 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from pivident.control_law.identified_law import ControllerIdentification
 from pivident.control_law.joint_law import JointLaw
 from pivident.control_law.law_equations import ALWAYS, F_PROBABILITY, TERMS, WORTHWHILE, Term
 from pivident.control_law.law_gravity import PLACE_TEXTS, JointGravity
+from pivident.control_law.law_table import differentiator_text
 from pivident.estimation.identification import Identification
-from pivident.estimation.problem import Loop
-from pivident.estimation.summary_tables import differentiator_text
 from pivident.report.plotly_figures import Figure, law_figure, position_unit, reference_figure
 from pivident.report.sections.base import Gallery, Section
+from pivident.simulation.control_loop import IdentifiedLaw, Loop
 
 #: What each gain multiplies, and its unit with that of the position for {}.
 _MEANING: dict[Term, tuple[str, str]] = {
@@ -90,7 +89,7 @@ class ControlLoopSection(Section):
             "left_out_names": [r.name for r in user.recordings[self.data.shown_recordings :]],
         }
 
-    def _law_gallery(self, found: ControllerIdentification | None, method: int) -> Gallery:
+    def _law_gallery(self, found: IdentifiedLaw | None, method: int) -> Gallery:
         """One figure per joint, of the first recording."""
         figures: tuple[Figure, ...] = ()
         if found is not None:

@@ -11,7 +11,7 @@ from pivident.text.numbers import format_significant, percent
 
 
 class VerdictSection(Section):
-    """Which estimate to take, and one sentence for each thing that speaks for or against it."""
+    """Which estimate to take, what supports it, and what is a reservation."""
 
     title = "Verdict"
     anchor = "verdict"
@@ -22,7 +22,7 @@ class VerdictSection(Section):
         data = self.data
         found, best = data.verdict, data.recommended
         recordings = {r.name: r for i in data.identifications for r in i.recordings}
-        against = [s for s in found.statements if s.grade in ("bad", "caution")]
+        against = [s for s in found.statements if s.severity in ("error", "warning")]
         return {
             "verdict": found,
             "robots": list({i.robot.name: i.robot for i in data.identifications}.values()),

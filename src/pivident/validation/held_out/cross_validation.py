@@ -21,8 +21,8 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
-from pivident.estimation.repetition import find_repetition
 from pivident.recording.recording import Recording
+from pivident.recording.repeated_motion import find_repetition
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.folds import Fold, Piece, contiguous_folds, moving_part

@@ -23,8 +23,9 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.parameter_rows import CONTRADICTION
 from pivident.estimation.problem import Problem
+from pivident.estimation.signs import negative_parameters
 from pivident.recording.recording import Recording
-from pivident.text.numbers import format_significant, plus_minus
+from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation, cross_validate
 from pivident.validation.residuals.model_error import model_error_by_held_out_blocks
@@ -140,13 +141,29 @@ class OutOfSample:
         return plain_table(columns)
 
     def sentences(self) -> list[str]:
-        """Which estimate to take and why."""
+        """Which estimate to take and why, with the ratio of the errors."""
+        return [*self._warning(), *self.ratio_lines(), *self._advice()]
+
+    def advice(self) -> list[str]:
+        """The same without the ratio."""
+        return [*self._warning(), *self._advice()]
+
+    def ratio_lines(self) -> list[str]:
+        """Error of PIV over that of IV, where both are there."""
+        if self.piv_over_iv is None:
+            return []
+        piv, iv = self._label(self.piv), self._label(self.iv)
+        return [f"Held-out torque error of {piv} over that of {iv}: {self.piv_over_iv}."]
+
+    def _warning(self) -> list[str]:
         first = next(iter(self.results.values()))
-        lines = [first.warning] if self.training_only else []
+        return [first.warning] if self.training_only else []
+
+    def _advice(self) -> list[str]:
+        lines = []
         taken = self._label(self.recommended)
         if self.piv_over_iv is not None:
             piv, iv = self._label(self.piv), self._label(self.iv)
-            lines.append(f"Held-out torque error of {piv} over that of {iv}: {self.piv_over_iv}.")
             if self.piv_is_worse:
                 lines.append(
                     f"{piv} predicts worse than {iv} by more than "
@@ -158,7 +175,7 @@ class OutOfSample:
                     f"{piv} and {iv} show no difference within {self.piv_over_iv.range} (95 %, "
                     f"from the scatter of the held-out blocks): take the estimate of {taken}, "
                     "whose intervals are the better founded."
-                    + (f" {self.apart} More motion or more folds would tell." * bool(self.apart))
+                    + (f" {self.apart} More motion or more folds would decide." * bool(self.apart))
                 )
             else:
                 lines.append(
@@ -289,7 +306,7 @@ def error_ratio(a: CrossValidation, b: CrossValidation) -> Ratio:
 
 
 def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
-    """What speaks for the prefilter being at fault, the most telling first.
+    """Why the prefilter may be at fault, the most likely cause first.
 
     Args:
         piv: cross-validation of the prefiltered method.
@@ -312,15 +329,10 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
         causes.append(
             f"The order of the noise model is at its bound for {', '.join(bound)}; raise p_max."
         )
-    negative = [
-        f"{name} = {plus_minus(value, 2 * std)} {p.unit}"
-        for name, value, std, p in zip(
-            found.names, found.theta, found.std, found.parameters, strict=True
-        )
-        if p.is_dissipative and value < 0
-    ]
+    negative = negative_parameters(found.parameters, found.names, found.theta, found.std)
     if negative:
-        causes.append(f"It has negative friction or rotor inertia: {', '.join(negative)} (2σ).")
+        values = ", ".join(map(str, negative))
+        causes.append(f"It has negative friction or rotor inertia: {values} (2σ).")
     if apart := _contradictions(found, iv.identification):
         causes.append(apart)
     return causes

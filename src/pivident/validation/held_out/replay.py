@@ -14,8 +14,7 @@ import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
-from pivident.estimation.iteration import position_units, torque_units
-from pivident.estimation.problem import Problem
+from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.validation.held_out.prediction import Judge, total_error
@@ -109,6 +108,9 @@ def as_logged(tau: np.ndarray, recording: Recording) -> np.ndarray:
     Args:
         tau: shape (samples, joints) [N m or N].
         recording: whose delay and timing are applied.
+
+    Returns:
+        Torque at the instants of the recording, shape (samples, joints) [N m or N].
     """
     lag = recording.delay * recording.rate
     if recording.torque_timing == "averaged":

@@ -61,7 +61,7 @@ class SegmentSums:
         """Sums over the rows of all records.
 
         Args:
-            parts: Φ, Z or None, τ and votes of each record.
+            parts: Φ, Z or None, τ and used of each record.
             segments: of the rows.
         """
         k, n = parts[0][0].shape[0], segments.count
@@ -69,7 +69,7 @@ class SegmentSums:
             np.zeros((n, k, k)), np.zeros((n, k, k)), np.zeros((n, k)), np.zeros((n, k)),
             np.zeros(n), np.zeros(n),
         )  # fmt: skip
-        for number, (phi, z, tau, votes) in enumerate(parts):
+        for number, (phi, z, tau, used) in enumerate(parts):
             for label, span in segments.parts(number):
                 f, t = phi[:, span], tau[span]
                 instruments = f if z is None else z[:, span]
@@ -78,7 +78,7 @@ class SegmentSums:
                 s.ff[label] += f @ f.T
                 s.ft[label] += f @ t
                 s.tt[label] += t @ t
-                s.rows[label] += votes[span].sum()
+                s.rows[label] += used[span].sum()
         return s
 
     def squares(self, theta: np.ndarray) -> np.ndarray:

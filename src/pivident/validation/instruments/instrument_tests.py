@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from pivident.estimation.full_rate import FullRateRecord
 from pivident.validation.instruments.moment_sums import (
     ExtraInstruments,
     kept_equations,
@@ -73,8 +72,6 @@ def further_kind(identification: Identification) -> ExtraInstruments:
         identification: the result.
     """
     records = kept_equations(identification).records
-    recorded = all(
-        isinstance(r, FullRateRecord) and r.kinematics.recording.q_ref is not None for r in records
-    )
+    recorded = all(r.full_rate and r.kinematics.recording.q_ref is not None for r in records)
     virtual = identification.loop is not None and identification.loop.reference == "smoothed"
     return "reference" if recorded and not virtual else "delayed"

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -20,9 +20,10 @@ from pivident.estimation.simulated_motion import central_differences
 
 if TYPE_CHECKING:
     from pivident.dynamics.regressor import Regressor
-    from pivident.estimation.equations import Equations, Motion
-    from pivident.estimation.full_rate import FullRateRecord
+    from pivident.estimation.equation_record import EquationRecord
+    from pivident.estimation.equations import Equations
     from pivident.estimation.identification import Identification
+    from pivident.estimation.motion import Motion
 
 ExtraInstruments = Literal["reference", "delayed"]
 
@@ -37,7 +38,7 @@ class MomentSums:
         gram: YᵀY, shape (2b + extra + 1, 2b + extra + 1).
         windows: [Φ Z X]ᵀ[Φ Z τ] of each window, shape (windows, 2b + extra, 2b + 1).
         shares: share of the record in each window, summing to one, shape (windows,).
-        rows: number of rows that voted.
+        rows: number of rows in use.
         extra_kind: what the further instruments are; empty: there are none.
     """
 
@@ -113,7 +114,7 @@ class MomentSums:
             z: instruments, likewise.
             extra: further instruments, likewise, or None.
             tau: right side, shape (samples,).
-            rows: how many of the samples vote; the others are zero.
+            rows: how many of the samples are used; the others are zero.
             shares: windows that the samples belong to.
             extra_columns: places of the further instruments; None: those of the others.
         """
@@ -208,7 +209,7 @@ def moment_sums(
     for block in equations.blocks(more):
         shares = list(windows[block.record].shares(block.span))
         for r in block.joints:
-            sums.add(r.columns, r.phi, r.z, r.extra, r.tau, int(r.votes.sum()), shares)
+            sums.add(r.columns, r.phi, r.z, r.extra, r.tau, int(r.used.sum()), shares)
     return sums
 
 
@@ -241,17 +242,13 @@ def further_instruments(
     Raises:
         IdentificationError: a recording has no reference, or its equations are decimated.
     """
-    from pivident.estimation.full_rate import FullRateRecord
-
     motions: list = []
     for record in equations.records:
         recording = record.kinematics.recording
-        full = isinstance(record, FullRateRecord)
-        source: Any = record
         if extra == "delayed":
-            motions.append(_delayed(source.motion) if full else _one_later(source.z))
-        elif full and recording.q_ref is not None:
-            motions.append(_on_reference(equations.regressor, source))
+            motions.append(_delayed(record))
+        elif record.full_rate and recording.q_ref is not None:
+            motions.append(_on_reference(equations.regressor, record))
         else:
             why = "no q_ref" if recording.q_ref is None else "decimated equations"
             raise IdentificationError(
@@ -282,12 +279,17 @@ class Signals:
         return self.q[:, span], self.dq[:, span], self.ddq[:, span]
 
 
-def _delayed(motion: Motion) -> Signals:
+def _delayed(record: EquationRecord) -> Signals | np.ndarray:
+    """Instruments one row later: their motion, or their columns where they are held."""
+    motion = record.motion
+    if motion is None:
+        assert record.z is not None
+        return _one_later(record.z)
     inner = None if motion.inner is None else _one_later(motion.inner)
     return Signals(_one_later(motion.q), _one_later(motion.dq), _one_later(motion.ddq), inner)
 
 
-def _on_reference(regressor: Regressor, record: FullRateRecord) -> Signals:
+def _on_reference(regressor: Regressor, record: EquationRecord) -> Signals:
     """The reference's motion; loads, which need the parameters, are those of the instruments."""
     recording = record.kinematics.recording
     assert recording.q_ref is not None

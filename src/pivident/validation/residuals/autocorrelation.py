@@ -230,7 +230,7 @@ def ljung_box(
 
 
 def durbin_watson(residual: JointResidual) -> DurbinWatsonTest:
-    """Durbin and Watson's statistic over neighbours that both voted; nothing is centred.
+    """Durbin and Watson's statistic over neighbours that are both used; nothing is centred.
 
     Args:
         residual: the residual.

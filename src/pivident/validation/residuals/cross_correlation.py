@@ -3,7 +3,7 @@
 The estimate makes Σ ζ_t ε_t zero, so instruments of the same instant say nothing about the
 residual. Instruments of other instants do: friction, elasticity or a delay that the model lacks
 leaves a residual that follows the motion. Both are reduced to the band of the motion first, by
-sums over short stretches b of the rows that voted, each divided by the root of their number m_b
+sums over short stretches b of the rows in use, each divided by the root of their number m_b
 so that white noise keeps its variance:
 
     ε̄_b = Σ_{t∈b} ε_t / √m_b,    φ̄_b, ζ̄_b likewise
@@ -107,13 +107,13 @@ class Stretches:
         residual: ε̄, shape (stretches,).
         phi: φ̄ of the joint's columns, shape (columns, stretches).
         z: ζ̄, likewise.
-        votes: m_b, rows that voted, shape (stretches,).
+        used: m_b, rows in use, shape (stretches,).
     """
 
     residual: np.ndarray
     phi: np.ndarray
     z: np.ndarray
-    votes: np.ndarray
+    used: np.ndarray
 
 
 def cross_correlation_tests(
@@ -152,7 +152,7 @@ def cross_correlation_test(
     """
     from scipy.stats import f as f_distribution
 
-    kept = [r.votes > 0 for r in records]
+    kept = [r.used > 0 for r in records]
     residual = np.concatenate([r.residual[k] for r, k in zip(records, kept, strict=True)])
     phi = np.hstack([r.phi[:, k] for r, k in zip(records, kept, strict=True)]).T
     shifted = np.hstack(
@@ -198,7 +198,7 @@ def _stretches(equations: Equations, theta: np.ndarray, length: int) -> list[lis
         place = slice(rows[0] // length, rows[-1] // length + 1)
         for j, joint in enumerate(block.joints):
             residual = joint.tau - theta[joint.columns] @ joint.phi
-            stack = np.vstack([joint.phi, joint.z, residual, joint.votes])
+            stack = np.vstack([joint.phi, joint.z, residual, joint.used])
             sums[block.record][j][:, place] += np.add.reduceat(stack, edges, axis=1)
     found = []
     for record in sums:

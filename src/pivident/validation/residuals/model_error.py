@@ -4,7 +4,7 @@ On real machines most of the residual is what the model misses, and deviations t
 noise say the wrong thing. Two ways to tell them apart:
 
 * a *repeated* motion (periodic reference, or two recordings of the same one): what repeats is model
-  error, what does not is noise, see ``pivident.estimation.repetition``;
+  error, what does not is noise, see ``pivident.recording.repeated_motion``;
 * *held-out blocks* otherwise: the prediction error is compared with what the noise level just
   beyond the motion's highest frequency would give. This is coarser: model error that reaches
   beyond that frequency counts as noise, and the estimate's own error counts as model error.
@@ -27,13 +27,13 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
-from pivident.estimation.full_rate import FullRateRecord, accumulate, torque_of
+from pivident.estimation.equation_record import EquationRecord, accumulate
+from pivident.estimation.full_rate import torque_of
 from pivident.estimation.identification import Identification
-from pivident.estimation.iteration import torque_units
-from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics, usable_samples
 from pivident.estimation.methods import RandomWalk
-from pivident.estimation.problem import Problem
-from pivident.estimation.repetition import RepeatedMotion, repeated_motion, usable_samples
+from pivident.estimation.problem import Problem, torque_units
+from pivident.recording.repeated_motion import RepeatedMotion, repeated_motion
 from pivident.signals.bandpass import butterworth
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, with_spread
@@ -237,17 +237,14 @@ def model_error_by_repetition(
     theta = identification.theta
     models = [torque_of(problem.regressor, k, theta) for k in kinematics]
     residuals = [k.tau - m for k, m in zip(kinematics, models, strict=True)]
-    votes = [r.votes for r in records] if records else [usable_samples(k) for k in kinematics]
+    used = [r.used for r in records] if records else [usable_samples(k) for k in kinematics]
     _, noise, _ = motion.split(residuals, [usable_samples(k) for k in kinematics])
     band = motion_band(problem.recordings[0])
-    joints = _splits(problem, motion, residuals, votes, band)
+    joints = _splits(problem, motion, residuals, used, band)
     repeatability = None
     if records:
         assert identification.equations is not None
-        alone = [
-            replace(r, kinematics=replace(r.kinematics, tau=m + v))
-            for r, m, v in zip(records, models, noise, strict=True)
-        ]
+        alone = [r.with_torque(m + v) for r, m, v in zip(records, models, noise, strict=True)]
         equations = identification.equations
         sums = accumulate(problem.regressor, alone, equations.filters)
         covariance = sandwich(sums, theta, equations.variance, equations.weight_power)
@@ -305,29 +302,27 @@ def model_error(
         return model_error_by_held_out_blocks(validation)
 
 
-def _full_rate_records(identification: Identification) -> list[FullRateRecord]:
+def _full_rate_records(identification: Identification) -> list[EquationRecord]:
     """Records of an estimate at the full rate, none of a decimated one."""
     equations = identification.equations
-    if equations is None:
-        return []
-    return [r for r in equations.records if isinstance(r, FullRateRecord)]
+    return [] if equations is None or not equations.full_rate else list(equations.records)
 
 
 def _splits(
     problem: Problem,
     motion: RepeatedMotion,
     residuals: Sequence[np.ndarray],
-    votes: Sequence[np.ndarray],
+    used: Sequence[np.ndarray],
     band: float,
 ) -> tuple[JointModelError, ...]:
-    """The split of each joint, over samples that voted and were repeated."""
+    """The split of each joint, over samples that were used and repeated."""
     rates = [r.rate for r in problem.recordings]
     low = [
         np.ascontiguousarray(butterworth(x.T, rate, band).T)
         for x, rate in zip(residuals, rates, strict=True)
     ]
-    noise, total, samples = _squares(motion, low, votes)
-    noise_all, total_all, _ = _squares(motion, residuals, votes)
+    noise, total, samples = _squares(motion, low, used)
+    noise_all, total_all, _ = _squares(motion, residuals, used)
     units = torque_units(problem)
     return tuple(
         replace(
@@ -339,10 +334,10 @@ def _splits(
 
 
 def _squares(
-    motion: RepeatedMotion, residuals: Sequence[np.ndarray], votes: Sequence[np.ndarray]
+    motion: RepeatedMotion, residuals: Sequence[np.ndarray], used: Sequence[np.ndarray]
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Σ v² and Σ ε² of each joint and block of the motion, and how many samples they have."""
-    _, noise, times = motion.split(residuals, votes)
+    _, noise, times = motion.split(residuals, used)
     block = np.linspace(0, BLOCKS, motion.count + 1, endpoint=False).astype(int)
     joints = residuals[0].shape[0]
     sums, samples = np.zeros((2, joints, BLOCKS)), np.zeros(joints)

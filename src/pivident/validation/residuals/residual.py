@@ -1,7 +1,7 @@
 """The residual that is tested: one joint's, over all recordings, with its gaps.
 
-Rows that did not vote are NaN. A correlation at lag k is made of the pairs of samples k apart of
-which both voted and which lie in the same recording; their number n_k takes the place of n - k.
+Rows that were not used are NaN. A correlation at lag k is made of the pairs of samples k apart of
+which both are used and which lie in the same recording; their number n_k takes the place of n - k.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.estimation.methods import AutoRegressive, PrefilteredIV
 
 #: Results with a smaller probability count as significant. There are as many tests as joints, so
 #: one in twenty would be too often a false alarm.
@@ -28,7 +29,7 @@ class JointResidual:
 
     Attributes:
         name: joint.
-        pieces: residual of each recording on consecutive rows, NaN where a row did not vote.
+        pieces: residual of each recording on consecutive rows, NaN where a row was not used.
         order: number of coefficients of the noise model that was fitted to it; 0 without one.
         rate: rate of its rows [Hz].
         prefiltered: whether the equations were filtered before they were solved.
@@ -45,7 +46,7 @@ class JointResidual:
 
     @property
     def values(self) -> np.ndarray:
-        """The residual on the rows that voted, one recording behind the other."""
+        """The residual on the rows in use, one recording behind the other."""
         joined = np.concatenate(self.pieces) if self.pieces else np.empty(0)
         return joined[np.isfinite(joined)]
 
@@ -73,8 +74,9 @@ def joint_residuals(identification: Identification) -> tuple[JointResidual, ...]
 
 def _penalty(identification: Identification, rows: int) -> float | None:
     """Penalty per coefficient of the noise model's order; None where no order was searched."""
-    noise = identification.options.get("noise")
-    criterion = noise.get("criterion") if isinstance(noise, dict) else None
+    method = identification.method_used
+    noise = method.noise if isinstance(method, PrefilteredIV) else None
+    criterion = noise.criterion if isinstance(noise, AutoRegressive) else None
     if criterion in ("aic", "aicc"):
         return 2.0
     return round(math.log(max(rows, 8)), 1) if criterion == "bic" else None

@@ -36,7 +36,7 @@ _FEWEST = 8
 #: … that hold this share of the samples.
 _SHARE = 0.6
 
-#: Share of a stretch that must have voted where gaps are filled.
+#: Share of a stretch that must be in use where gaps are filled.
 _PRESENT = 0.5
 
 #: Bins per octave.
@@ -114,7 +114,7 @@ def residual_spectra(identification: Identification) -> tuple[ResidualSpectra | 
         identification: the result, with its signals.
 
     Returns:
-        One entry per joint, None where too few samples voted; empty without signals.
+        One entry per joint, None where too few samples are in use; empty without signals.
     """
     if not identification.recordings:
         return ()
@@ -124,8 +124,8 @@ def residual_spectra(identification: Identification) -> tuple[ResidualSpectra | 
     for j, fit in enumerate(identification.joints):
         torque, white = [], []
         for r in identification.recordings:
-            voted = np.isfinite(r.whitened[:, j])
-            torque.append(np.where(voted, r.tau[:, j] - r.tau_model[:, j], np.nan))
+            used = np.isfinite(r.whitened[:, j])
+            torque.append(np.where(used, r.tau[:, j] - r.tau_model[:, j], np.nan))
             white.append(r.whitened[:, j])
         before, after = welch_spectrum(torque, rate), welch_spectrum(white, rate)
         if before is None or after is None:

@@ -58,7 +58,7 @@ class JointResidualTests:
 
     Attributes:
         name: joint.
-        samples: rows that voted.
+        samples: rows in use.
         autocorrelation: autocorrelations with their band, for the figure.
         whiteness: Ljung and Box.
         neighbours: Durbin and Watson.
@@ -207,11 +207,11 @@ def _joint_tests(
 
 
 def _drivers(identification: Identification, j: int) -> np.ndarray:
-    """Sizes of speed, acceleration and model torque on the rows that voted, (samples, 3)."""
+    """Sizes of speed, acceleration and model torque on the rows in use, (samples, 3)."""
     parts = []
     for r in identification.recordings:
-        voted = np.isfinite(r.whitened[:, j])
-        signals = (r.dq[voted, j], r.ddq[voted, j], r.tau_model[voted, j])
+        used = np.isfinite(r.whitened[:, j])
+        signals = (r.dq[used, j], r.ddq[used, j], r.tau_model[used, j])
         parts.append(np.abs(np.column_stack(signals)))
     return np.concatenate(parts)
 

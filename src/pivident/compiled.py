@@ -1,0 +1,36 @@
+"""How functions are compiled whose first call should not take long.
+
+Numba compiles a function for Python together with two wrappers, each of which holds an inlined
+body once more, and anew for every literal number, read-only array or memory layout it is given.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numba import njit
+
+_OPTIONS: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy"}
+_NOT_FOR_PYTHON: dict[str, Any] = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+
+#: Decorator of functions that only compiled code calls …
+inner = njit(**_OPTIONS, **_NOT_FOR_PYTHON)
+
+#: … of small ones among them, that become part of their callers …
+inlined = njit(**_OPTIONS, **_NOT_FOR_PYTHON, forceinline=True)
+
+#: … and of such that Python calls, too.
+shared = njit(**_OPTIONS, forceinline=True)
+
+
+def rows(*numbers: int) -> tuple[np.int64, ...]:
+    """Row numbers as variables of compiled code, which would be compiled once for each literal."""
+    return tuple(np.int64(number) for number in numbers)
+
+
+def read_only(array: np.ndarray) -> np.ndarray:
+    """A view that cannot be written to: of two kinds of arrays one, for compiled code."""
+    view = array.view()
+    view.flags.writeable = False
+    return view

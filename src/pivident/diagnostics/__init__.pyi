@@ -1,0 +1,2 @@
+from .diagnostics import Diagnostics as Diagnostics
+from .verdict import Verdict as Verdict

@@ -1,0 +1,5 @@
+from .auxiliary_model import AuxiliaryModel as AuxiliaryModel
+from .identify import build_regression as build_regression
+from .kinematics import estimate_kinematics as estimate_kinematics
+from .methods import Arma as Arma
+from .methods import AutoRegressive as AutoRegressive

@@ -1,0 +1,228 @@
+"""The answer of an estimator: residuals, scores, covariances, warnings, signals for plots."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.covariance.stationary_noise import stationary_covariance
+from pivident.estimation.equations import Equations
+from pivident.estimation.exogeneity import durbin_wu_hausman
+from pivident.estimation.identification import Identification, JointFit
+from pivident.estimation.iteration import Estimate, Run
+from pivident.estimation.method_options import method_options
+from pivident.estimation.methods import Method
+from pivident.estimation.normal_equations import JointSums, relative_residual
+from pivident.estimation.problem import Problem, position_units, torque_units
+from pivident.estimation.signs import sign_warnings
+from pivident.logs.torque_scale import scale_sentences
+from pivident.simulation.control_loop import Loop
+from pivident.text.finding import Finding, Quantity
+from pivident.version import __version__
+
+
+def answer(
+    problem: Problem, method: Method, estimate: Estimate, run: Run, warnings: Sequence[Finding] = ()
+) -> Identification:
+    """Everything that comes with an estimate.
+
+    Args:
+        problem: what was given.
+        method: how it was estimated.
+        estimate: the last one.
+        run: its iterations.
+        warnings: of the method.
+    """
+    regressor, theta, variance = problem.regressor, estimate.theta, estimate.variance
+    records, filters = estimate.records, estimate.prefilters.filters
+    residuals = [r.residual(regressor, theta) for r in records]
+    whitened = [
+        r.whitened(error, filters, variance) for r, error in zip(records, residuals, strict=True)
+    ]
+    joints = _joint_fits(problem, estimate, residuals)
+    if records[0].full_rate:
+        relative_error = _relative_error(estimate, residuals, joints)
+    else:
+        relative_error = relative_residual(estimate.sums, theta, variance)
+    if records[0].full_rate and _is_stationary(problem, method):
+        robust = stationary_covariance(
+            regressor, records, filters, estimate.sums, variance, whitened
+        )
+    else:
+        robust = sandwich(estimate.sums, theta, variance, method.weight_power)
+    formula = estimate.solution.covariance
+    covariance = formula if method.covariance == "formula" else robust
+    fitted = tuple(
+        record.fitted(regressor, theta, residual, white)
+        for record, residual, white in zip(records, residuals, whitened, strict=True)
+    )
+    return Identification(
+        method=method_label(problem, method),
+        robot=problem.robot,
+        parameters=regressor.parameters,
+        names=problem.names,
+        expressions=problem.expressions,
+        theta=theta,
+        covariance=covariance,
+        robust_covariance=robust,
+        formula_covariance=formula,
+        converged=run.converged,
+        history=run.history,
+        joints=joints,
+        relative_error=relative_error,
+        condition=estimate.solution.condition,
+        recordings=fitted,
+        options=method_options(method) | {"mask": problem.mask},
+        method_used=method,
+        warnings=_warnings(problem, estimate, run, np.sqrt(np.diag(covariance)), warnings),
+        sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},
+        version=__version__,
+        loop=simulated_loop(problem, method),
+        equations=Equations(
+            regressor, tuple(records), tuple(filters), variance, method.weight_power
+        ),
+    )
+
+
+def loop_warnings(
+    problem: Problem, sums: Sequence[JointSums], variance: np.ndarray
+) -> list[Finding]:
+    """Reservations about instruments from this loop.
+
+    Args:
+        problem: what is given.
+        sums: normal equations of the last iteration.
+        variance: λ of each joint, shape (joints,).
+    """
+    if problem.loop is None:
+        return []
+    notes, warnings = law_findings(problem.loop)
+    known = [*notes]
+    if problem.loop.reconstructed or problem.loop.reference == "smoothed":
+        test = str(durbin_wu_hausman(sums, variance, len(problem.names)))
+        known.append(Finding("warning", "exogeneity", "tested", test))
+    known += warnings
+    if problem.loop.reference == "smoothed":
+        text = (
+            "The reference was not recorded: the smoothed measurement stands for it, with the "
+            "declared control law as a virtual one. Instruments then share the noise that the "
+            "smoother let through."
+        )
+        known.append(Finding("warning", "reference", "smoothed", text))
+    return known
+
+
+def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
+    """Notes on the loop, and warnings about a law found from the record.
+
+    Args:
+        loop: the loop, or None.
+    """
+    if loop is None:
+        return [], []
+    if loop.identified is None:
+        return [Finding("warning", "loop", "reconstructed", text) for text in loop.notes], []
+    notes = [Finding("note", "law", "found", text) for text in loop.notes]
+    doubts = loop.identified.warnings
+    return notes, [Finding("warning", "law", "uncertain", text) for text in doubts]
+
+
+def simulated_loop(problem: Problem, method: Method) -> Loop | None:
+    """The loop that a method simulates, None where it does without."""
+    return problem.loop if method.simulates_loop else None
+
+
+def method_label(problem: Problem, method: Method) -> str:
+    """Name of a method, with Ĉ where its instruments come from an identified law."""
+    loop = simulated_loop(problem, method)
+    identified = loop is not None and (loop.identified is not None or loop.feedback)
+    return f"{method.label} (Ĉ)" if identified else method.label
+
+
+def _warnings(
+    problem: Problem, estimate: Estimate, run: Run, std: np.ndarray, own: Sequence[Finding]
+) -> tuple[Finding, ...]:
+    """What the estimator noticed."""
+    scales = [s for r in problem.recordings for s in r.torque_scale]
+    parameters, names = problem.regressor.parameters, problem.names
+    signs = sign_warnings(problem.robot, parameters, names, estimate.theta, std)
+    assumed = [Finding("warning", "torque scale", "assumed", s) for s in scale_sentences(scales)]
+    noticed = [*own, *signs, *assumed, *estimate.reservations]
+    if not run.converged:
+        change = 100 * float(run.history[-1].change)
+        text = (
+            f"Not converged after {len(run.history)} iterations; the last change was "
+            f"{change:.2g} %."
+        )
+        step = "Look at the convergence plot before using it."
+        evidence = {"last change": Quantity(change, "%")}
+        noticed.insert(0, Finding("error", "iteration", "not converged", text, "", step, evidence))
+    return tuple(noticed)
+
+
+def _joint_fits(
+    problem: Problem, estimate: Estimate, residuals: Sequence[np.ndarray]
+) -> tuple[JointFit, ...]:
+    """How each joint was fitted; ``residuals``: τ - Φθ of each record, (joints, rows)."""
+    records, prefilters = estimate.records, estimate.prefilters
+    squares, torque = _squares(estimate, residuals), _squares(estimate, [r.tau for r in records])
+    rows = [sum(int(r.used[j].sum()) for r in records) for j in range(problem.robot.size)]
+    usable = sum(r.usable_rows for r in records)
+    noise_std = np.sqrt(estimate.variance)
+    f50 = np.mean([r.kinematics.f50 for r in records], axis=0)
+    encoder_std = np.mean([r.kinematics.encoder_std for r in records], axis=0)
+    units = torque_units(problem)
+    noise_units = position_units(problem) if prefilters.inverts_controller else units
+    return tuple(
+        JointFit(
+            name=joint.name,
+            torque_unit=units[j],
+            relative_error=float(np.sqrt(squares[j] / max(torque[j], 1e-300))),
+            rms_error=float(np.sqrt(squares[j] / max(rows[j], 1))),
+            noise_std=float(noise_std[j]),
+            noise_unit=noise_units[j],
+            ar_order=int(prefilters.orders[j]) if prefilters.models else 0,
+            ar_at_bound=bool(prefilters.at_bound[j]) if prefilters.at_bound else False,
+            rows=rows[j],
+            masked=1.0 - rows[j] / max(usable, 1),
+            f50=float(f50[j]),
+            encoder_std=float(encoder_std[j]),
+        )
+        for j, joint in enumerate(problem.robot.joints)
+    )
+
+
+def _relative_error(
+    estimate: Estimate, residuals: Sequence[np.ndarray], joints: Sequence[JointFit]
+) -> float:
+    """‖τ - Φθ‖/‖τ‖ over all joints, each weighted by its own unfiltered error."""
+    spread = np.array([max(f.rms_error, 1e-300) ** 2 for f in joints])
+    signals = residuals, [r.tau for r in estimate.records]
+    error, total = (
+        sum(
+            _sum_of_squares(x, r.used) @ (1.0 / spread)
+            for x, r in zip(own, estimate.records, strict=True)
+        )
+        for own in signals
+    )
+    return float(np.sqrt(error / total))
+
+
+def _squares(estimate: Estimate, signals: Sequence[np.ndarray]) -> np.ndarray:
+    """Sum of squares over the rows in use of all records, shape (joints,)."""
+    parts = zip(signals, estimate.records, strict=True)
+    return np.sum([_sum_of_squares(x, r.used) for x, r in parts], axis=0)
+
+
+def _sum_of_squares(signal: np.ndarray, used: np.ndarray) -> np.ndarray:
+    """Σ x² over the samples in use, shape (joints,)."""
+    return np.array([np.sum(own[part] ** 2) for own, part in zip(signal, used, strict=True)])
+
+
+def _is_stationary(problem: Problem, method: Method) -> bool:
+    """Whether the residual is taken for stationary noise, which it is on simulated records."""
+    if method.covariance in ("stationary", "sandwich"):
+        return method.covariance == "stationary"
+    return method.weight_power == 1.0 and all(r.simulated for r in problem.recordings)

@@ -1,0 +1,123 @@
+"""What every estimator needs of one recording: rows of Φ, Z and τ, at full rate or decimated.
+
+`FullRateRecord` makes its columns block by block and filters them on the way, `DecimatedRecord`
+holds them. Both answer the same questions, so that no estimator or test has to ask which one it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.covariance.sandwich import Windows, windows_of
+from pivident.estimation.fitted_recording import FittedRecording
+from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.signals.prefilter import Prefilter
+
+#: Φ, Z, (filtered further instruments) and τ of one joint, time last.
+JointColumns = tuple[np.ndarray, np.ndarray | None, np.ndarray | None, np.ndarray]
+
+
+class EquationRecord(Protocol):
+    """Equations of one recording, time **last**."""
+
+    @property
+    def kinematics(self) -> Kinematics:
+        """The motion and torque that they are made from."""
+
+    @property
+    def used(self) -> np.ndarray:
+        """True for rows that the estimate uses, shape (joints, rows)."""
+
+    @property
+    def full_rate(self) -> bool:
+        """Whether the rows are all samples of the record, behind prefilters."""
+
+    @property
+    def motion(self) -> SimulatedMotion | None:
+        """Simulated motion that makes the instruments; None: none, or it was not kept."""
+
+    @property
+    def z(self) -> np.ndarray | None:
+        """Packed instruments, shape (entries, rows), where they are held."""
+
+    @property
+    def has_instruments(self) -> bool:
+        """Whether instruments differ from the observation matrix."""
+
+    @property
+    def tau(self) -> np.ndarray:
+        """Torque, not prefiltered, shape (joints, rows) [N m or N]."""
+
+    @property
+    def usable_rows(self) -> int:
+        """Rows that a joint would have if none were excluded."""
+
+    @property
+    def sample_numbers(self) -> np.ndarray:
+        """Sample of the recording that each row stands for, shape (rows,)."""
+
+    def with_torque(self, tau: np.ndarray) -> EquationRecord:
+        """The same rows with another torque, shape (joints, rows)."""
+
+    def add_to(
+        self,
+        sums: Sequence[JointSums],
+        regressor: Regressor,
+        filters: Sequence[Prefilter],
+        windows: Windows | None,
+    ) -> None:
+        """Add the rows to the normal equations, and to those of each window if there are any."""
+
+    def residual(self, regressor: Regressor, theta: np.ndarray) -> np.ndarray:
+        """τ - Φθ, not prefiltered, shape (joints, rows)."""
+
+    def whitened(
+        self, residual: np.ndarray, filters: Sequence[Prefilter], variance: np.ndarray
+    ) -> np.ndarray:
+        """L_j ε_j λ_j^(-1/2): a residual of unit variance, shape (joints, rows)."""
+
+    def fitted(
+        self, regressor: Regressor, theta: np.ndarray, residual: np.ndarray, whitened: np.ndarray
+    ) -> FittedRecording:
+        """Signals for plots; both residuals are overwritten."""
+
+    def columns_of(
+        self, regressor: Regressor, filters: Sequence[Prefilter], joint: int, keep: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+        """Some of a joint's columns of Φ and Z, and its τ, filtered, on all rows."""
+
+    def blocks(
+        self, regressor: Regressor, filters: Sequence[Prefilter], extra: Any, make: Any
+    ) -> Iterator[tuple[slice, tuple[Any, ...]]]:
+        """Walk through the rows: ``make(joint, columns, used)`` of each block and joint."""
+
+
+def accumulate(
+    regressor: Regressor,
+    records: Sequence[EquationRecord],
+    filters: Sequence[Prefilter],
+    by_window: bool = True,
+) -> list[JointSums]:
+    """Normal equations of all joints over all recordings.
+
+    Args:
+        regressor: the observation matrix.
+        records: recordings with instruments.
+        filters: one prefilter per joint; of no use to decimated records.
+        by_window: whether the sums of each window are kept for the sandwich.
+    """
+    windows = windows_of([r.used.shape[1] for r in records])
+    count = sum(w.count for w in windows) if by_window else 0
+    sums = [
+        JointSums.empty(name, regressor.columns_of(j), count)
+        for j, name in enumerate(regressor.robot.joint_names)
+    ]
+    for record, own in zip(records, windows, strict=True):
+        record.add_to(sums, regressor, filters, own if by_window else None)
+    return sums

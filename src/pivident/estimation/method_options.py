@@ -1,0 +1,56 @@
+"""A method as plain values, as files of results hold it, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from typing import Any
+
+from pivident.errors import PividentError
+from pivident.estimation.methods import (
+    Arma,
+    AutoRegressive,
+    Bandpass,
+    InstrumentalVariables,
+    LeastSquares,
+    Method,
+    PrefilteredIV,
+    RandomWalk,
+    Repetition,
+)
+
+_METHODS = (LeastSquares, InstrumentalVariables, PrefilteredIV)
+_PARTS = {
+    "signals": (Bandpass, RandomWalk),
+    "noise": (AutoRegressive, Repetition, Arma),
+}
+
+
+def method_options(method: Method) -> dict[str, Any]:
+    """A method's options as plain values."""
+    return asdict(method)
+
+
+def method_of_options(options: Mapping[str, Any]) -> Method | None:
+    """The method whose options these are; None: of no method of this version.
+
+    Args:
+        options: what `method_options` returned, after a way through a file; the problem's ``mask``
+            may be among them.
+    """
+    values = {key: value for key, value in options.items() if key != "mask"}
+    try:
+        for key, kinds in _PARTS.items():
+            if key in values:
+                values[key] = _made(kinds, values[key])
+        return _made(_METHODS, values)
+    except (TypeError, ValueError, AttributeError, PividentError):
+        return None
+
+
+def _made(kinds: tuple[type, ...], values: Mapping[str, Any]) -> Any:
+    """The class that has just these fields, with lists as the tuples that they were."""
+    for kind in kinds:
+        if {f.name for f in fields(kind)} == set(values):
+            return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
+    raise ValueError(f"no method has the options {', '.join(values)}")

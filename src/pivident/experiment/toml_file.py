@@ -1,0 +1,96 @@
+"""The text of an experiment file, or of another small TOML file, and errors that name it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pivident.errors import ExperimentError, PividentError
+from pivident.files import regular_file
+from pivident.text.printable import shortened
+from pivident.text.toml import MAX_FILE, parse_toml
+
+
+@contextmanager
+def errors_name(path: Path, table: str) -> Iterator[None]:
+    """Say in which file and table an error arose.
+
+    An `ExperimentError` gets it in front of its message; errors that carry evidence keep their
+    class and get it as a note.
+
+    Args:
+        path: the experiment file.
+        table: the table, or empty where the error names it.
+    """
+    try:
+        yield
+    except ExperimentError as error:
+        text = shortened(str(error))
+        raise ExperimentError(f"{path}: {table + ' ' if table else ''}{text}") from error
+    except PividentError as error:
+        error.add_note(f"{path}: {table.rstrip(':')}".rstrip(": "))
+        raise
+
+
+def toml_content(path: Path) -> dict[str, Any]:
+    """The tables of an experiment file, or of another small TOML file; nothing in them is checked.
+
+    Args:
+        path: the file.
+
+    Raises:
+        ExperimentError: it cannot be read, or is no TOML.
+    """
+    try:
+        return parse_toml(_file_text(path))
+    except ExperimentError:
+        raise
+    except ValueError as error:
+        raise ExperimentError(f"is not TOML: {error}; {_advice(path, str(error))}") from error
+
+
+def _advice(path: Path, error: str) -> str:
+    """What to do about a text that is not TOML, as far as the text tells."""
+    text = _file_text(path)
+    beginning = text.lstrip("\ufeff \t\r\n")
+    first = beginning.partition("\n")[0]
+    if path.suffix.lower() in (".urdf", ".xacro") or beginning.startswith("<"):
+        return "this is a robot description: name it as robot = in an experiment file (.toml)"
+    if beginning.startswith("{"):
+        return "this looks like JSON; an experiment file is written in TOML"
+    if path.suffix.lower() != ".toml" and max(map(first.count, ",;\t")) > 1:
+        return (
+            "this looks like a log: name it as files = under [recording] of an experiment file, "
+            "or ask pivident audit about it"
+        )
+    line = re.search(r"at line (\d+)", error)
+    said = text.splitlines()[int(line[1]) - 1] if line else ""
+    if "\\" in said:
+        return "a backslash needs single quotes around it, or write / in paths"
+    return "correct this line"
+
+
+def _file_text(path: Path) -> str:
+    """Content of an experiment file, or of another small TOML file.
+
+    Args:
+        path: the file.
+
+    Raises:
+        ExperimentError: it cannot be read, is too large, or is not UTF-8 text.
+    """
+    try:
+        if regular_file(path).stat().st_size > MAX_FILE:
+            raise ExperimentError(
+                f"has {path.stat().st_size} bytes, too many for an experiment file; is it the log?"
+            )
+        return path.read_text(encoding="utf-8")
+    except OSError as error:
+        raise ExperimentError(
+            f"cannot be read ({error.strerror}); check the path and its permissions"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise ExperimentError(f"is not UTF-8 text (byte {error.start}); save it as UTF-8") from None

@@ -1,0 +1,10 @@
+from .convergence import figure_of_convergence as figure_of_convergence
+from .correlations import figure_of_correlations as figure_of_correlations
+from .friction import figure_of_friction as figure_of_friction
+from .intervals import figure_of_intervals as figure_of_intervals
+from .paper import FigureError as FigureError
+from .paper import save_figure as save_figure
+from .prefilter import figure_of_prefilters as figure_of_prefilters
+from .residual_spectra import figure_of_residual_spectra as figure_of_residual_spectra
+from .torques import figure_of_torques as figure_of_torques
+from .tracking import figure_of_tracking as figure_of_tracking

@@ -1,0 +1,348 @@
+"""What one unit of the logged torque is worth: held against gravity and inertia of the robot.
+
+A log says "effort" or "current" and means N m, amperes, or a number of the drive. Where the
+robot's description has masses, one factor for each joint follows from them, see
+`pivident.audit.scale`; it is as good as these masses. A rotor of unknown inertia adds to what the
+links need to be accelerated; it is estimated beside the factor where the description has none:
+
+    τ_j = a (g_j(q) + (M(q) ddq + c(q, dq))_j) + b ddq_j + friction
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
+from pivident.audit.flange_load import FlangeLoad, flange_load
+from pivident.audit.inverse_model import InverseModel, build_inverse_model
+from pivident.audit.power import check_power
+from pivident.audit.scale import check_positions, check_scale
+from pivident.audit.timing import check_timing
+from pivident.errors import PividentError
+from pivident.init.assumption import Question, Sureness
+from pivident.logs.log import Log
+from pivident.logs.torque_scale import ASSUMED, MASSES
+from pivident.logs.units import COMMAND, TORQUE
+from pivident.robot.description import Robot
+from pivident.text.numbers import plus_minus
+
+#: Factor between log and description up to which an unnamed torque passes for N m.
+NEAR_ONE = 2.0
+
+#: A factor is within this factor of a gear ratio if it comes from it.
+NEAR_RATIO = 1.4
+
+#: Relative deviation above which a factor says nothing, and distance from the typical one.
+BLUNT, FAR = 0.3, 5.0
+
+#: Deviations that a reversed sign must have.
+CLEAR = 4.0
+
+#: Rows below which nothing is compared.
+FEWEST = 10
+
+#: Words with which a question for the unit is answered.
+ANSWERS = ("N m", "A", "unknown scale")
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """Log against description.
+
+    Attributes:
+        factors: logged torque per torque of the description, NaN where it is not known.
+        deviations: their standard deviations.
+        reversed: joints whose friction would give energy: the sign of their torque is wrong.
+        angle_unit: whether positions in the other angle unit fit much better.
+        errors: share of each joint's torque that no parameters explain.
+        trouble: why nothing could be compared, or empty.
+        load: a body on the flange that the description lacks; the factors are beside it.
+    """
+
+    factors: np.ndarray
+    deviations: np.ndarray
+    reversed: tuple[int, ...] = ()
+    angle_unit: bool = False
+    errors: np.ndarray | None = None
+    trouble: str = ""
+    load: FlangeLoad | None = None
+
+
+@dataclass(frozen=True)
+class TorqueUnit:
+    """The unit of the torque channel.
+
+    Attributes:
+        value: as an experiment file says it.
+        sure: how sure it is.
+        seen: what was seen.
+        correct: how to correct it.
+        motor_side: whether the torques are those of the motors.
+        question: what to ask, where somebody may know better.
+    """
+
+    value: Any
+    sure: Sureness
+    seen: str
+    correct: str
+    motor_side: bool = False
+    question: Question | None = None
+
+
+def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -> Comparison:
+    """Hold torque and motion against the robot's description.
+
+    Args:
+        robot: with nominal masses, or without.
+        q: positions, shape (samples, joints) [rad or m].
+        tau: torques in whatever unit, likewise.
+        seconds: times [s], shape (samples,).
+    """
+    log = Log(
+        "log",
+        robot.joint_names,
+        {},
+        {"t": seconds},
+        logged={"q": q, "tau": tau},
+        channels={"q": q, "tau": tau},
+        robot=robot,
+    )
+    nothing = np.full(robot.size, np.nan)
+    if len(seconds) < FEWEST:
+        seen = f"{len(seconds)} rows have positions and torques of all joints while they move"
+        return Comparison(nothing, nothing, trouble=seen)
+    try:
+        timing = check_timing(log)
+        if not timing.rate:
+            return Comparison(nothing, nothing, trouble="the sampling rate could not be determined")
+        model = build_inverse_model(log, timing)
+        findings, better = check_positions(log, timing, model)
+        if any(f.kind == "angle unit" for f in findings):
+            return Comparison(nothing, nothing, angle_unit=True)
+        model = better or model
+        power = check_power(log, model)
+        factors, deviations = description_factors(log, model)
+        load = flange_load(model, factors)
+        if load is not None:
+            factors, deviations = load.factors.copy(), load.deviations.copy()
+            factors[~(deviations < BLUNT * np.abs(factors))] = np.nan
+    except (PividentError, np.linalg.LinAlgError) as error:
+        return Comparison(nothing, nothing, trouble=str(error))
+    reversed_ = tuple(j for j in power.reversed if not factors[j] > 0)
+    return Comparison(
+        factors, deviations, reversed_, errors=model.relative_errors.copy(), load=load
+    )
+
+
+def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.ndarray]:
+    """Logged torque per torque of the description, and its standard deviation, by joint."""
+    robot = model.robot
+    scale = check_scale(log, model)
+    factors, deviations = scale.factors.copy(), scale.deviations.copy()
+    for j in np.flatnonzero(robot.rotor_inertia == 0.0):
+        if model.usable(int(j)):
+            factors[j], deviations[j] = _beside_a_rotor(model, int(j))
+    factors[~(deviations < BLUNT * np.abs(factors))] = np.nan
+    factors[(factors < 0) & ~(deviations * CLEAR < np.abs(factors))] = np.nan
+    if np.isfinite(factors).any():
+        for kind in ("revolute", "prismatic"):  # a factor far from all others is a wrong one
+            own = np.array([joint.kind == kind for joint in robot.joints])
+            if np.isfinite(factors[own]).sum() > 1:
+                typical = np.nanmedian(np.abs(factors[own]))
+                off = np.abs(np.log(np.abs(factors) / typical)) > np.log(FAR)
+                factors[own & off] = np.nan
+    return factors, deviations
+
+
+def _beside_a_rotor(model: InverseModel, j: int) -> tuple[float, float]:
+    """Factor of one joint with the inertia of its rotor as a further unknown."""
+    rows = model.moving[:, j]
+    described = (model.gravity + model.inertial)[rows, j]
+    parameters = model.base.parameters
+    friction = [
+        k
+        for k, index in enumerate(model.own[j])
+        if parameters[index].friction is not None or parameters[index].coupling is not None
+    ]
+    size = float(np.linalg.norm(described))
+    acceleration = model.ddq[rows, j]
+    if size == 0.0 or not acceleration.any():
+        return np.nan, np.nan
+    others = np.column_stack([model.columns[j][rows][:, friction], acceleration])
+    others = orthonormal(others / np.maximum(np.linalg.norm(others, axis=0), 1e-300))[0]
+    fit = blocked_fit(
+        np.column_stack([described / size, others]), model.tau()[rows, j], model.block[rows]
+    )
+    return float(fit.estimate[0]) / size, float(jackknife(fit.replicates[:, :1])[0]) / size
+
+
+def torque_unit(
+    robot: Robot,
+    found: Comparison,
+    named: str | None,
+    is_current: bool,
+    answer: str | None,
+) -> TorqueUnit:
+    """The unit of the logged torques.
+
+    Args:
+        robot: the robot.
+        found: log against description.
+        named: unit written in the columns' names, or None.
+        is_current: whether these are names of a current.
+        answer: one of `ANSWERS`, or None.
+    """
+    named = answer if answer in ("N m", "A") else named
+    kind = "current" if is_current else "effort"
+    if named in COMMAND or (is_current and named not in TORQUE) or answer == ANSWERS[2]:
+        unit = named if named in COMMAND else ("A" if is_current else "command")
+        return _command(robot, found, str(unit), f"the columns hold a {kind}")
+    factors = found.factors
+    known = np.isfinite(factors)
+    ratios = np.abs(np.diag(robot.transmission.reduction))
+    through_gear = factors * ratios
+    if (
+        known.any()
+        and ratios[known].min() > 2.0
+        and np.all(np.abs(np.log(np.abs(through_gear[known]))) < np.log(NEAR_RATIO))
+    ):
+        seen = (
+            f"torques are 1/{np.median(ratios[known]):.3g} of those of the links: before the gear"
+        )
+        return TorqueUnit("N m", "likely", seen, 'Set side = "joint" if they are not.', True)
+    if named in TORQUE:
+        return _newton_metres(robot, found, str(named), "certain", f"the names say {named}")
+    if known.any() and np.all(np.abs(np.log(np.abs(factors[known]))) < np.log(NEAR_ONE)):
+        return _newton_metres(robot, found, "N m", "likely", "no unit in the names")
+    if not known.any():
+        seen = "no unit in the names, and nothing in the robot's description gives the scale"
+        if found.trouble:
+            seen += f" ({found.trouble})"
+        correct = 'Name the unit: "N m", "N" for sliding joints, or {unit = "A", gain = …}.'
+        question = Question("unit of tau", "In what unit are the torques?", ANSWERS)
+        value = {"unit": "N m", "scale": ASSUMED}
+        return TorqueUnit(value, "assumed", seen, correct, question=question)
+    return _command(
+        robot, found, "command", "the scale of the torque is not that of the robot's masses"
+    )
+
+
+def _newton_metres(
+    robot: Robot, found: Comparison, unit: str, sure: Sureness, reason: str
+) -> TorqueUnit:
+    """N m, with the sign turned where gravity and friction say so."""
+    wrong = [
+        j
+        for j in range(robot.size)
+        if found.factors[j] < 0 or (j in found.reversed and not found.factors[j] > 0)
+    ]
+    scale = TORQUE[unit]
+    if wrong:
+        value: Any = [-scale if j in wrong else scale for j in range(robot.size)]
+        names = ", ".join(robot.joints[j].name for j in wrong)
+        reason += f"; the sign of {names} is reversed, as gravity or friction show"
+        sure = "likely"
+    else:
+        value = _sliding(robot, unit)
+    correct = 'Factors to N m by joint, {unit = "A", gain = …} or "N m" are possible.'
+    return TorqueUnit(value, sure, f"{reason}; {_factors_text(robot, found)}", correct)
+
+
+def _sliding(robot: Robot, unit: str) -> Any:
+    """N m for turning joints, N for sliding ones."""
+    if all(joint.kind == "revolute" for joint in robot.joints):
+        return unit
+    force = unit.replace(" m", "").replace("Nm", "N")
+    force = force if force in TORQUE else "N"
+    return [unit if joint.kind == "revolute" else force for joint in robot.joints]
+
+
+def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueUnit:
+    """A drive command with the gain that the robot's masses suggest."""
+    given = robot.transmission.gain_given
+    if given is not None and np.all(given):
+        seen = f"{reason}; the robot's description has drive gains"
+        return TorqueUnit(unit, "likely", seen, "They are under drive_gain of [robot].", True)
+    gains, assumed = gains_of(robot, found, COMMAND[unit])
+    value = [
+        {"unit": unit, "gain": float(f"{gain:.4g}"), "scale": ASSUMED if j in assumed else MASSES}
+        for j, gain in enumerate(gains)
+    ]
+    if not np.isfinite(found.factors).any():
+        seen = f"{reason}, and no description gives N m per unit: all torques and parameters are "
+        seen += f"in units of {unit} until gains are set"
+        correct = "Set gain = N m per unit for each joint, on the joint side, and leave scale out."
+        return TorqueUnit(value, "assumed", seen, correct)
+    seen = f"{reason}; N m per unit follow from the masses of the robot's description, whose own "
+    seen += "errors come on top"
+    texts = []
+    for j, joint in enumerate(robot.joints):
+        if j in assumed:
+            texts.append(f"{joint.name} unknown, taken from the others")
+        else:
+            spread = 2.0 * found.deviations[j] / abs(found.factors[j])
+            texts.append(f"{joint.name} {gains[j]:.3g} ± {100 * spread:.1g} %")
+    seen += f" ({', '.join(texts)})" + _load_text(robot, found)
+    if (gains < 0).any():
+        turned = ", ".join(joint.name for j, joint in enumerate(robot.joints) if gains[j] < 0)
+        seen += f"; the sign of {turned} is reversed, as gravity or friction show"
+    correct = (
+        "Write the drives' own gains, torque constant times gear ratio, where you know them, and "
+        "leave scale out; errors in per cent do not depend on them, parameters do."
+    )
+    question = None
+    if unit == "command":
+        question = Question("unit of tau", "In what unit are the torques?", ANSWERS)
+    return TorqueUnit(value, "assumed", seen, correct, question=question)
+
+
+def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, list[int]]:
+    """N m per unit of every joint, and the joints of which nothing is known.
+
+    These get the typical gain of other joints, and the sign with which friction takes energy.
+    """
+    gains = 1.0 / (found.factors * unit)
+    known = np.isfinite(gains)
+    assumed = [j for j in range(robot.size) if not known[j]]
+    for j in assumed:
+        magnitude = _typical_gain(robot, np.where(known, np.abs(gains), np.nan), j, 1.0 / unit)
+        gains[j] = -magnitude if j in found.reversed else magnitude
+    return gains, assumed
+
+
+def _typical_gain(robot: Robot, gains: np.ndarray, j: int, default: float) -> float:
+    """Median gain of the joints of the same kind, or of others in proportion to their limits."""
+    joints = robot.joints
+    same = [gains[k] for k in range(robot.size) if joints[k].kind == joints[j].kind]
+    if np.isfinite(same).any():
+        return float(np.nanmedian(same))
+    limits = np.array([joint.torque_limit or np.nan for joint in joints])
+    shares = gains / limits * limits[j]
+    return float(np.nanmedian(shares)) if np.isfinite(shares).any() else default
+
+
+def _factors_text(robot: Robot, found: Comparison) -> str:
+    """How the torques compare with those of the description."""
+    known = [j for j in range(robot.size) if np.isfinite(found.factors[j])]
+    if not known:
+        return "not compared with the description" + (
+            f" ({found.trouble})" if found.trouble else ""
+        )
+    texts = [
+        f"{robot.joints[j].name} {plus_minus(found.factors[j], 2 * found.deviations[j])}"
+        for j in known
+    ]
+    return f"times the torque of the robot's masses: {', '.join(texts)}" + _load_text(robot, found)
+
+
+def _load_text(robot: Robot, found: Comparison) -> str:
+    """The body on the flange, where there is one."""
+    if found.load is None:
+        return ""
+    return (
+        f"; beside a body of {plus_minus(found.load.mass, 2 * found.load.deviation)} kg on the "
+        f"link of {robot.joints[-1].name} that the description lacks, such as a tool"
+    )

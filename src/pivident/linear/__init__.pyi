@@ -1,0 +1,14 @@
+from .arx import arx as arx
+from .conversion import from_control as from_control
+from .conversion import from_scipy as from_scipy
+from .estimate import LinearEstimate as LinearEstimate
+from .free_law import identify_free_law as identify_free_law
+from .noise import Noise as Noise
+from .noise import ar as ar
+from .noise import arma as arma
+from .noise import select_arma as select_arma
+from .order_selection import select_orders as select_orders
+from .riv import riv as riv
+from .rivc import rivc as rivc
+from .sriv import sriv as sriv
+from .srivc import srivc as srivc

@@ -1,0 +1,129 @@
+"""An identified linear model: polynomials with their covariance, and how well they fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from pivident.errors import IdentificationError
+from pivident.signals.arma import Noise
+
+Hold = Literal["zoh", "foh"]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """How well a model fits, (C5).
+
+    Attributes:
+        r2: R_T² = 1 - var(y - x)/var(y), x the simulated output.
+        yic: Young's information criterion, ln(s²/var y) + ln(mean of P_ii/θ_i²).
+        aic: n ln s² + 2 n_p.
+        bic: n ln s² + n_p ln n.
+        samples: samples used.
+    """
+
+    r2: float
+    yic: float
+    aic: float
+    bic: float
+    samples: int
+
+
+@dataclass(frozen=True, eq=False)
+class LinearModel:
+    """y = Σ_i B_i/A_i u_i(t - delay_i) + ξ with the fields of `LinearEstimate`."""
+
+    method: str
+    numerators: tuple[np.ndarray, ...]
+    denominators: tuple[np.ndarray, ...]
+    dt: float
+    continuous: bool
+    delays: tuple[int, ...]
+    hold: Hold
+    common: bool
+    names: tuple[str, ...]
+    theta: np.ndarray
+    covariance: np.ndarray
+    noise: Noise | None
+    residual_variance: float
+    fit: Fit
+    iterations: int = 1
+    converged: bool = True
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def numerator(self) -> np.ndarray:
+        """B of a model with one input.
+
+        Raises:
+            IdentificationError: there are several inputs.
+        """
+        return self._only(self.numerators)
+
+    @property
+    def denominator(self) -> np.ndarray:
+        """A of a model with one input, or the common one.
+
+        Raises:
+            IdentificationError: there are several.
+        """
+        return self.denominators[0] if self.common else self._only(self.denominators)
+
+    def _only(self, polynomials: tuple[np.ndarray, ...]) -> np.ndarray:
+        if len(polynomials) != 1:
+            raise IdentificationError(
+                f"the model has {len(polynomials)} inputs; use numerators and denominators"
+            )
+        return polynomials[0]
+
+    @property
+    def std(self) -> np.ndarray:
+        """Standard deviations of θ, shape (parameters,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def poles(self) -> tuple[np.ndarray, ...]:
+        """Poles of each input's transfer function [rad/s in continuous time]."""
+        return tuple(np.roots(a) for a in self.denominators)
+
+    def response(self, frequency: np.ndarray, which: int = 0) -> np.ndarray:
+        """Frequency response of one input at the frequencies [Hz], delay included.
+
+        Args:
+            frequency: shape (frequencies,).
+            which: index of the input.
+        """
+        omega = 2.0 * np.pi * np.asarray(frequency, dtype=float)
+        b, a = self.numerators[which], self.denominators[which]
+        delay = np.exp(-1j * omega * self.delays[which] * self.dt)
+        at = 1j * omega if self.continuous else np.exp(1j * omega * self.dt)
+        return np.polyval(b, at) / np.polyval(a, at) * delay
+
+
+def fit_of(
+    y: np.ndarray, x: np.ndarray, s2: float, theta: np.ndarray, covariance: np.ndarray
+) -> Fit:
+    """Criteria of a model, (C5).
+
+    Args:
+        y: measured output, shape (samples,).
+        x: simulated output.
+        s2: variance of the (whitened) residual.
+        theta: parameters.
+        covariance: of them.
+    """
+    n, size = y.size, theta.size
+    total = float(np.var(y))
+    relative = np.diag(covariance) / np.maximum(np.square(theta), 1e-300)
+    s2 = max(s2, 1e-300)
+    return Fit(
+        r2=1.0 - float(np.var(y - x)) / max(total, 1e-300),
+        yic=math.log(s2 / max(total, 1e-300)) + math.log(max(float(relative.mean()), 1e-300)),
+        aic=n * math.log(s2) + 2 * size,
+        bic=n * math.log(s2) + math.log(n) * size,
+        samples=n,
+    )

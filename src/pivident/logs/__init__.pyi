@@ -1,0 +1,3 @@
+from .bare_log import bare_log as bare_log
+from .described_log import described_log as described_log
+from .log import Log as Log

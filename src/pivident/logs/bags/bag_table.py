@@ -1,0 +1,140 @@
+"""A bag as one table: the topic with the joints' positions, and what only other topics hold.
+
+A controller publishes its reference in messages of its own, mostly slower than the joint states. To
+see whether the positions follow it, it is taken at the instants of the positions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from pivident.errors import PividentError
+from pivident.logs.bags.bag_channels import bag_channel
+from pivident.logs.bags.joint_topics import TopicTable
+from pivident.logs.bags.read_bag import RECEIVED, STAMP, Bag, open_bag
+from pivident.logs.clocks.clock_alignment import ONE_CLOCK, ClockedChannel, resampled
+from pivident.logs.clocks.gaps import bridged_interval
+from pivident.logs.recognition.column_series import Series, column_series
+
+#: What is looked for in other topics, and what each stands for beside the positions.
+KINDS = {
+    "q": "q", "tau": "tau", "current": "tau", "dq": "dq", "q_ref": "q_ref", "dq_ref": "dq_ref",
+}  # fmt: skip
+
+#: Messages that come slower speak of no control loop [Hz].
+SLOWEST = 20.0
+
+#: Share of the positions' instants that a topic has to cover.
+COVERED = 0.5
+
+
+@dataclass(frozen=True)
+class OwnClock:
+    """The clock of a column that was logged beside the positions.
+
+    Attributes:
+        column: stamps of its messages.
+        rate: of its messages [Hz].
+    """
+
+    column: str
+    rate: float
+
+
+def bag_table(
+    path: Path, joint_names: tuple[str, ...]
+) -> tuple[dict[str, np.ndarray], dict[str, OwnClock]]:
+    """Columns of a bag at the instants of its positions.
+
+    Returns:
+        Columns of the topic with the positions as they are, and those of other topics that hold
+        what it lacks, NaN where these say nothing, each of shape (messages,); and the clocks of
+        the latter.
+
+    Raises:
+        FileFormatError: no bag, or one that cannot be read.
+    """
+    bag = open_bag(path)
+    held = {
+        table.name: [s for s in column_series(_names(table), joint_names) if s.channel in KINDS]
+        for table in bag.topics.values()
+    }
+    main = max(bag.topics.values(), key=lambda table: _merit(table, held[table.name]))
+    kind = STAMP if main.stamps is not None else RECEIVED
+    clocks = [f"{main.name}/{k}" for k in dict.fromkeys((kind, RECEIVED))]
+    columns = {name: bag.column(name) for name in (*_names(main), *clocks)}
+    here = {KINDS[str(s.channel)] for s in held[main.name]}
+    grid = bag.times(main, kind)
+    lead = float(np.median(grid - bag.times(main, RECEIVED)))
+    joints = [s for s in held[main.name] if s.channel == "q"]
+    own: dict[str, OwnClock] = {}
+    for table in bag.topics.values():
+        for series in held[table.name]:
+            if table is main or KINDS[str(series.channel)] in here or not _alike(series, joints):
+                continue
+            channel = _channel(bag, path, series)
+            if channel is None or abs(float(channel.lead or 0.0) - lead) > ONE_CLOCK:
+                continue
+            values = _at(channel, grid)
+            if np.isfinite(values[:, 0]).mean() < COVERED:
+                continue
+            clock = OwnClock(channel.clock, channel.rate)
+            for j, name in enumerate(series.columns.values()):
+                columns[name], own[name] = values[:, j], clock
+    return columns, own
+
+
+def _names(table: TopicTable) -> list[str]:
+    """Names of a topic's columns in full, those of its clocks left out."""
+    return [f"{table.name}/{column}" for column in table.columns]
+
+
+def _merit(table: TopicTable, held: list[Series]) -> tuple[float, ...]:
+    """How much a topic looks like the joint states: positions and torques of many known joints."""
+    positions = [s for s in held if s.channel == "q"]
+    torques = any(KINDS[str(s.channel)] == "tau" for s in held)
+    return (
+        bool(positions),
+        torques,
+        max((s.named for s in positions), default=False),
+        max((len(s.columns) for s in positions), default=0),
+        len(table.received),
+    )
+
+
+def _alike(series: Series, positions: list[Series]) -> bool:
+    """Whether a series belongs to the joints of the positions: by name, or as many of them."""
+    return series.named or any(len(series.columns) == len(own.columns) for own in positions)
+
+
+def _channel(bag: Bag, path: Path, series: Series) -> ClockedChannel | None:
+    """Values of a series with their stamps, or None where nothing can be made of them."""
+    try:
+        found = bag_channel(
+            bag, path, KINDS[str(series.channel)], list(series.columns.values()), True
+        )
+    except PividentError:  # joints whose messages share no time, or have gaps
+        return None
+    good = np.isfinite(found.values).all(axis=1)
+    if not good.all() and str(series.channel).endswith("_ref"):
+        return None  # a reading would refuse the log for it, which is worth more than a reference
+    found = replace(found, t=found.t[good], values=found.values[good])
+    if len(found.t) < 3 or (np.diff(found.t) <= 0).any() or found.rate < SLOWEST:
+        return None
+    return found
+
+
+def _at(channel: ClockedChannel, grid: np.ndarray) -> np.ndarray:
+    """A channel at the instants of the positions, NaN outside of it and in its gaps."""
+    t = channel.t
+    after = np.clip(np.searchsorted(t, grid), 1, len(t) - 1)
+    longest = bridged_interval(float(np.median(np.diff(t))))
+    known = (grid >= t[0]) & (grid <= t[-1]) & (np.diff(t)[after - 1] <= longest)
+    values = np.full((len(grid), channel.values.shape[1]), np.nan)
+    if known.any():
+        # At its own rate nothing is low-passed: this only asks what the positions follow.
+        values[known] = resampled(channel, grid[known], channel.rate)
+    return values

@@ -1,0 +1,165 @@
+"""Channels read from their files, each with the time stamps that belong to it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import BadCell, PividentError, RecordingError
+from pivident.logs.bags.bag_channels import bag_channel
+from pivident.logs.bags.read_bag import is_bag, open_bag
+from pivident.logs.channel_places import ChannelPlace, array_of, assemble, locate
+from pivident.logs.clocks.clock_alignment import ClockedChannel
+from pivident.logs.file_columns import lenient_table
+from pivident.logs.tables.tables import names_in, read_table
+
+
+def stamp_channels(
+    spec: Any, channels: Mapping[str, ChannelPlace], paths: Mapping[str, Path]
+) -> dict[str, ChannelPlace]:
+    """The columns of time stamps: one as ``t``, or one for each channel as ``t.<channel>``.
+
+    Args:
+        spec: what the user wrote for ``t``, or None.
+        channels: the other channels.
+        paths: files by key.
+
+    Raises:
+        RecordingError: stamps of a channel that is not there, or of an undecided file.
+    """
+    if spec is None:
+        return {}
+    by_channel = isinstance(spec, Mapping) and "columns" not in spec
+    if (
+        not by_channel
+        and isinstance(spec, Mapping)
+        and is_bag(paths.get(str(spec.get("file")), ""))
+    ):
+        spec = spec["columns"]  # a bag has stamps for each of its topics
+    if isinstance(spec, str) and "t" not in paths:
+        # A name alone is looked up beside each channel, where these are in several files or a bag.
+        in_files = {channel.file for channel in channels.values()}
+        if len(in_files) > 1 or any(is_bag(paths[file]) for file in in_files):
+            spec, by_channel = dict.fromkeys(channels, spec), True
+    if not by_channel:
+        return {"t": locate("t", spec, paths)}
+    unknown = [key for key in spec if key not in channels]
+    if unknown:
+        raise RecordingError(
+            f"t is given for {unknown[0]!r}, which has no columns; channels are "
+            f"{', '.join(channels)}"
+        )
+    found = {}
+    for key, own in spec.items():
+        beside = {"file": channels[key].file, "columns": own}
+        found[f"t.{key}"] = locate(f"t.{key}", own if isinstance(own, Mapping) else beside, paths)
+    for key in channels:  # references and inputs are logged with the positions
+        if f"t.{key}" not in found and "t.q" in found and channels[key].file == channels["q"].file:
+            found[f"t.{key}"] = replace(found["t.q"], name=f"t.{key}")
+    return found
+
+
+def read_channels(
+    channels: Mapping[str, ChannelPlace],
+    paths: Mapping[str, Path],
+    joints: int | None,
+    samples_axis: int | None,
+    joint_names: Sequence[str],
+) -> tuple[dict[str, np.ndarray], dict[str, ClockedChannel], list[PividentError]]:
+    """Load the arrays that are needed, file by file, and assemble the channels from them.
+
+    Cells that are no numbers become NaN, and arrays keep columns that no joint needs; both are
+    faults.
+
+    Args:
+        channels: by name, with ``t`` or ``t.<channel>`` among them.
+        paths: files by key.
+        joints: number of joints, or None where it is still open.
+        samples_axis: which axis of a two-dimensional array is time, or None.
+        joint_names: names of the joints, where they are known.
+
+    Returns:
+        The channels, those that have stamps of their own with these, and the faults.
+
+    Raises:
+        FileFormatError: a file or a column cannot be read.
+        RecordingError: columns that do not fit the joints, or stamps that do not fit a channel.
+    """
+    values: dict[str, np.ndarray] = {}
+    clocked: dict[str, ClockedChannel] = {}
+    faults: list[PividentError] = []
+    for key, path in paths.items():
+        here = [channel for channel in channels.values() if channel.file == key]
+        if not here:
+            continue
+        if is_bag(path):
+            clocked |= _from_bag(here, path, joint_names)
+            continue
+        known = names_in(path)
+        needed = {array_of(column, known, path) for channel in here for column in channel.columns}
+        table = _table(path, sorted(needed), faults)
+        for channel in here:
+            if channel.name == "t" or channel.name.startswith("t."):
+                values[channel.name] = assemble(channel, table, 1)[:, 0]
+                continue
+            try:
+                values[channel.name] = assemble(channel, table, joints, samples_axis, joint_names)
+            except RecordingError as error:
+                if channel.per_joint:
+                    raise
+                values[channel.name] = assemble(channel, table, None, samples_axis)
+                faults.append(error)
+    for name in [name for name in values if name.startswith("t.")]:
+        own, clock = name.removeprefix("t."), f"{channels[name].file}, {channels[name].columns[0]}"
+        stamps = values.pop(name)
+        if len(stamps) != len(values[own]):
+            raise RecordingError(
+                f"t of {own} has {len(stamps)} samples, {own} has {len(values[own])}; name the "
+                "column of stamps that was logged with it"
+            )
+        clocked[own] = ClockedChannel(own, clock, stamps, values[own])
+    for name, channel_of in clocked.items():
+        if joints is not None and channel_of.values.shape[1] != joints:
+            raise RecordingError(
+                f"{name} has {channel_of.values.shape[1]} column(s) for {joints} joint(s); name "
+                "one for each joint of the robot"
+            )
+        values[name] = channel_of.values
+    return values, clocked, faults
+
+
+def _table(path: Path, names: Sequence[str], faults: list[PividentError]) -> dict[str, np.ndarray]:
+    """Columns of a file, NaN where a cell is no number."""
+    try:
+        return read_table(path, names)
+    except BadCell as error:
+        table = lenient_table(path, names)
+        if not set(names) <= set(table):  # a column of nothing but text
+            raise
+        faults.append(error)
+        return table
+
+
+def _from_bag(
+    channels: Sequence[ChannelPlace], path: Path, joint_names: Sequence[str]
+) -> dict[str, ClockedChannel]:
+    """Channels from a bag, with the stamps of their messages."""
+    bag = open_bag(path)
+    clocks = {channel.name: channel.columns[0] for channel in channels}
+    return {
+        channel.name: bag_channel(
+            bag,
+            path,
+            channel.name,
+            channel.columns,
+            channel.per_joint,
+            joint_names,
+            clocks.get(f"t.{channel.name}"),
+        )
+        for channel in channels
+        if channel.name != "t" and not channel.name.startswith("t.")
+    }

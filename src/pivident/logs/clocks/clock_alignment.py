@@ -1,0 +1,309 @@
+"""Channels that were logged by clocks of their own, brought onto one uniform clock.
+
+Topics of a bag, or files of two loggers, have stamps of their own at rates of their own. All are
+interpolated at the same instants, over the stretch of time that all of them cover: positions and
+references by cubic splines, torques by straight lines, inputs held. A channel that is reduced to a
+lower rate is low-passed first, forwards and backwards, so that nothing above the new half rate
+folds down and nothing is delayed. Over gaps nothing is interpolated: they are refused, and the
+stretches between them are named.
+
+Bringing stamps together does not make good what happened before the stamps were taken. That delay
+is a question to the motion, see `pivident.audit.delay`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.errors import ClocksDisagree, GapInClock, RecordingError
+from pivident.logs.clocks import timestamps
+from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches_of
+
+#: A channel that is faster than the grid by this factor is low-passed before it is reduced.
+REDUCED = 1.1
+
+#: Cut-off of that low-pass, as share of the new rate.
+CUTOFF = 0.4
+
+#: Values above this are no measurement in any unit, and overflow a spline.
+LARGEST = 1e100
+
+#: Share of the time that regular intervals have to fill to tell the rate.
+MOSTLY = 0.8
+
+#: Header stamps of two topics whose lead over their receipt differs by more are two clocks [s].
+ONE_CLOCK = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class ClockedChannel:
+    """A channel with the stamps of its own samples.
+
+    Attributes:
+        channel: its name, such as ``tau``.
+        clock: name of the column of stamps, for messages.
+        t: stamps, shape (samples,) [s].
+        values: shape (samples, joints).
+        lead: how much the stamps are ahead of a clock that all topics share, the recorder's [s];
+            None where there is no such clock.
+        notes: what was done so far, in sentences.
+    """
+
+    channel: str
+    clock: str
+    t: np.ndarray
+    values: np.ndarray
+    lead: float | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def rate(self) -> float:
+        """Samples per second of recorded time, gaps left out [Hz]."""
+        intervals = np.diff(self.t)
+        regular = intervals[intervals <= GAP * np.median(intervals)]
+        if regular.sum() < MOSTLY * intervals.sum():  # messages that come in bursts
+            regular = intervals[intervals <= bridged_interval(float(np.median(intervals)))]
+        return timestamps.round_rate(1.0 / float(np.mean(regular)))
+
+    def between(self, start: float, stop: float) -> ClockedChannel:
+        """The samples from the last one before ``start`` to the first one behind ``stop``."""
+        first = max(int(np.searchsorted(self.t, start, side="right")) - 1, 0)
+        last = int(np.searchsorted(self.t, stop, side="left")) + 1
+        return replace(self, t=self.t[first:last], values=self.values[first:last])
+
+
+@dataclass(frozen=True, eq=False)
+class Aligned:
+    """Channels on one uniform clock.
+
+    Attributes:
+        t: its times, shape (samples,) [s].
+        rate: its rate [Hz].
+        values: channels by name, shape (samples, joints).
+        notes: what was done, in sentences.
+    """
+
+    t: np.ndarray
+    rate: float
+    values: dict[str, np.ndarray]
+    notes: tuple[str, ...]
+
+
+def have_one_clock(channels: Sequence[ClockedChannel]) -> bool:
+    """Whether all channels were sampled at the same instants."""
+    first = channels[0].t
+    return all(c.t is first or np.array_equal(c.t, first) for c in channels[1:])
+
+
+def in_order(channel: ClockedChannel) -> ClockedChannel:
+    """The channel with its stamps in order, and samples that were logged twice once.
+
+    Messages of several publishers arrive in any order, and some publishers repeat the last state.
+    Samples with the same stamp and other values stay, to be refused.
+    """
+    t, values, notes = channel.t, channel.values, list(channel.notes)
+    if (np.diff(t) < 0).any():
+        order = np.argsort(t, kind="stable")
+        moved = int(np.sum(np.diff(t) < 0))
+        notes.append(f"{channel.channel}: {moved} samples came out of order and were sorted.")
+        t, values = t[order], values[order]
+    again = np.diff(t) == 0
+    again &= ((values[1:] == values[:-1]) | np.isnan(values[1:])).all(axis=1)
+    if again.any():
+        keep = np.concatenate([[True], ~again])
+        notes.append(f"{channel.channel}: {int(again.sum())} repeated samples were left out.")
+        t, values = t[keep], values[keep]
+    return replace(channel, t=t, values=values, notes=tuple(notes))
+
+
+def onto_one_clock(
+    channels: Sequence[ClockedChannel],
+    rate: float | None = None,
+    part: tuple[float, float] | None = None,
+) -> Aligned:
+    """Interpolate channels at the same uniform instants.
+
+    Args:
+        channels: each with its stamps in order.
+        rate: of the new clock [Hz]; that of the slowest channel where it is not given.
+        part: times to keep to, on the channels' clock [s]; all that the channels share otherwise.
+
+    Raises:
+        ClocksDisagree: the channels share no time, or their stamps are of two clocks.
+        GapInClock: a channel has a gap in that stretch.
+        RecordingError: stamps that repeat or go backward, or a rate that makes no sense.
+    """
+    for channel in channels:
+        timestamps.check_increasing(channel.t)
+    start, stop = _shared(channels, part)
+    channels = [channel.between(start, stop) for channel in channels]
+    for channel in channels:
+        timestamps.check_increasing(channel.t)
+    _check_gaps(channels, start, stop)
+    if rate is None:
+        rate = min(channel.rate for channel in channels)
+    most = max(channels, key=lambda channel: len(channel.t))
+    grid, rate = timestamps.uniform_grid(most.t, rate, (start, stop))
+    values = {c.channel: resampled(c, grid, rate) for c in channels}
+    done = tuple(note for c in channels for note in c.notes)
+    return Aligned(grid, rate, values, (*done, *_account(channels, grid, rate)))
+
+
+def resampled(channel: ClockedChannel, grid: np.ndarray, rate: float) -> np.ndarray:
+    """A channel at other instants, in the manner of its kind.
+
+    Args:
+        channel: stamps that increase, and no gaps.
+        grid: the instants [s].
+        rate: their rate [Hz].
+
+    Returns:
+        Shape (instants, joints).
+
+    Raises:
+        RecordingError: values that are NaN, infinite or too large to interpolate.
+    """
+    t, values = channel.t, channel.values
+    if not np.isfinite(values).all():
+        k = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
+        raise RecordingError(
+            f"{channel.channel} is NaN or infinite at {t[k]:.3f} s on the clock {channel.clock}, "
+            "and cannot be interpolated; cut the recording there, or name another topic"
+        )
+    if np.abs(values).max() > LARGEST:
+        raise RecordingError(
+            f"{channel.channel} reaches {np.abs(values).max():.3g}, which is no measurement; check "
+            f"the log on the clock {channel.clock}"
+        )
+    if channel.channel.startswith("inputs."):
+        return timestamps.resample_held(t, values, grid)
+    if is_reduced(channel, rate):
+        t, values = _low_passed(channel, rate)
+    if channel.channel == "tau":
+        return timestamps.resample_linear(t, values, grid)
+    return timestamps.resample_smooth(t, values, grid)
+
+
+def is_reduced(channel: ClockedChannel, rate: float) -> bool:
+    """Whether a channel has to be low-passed before it is taken at a rate [Hz]."""
+    return channel.rate > REDUCED * rate and not channel.channel.startswith("inputs.")
+
+
+def onto_sparsest(channels: Sequence[ClockedChannel]) -> ClockedChannel:
+    """Joints that came in messages of their own, as one channel on the stamps of the sparsest.
+
+    Raises:
+        ClocksDisagree: the joints share no time.
+        GapInClock: a joint is missing for a while between others.
+    """
+    for channel in channels:
+        timestamps.check_increasing(channel.t)
+    start, stop = _shared(channels, None)
+    base = min(channels, key=lambda c: len(c.t)).between(start, stop)
+    t = base.t[(base.t >= start) & (base.t <= stop)]
+    parts = [channel.between(start, stop) for channel in channels]
+    _check_gaps(parts, start, stop)
+    rate = base.rate
+    values = np.hstack([resampled(part, t, rate) for part in parts])
+    note = (
+        f"{base.channel}: its joints came in messages of their own and were brought onto the "
+        f"stamps of the sparsest ({rate:.5g} Hz)."
+    )
+    return replace(base, t=t, values=values, notes=(*base.notes, note))
+
+
+def _shared(
+    channels: Sequence[ClockedChannel], part: tuple[float, float] | None
+) -> tuple[float, float]:
+    """First and last instant that all channels cover.
+
+    Raises:
+        ClocksDisagree: there is none, or header stamps come from different clocks.
+    """
+    for channel in channels[1:]:
+        leads = (channels[0].lead, channel.lead)
+        if None not in leads and abs(leads[0] - leads[1]) > ONE_CLOCK:  # type: ignore[operator]
+            raise ClocksDisagree(_span(channels[0]), _span(channel), leads[1] - leads[0])  # type: ignore[operator]
+    latest = max(channels, key=lambda c: c.t[0])
+    earliest = min(channels, key=lambda c: c.t[-1])
+    start, stop = float(latest.t[0]), float(earliest.t[-1])
+    if not start < stop:
+        raise ClocksDisagree(_span(earliest), _span(latest))
+    if part is not None:
+        inside = max(start, part[0]), min(stop, part[1])
+        if not inside[0] < inside[1]:
+            raise RecordingError(
+                f"the part from {part[0]:g} to {part[1]:g} s holds no samples of all channels; "
+                f"they run from {start:g} to {stop:g} s"
+            )
+        start, stop = inside
+    return start, stop
+
+
+def _span(channel: ClockedChannel) -> tuple[str, str, float, float]:
+    """What an error says about a channel's clock."""
+    return channel.channel, channel.clock, float(channel.t[0]), float(channel.t[-1])
+
+
+def _check_gaps(channels: Sequence[ClockedChannel], start: float, stop: float) -> None:
+    """Refuse channels with gaps.
+
+    Raises:
+        GapInClock: with the longest stretch in which no channel has one.
+    """
+    gaps: list[tuple[float, float, ClockedChannel]] = []
+    for channel in channels:
+        t, intervals = channel.t, np.diff(channel.t)
+        at = np.flatnonzero(intervals > bridged_interval(float(np.median(intervals))))
+        gaps += [(float(t[k]), float(t[k + 1]), channel) for k in at]
+    if not gaps:
+        return
+    free, begin = [], start
+    for left, right, _ in sorted(gaps, key=lambda gap: gap[0]):
+        free.append((begin, min(left, stop)))
+        begin = max(begin, right)
+    free.append((begin, stop))
+    free = [(begin, end) for begin, end in free if begin < end]
+    left, right, channel = max(gaps, key=lambda gap: gap[1] - gap[0])
+    period = min(float(np.median(np.diff(channel.t))) for channel in channels)
+    kept = stretches_of(free, period, resample=False)
+    number = len({(begin, end) for begin, end, _ in gaps})
+    raise GapInClock(channel.channel, channel.clock, left, right - left, number, kept)
+
+
+def _low_passed(channel: ClockedChannel, rate: float) -> tuple[np.ndarray, np.ndarray]:
+    """A channel on a uniform grid at its own rate, without what the new rate cannot hold."""
+    from pivident.signals.bandpass import butterworth
+
+    t, own = channel.t, channel.rate
+    grid = np.linspace(t[0], t[-1], max(2, round((t[-1] - t[0]) * own) + 1))
+    rough = channel.channel == "tau"
+    how = timestamps.resample_linear if rough else timestamps.resample_smooth
+    uniform = how(t, channel.values, grid)
+    own = (len(grid) - 1) / float(grid[-1] - grid[0])
+    return grid, butterworth(uniform, own, CUTOFF * rate, padlen=min(len(grid) - 1, round(own)))
+
+
+def _account(channels: Sequence[ClockedChannel], grid: np.ndarray, rate: float) -> list[str]:
+    """What was done, in sentences."""
+    by_clock: dict[str, list[ClockedChannel]] = {}
+    for channel in channels:
+        by_clock.setdefault(channel.clock, []).append(channel)
+    listed = "; ".join(
+        f"{', '.join(c.channel for c in own)} by {clock} ({own[0].rate:.5g} Hz)"
+        for clock, own in by_clock.items()
+    )
+    notes = [
+        f"Resampled to {rate:.6g} Hz from {grid[0]:.3f} to {grid[-1]:.3f} s, positions by cubic "
+        f"splines and torques by straight lines: {listed}."
+    ]
+    reduced = [c.channel for c in channels if is_reduced(c, rate)]
+    if reduced:
+        notes.append(
+            f"{', '.join(reduced)} low-passed at {CUTOFF * rate:.4g} Hz without phase before being "
+            "reduced."
+        )
+    return notes

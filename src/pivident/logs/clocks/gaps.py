@@ -1,0 +1,79 @@
+"""Gaps in the stamps of a log, and the stretches between them that can be used.
+
+Over short gaps samples are interpolated if that is asked for. Nothing is interpolated over longer
+ones: the motion in between is not known. What lies before and behind such a gap is still good, as a
+recording of its own or as several.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from pivident.errors.stretches import Stretches
+
+#: An interval longer than this many median ones lacks samples.
+GAP = 1.5
+
+#: Intervals up to the longer of these can be interpolated: so many median ones, and [s].
+BRIDGED_PERIODS, BRIDGED_SECONDS = 3.5, 0.01
+
+#: Stretches shorter than this share of the longest one are not worth a recording.
+WORTHWHILE = 0.1
+
+
+def bridged_interval(period: float) -> float:
+    """Longest interval that is interpolated where that is asked for [s].
+
+    Args:
+        period: the usual interval [s].
+    """
+    return max(BRIDGED_PERIODS * period, BRIDGED_SECONDS)
+
+
+def stretches(t: np.ndarray) -> Stretches:
+    """What gaps leave of a log of one clock, which is regular but for them.
+
+    Args:
+        t: stamps that increase, shape (samples,) [s].
+    """
+    intervals = np.diff(t)
+    period = float(np.median(intervals))
+    lacking = intervals[intervals > GAP * period]
+    gaps = np.flatnonzero(intervals > bridged_interval(period))
+    between = list(zip([t[0], *t[gaps + 1]], [*t[gaps], t[-1]], strict=True))
+    return stretches_of(between, period, bool(len(lacking) > len(gaps)))
+
+
+def stretches_of(
+    between: Sequence[tuple[float, float]], period: float, resample: bool
+) -> Stretches:
+    """What gaps leave of a log.
+
+    Args:
+        between: first and last instant of every stretch, in order of time [s].
+        period: between samples [s].
+        resample: whether shorter gaps remain inside, or channels have clocks of their own.
+    """
+    lengths = [float(stop - start) for start, stop in between]
+    whole = float(between[-1][1] - between[0][0])
+    worth = [length >= WORTHWHILE * max(lengths) for length in lengths]
+    parts = [
+        _inward(start, stop, period) for (start, stop), w in zip(between, worth, strict=True) if w
+    ]
+    short = sum(length for length, w in zip(lengths, worth, strict=True) if not w)
+    lost = whole - sum(lengths) if len(between) > 1 else 0.0
+    return Stretches(tuple(parts), whole, lost, short, resample)
+
+
+def _inward(start: float, stop: float, period: float) -> tuple[float, float]:
+    """Decimals as coarse as samples are, rounded so that no gap comes in."""
+    digits = max(3, math.ceil(-math.log10(period)))
+    unit = 10.0**-digits
+    low = round(math.ceil(start / unit - 1e-6) * unit, digits)
+    high = round(math.floor(stop / unit + 1e-6) * unit, digits)
+    low = low if low >= start else round(low + unit, digits)
+    high = high if high <= stop else round(high - unit, digits)
+    return (low, high) if low < high else (float(start), float(stop))

@@ -1,0 +1,248 @@
+"""From time stamps to a sampling rate, or onto a uniform grid."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.errors import (
+    IrregularSampling,
+    MissingSamples,
+    RecordingError,
+    RecordingTooShort,
+)
+from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
+from pivident.logs.units import TIME
+
+#: Fewest samples that can be differentiated twice and still leave something to fit.
+MIN_SAMPLES = 16
+
+#: Largest deviation of one interval from the median interval, relative.
+JITTER_TOLERANCE = 0.1
+
+#: Largest disagreement between a given rate and the one of the stamps, relative.
+RATE_TOLERANCE = 0.01
+
+#: Rates below this are no robot's log but stamps in another unit [Hz].
+LOWEST_RATE = 5.0
+
+#: Rates that the log of a robot may well have [Hz].
+LIKELY_RATES = (20.0, 20e3)
+
+#: Most samples of a uniform grid for each sample that was logged.
+MAX_NEW_SAMPLES = 100
+
+
+def check_length(samples: int) -> None:
+    """Refuse a recording of fewer than `MIN_SAMPLES` samples.
+
+    Raises:
+        RecordingTooShort: with the number of samples.
+    """
+    if samples < MIN_SAMPLES:
+        raise RecordingTooShort(samples, MIN_SAMPLES)
+
+
+def check_positive(name: str, value: float) -> None:
+    """Refuse a rate that is not a positive, finite number.
+
+    Raises:
+        RecordingError: names the quantity and the value.
+    """
+    if not (np.isfinite(value) and value > 0):
+        raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
+
+
+def likely_time_units(interval: float) -> list[str]:
+    """Units in which stamps at such intervals have the rate of a robot's log, seconds first."""
+    low, high = LIKELY_RATES
+    return [unit for unit, s in TIME.items() if low <= 1.0 / (interval * s) <= high]
+
+
+def check_seconds(t: np.ndarray) -> None:
+    """Refuse stamps whose unit nobody gave and that are hardly seconds.
+
+    Args:
+        t: time stamps, shape (samples,), taken for seconds.
+
+    Raises:
+        RecordingError: with the unit that would make a likely rate.
+    """
+    interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
+    if not interval > 1.0 / LOWEST_RATE:
+        return
+    unit = next(iter(likely_time_units(interval)), "ms")
+    raise RecordingError(
+        f"the time stamps advance by {interval:g} s, a rate of {1.0 / interval:.4g} Hz; are they "
+        f'in {unit}? set units = {{t = "{unit}"}}, or t = "s" if they are seconds'
+    )
+
+
+def check_increasing(t: np.ndarray) -> None:
+    """Refuse stamps that are not finite, repeat themselves or go backward.
+
+    Args:
+        t: time stamps, shape (samples,) [s].
+
+    Raises:
+        RecordingTooShort: too few stamps.
+        RecordingError: a stamp is NaN or infinite.
+        IrregularSampling: two neighbours are equal, or the later one is smaller.
+    """
+    check_length(len(t))
+    bad = np.flatnonzero(~np.isfinite(t))
+    if bad.size:
+        raise RecordingError(
+            f"time stamp of sample {bad[0]} is {t[bad[0]]}; remove that row or give the rate"
+        )
+    intervals = np.diff(t)
+    wrong = np.flatnonzero(intervals <= 0)
+    if wrong.size:
+        k = int(wrong[0])
+        kind = "duplicate" if intervals[k] == 0 else "backward"
+        raise _irregular(kind, k + 1, t, intervals)
+
+
+def rate_of(t: np.ndarray) -> float:
+    """Sampling rate of regular time stamps: intervals over elapsed time [Hz].
+
+    Args:
+        t: time stamps, shape (samples,) [s].
+
+    Raises:
+        IrregularSampling: an interval deviates from the median one by more than
+            `JITTER_TOLERANCE`, a stamp repeats or goes backward.
+        MissingSamples: the clock is regular, but samples are missing.
+    """
+    check_increasing(t)
+    intervals = np.diff(t)
+    deviation = np.abs(intervals / np.median(intervals) - 1.0)
+    if deviation.max() > JITTER_TOLERANCE:
+        _check_complete(t, intervals, deviation)
+        raise _irregular("jitter", int(np.argmax(deviation > JITTER_TOLERANCE)) + 1, t, intervals)
+    return round_rate((len(t) - 1) / (t[-1] - t[0]))
+
+
+def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray) -> None:
+    """Tell samples that are missing from a clock that is not regular.
+
+    Raises:
+        MissingSamples: every interval at fault lacks samples.
+    """
+    gaps = lacking(intervals, float(np.median(intervals)))
+    if gaps.size and gaps.size == np.sum(deviation > JITTER_TOLERANCE):
+        k = int(gaps[np.argmax(intervals[gaps])])
+        missing = int(np.sum(np.round(intervals[gaps] / np.median(intervals)) - 1))
+        where = (k, float(t[k]), float(intervals[k]))
+        raise MissingSamples(missing, gaps.size, *where, stretches(t))
+
+
+def lacking(intervals: np.ndarray, period: float) -> np.ndarray:
+    """Numbers of the intervals that lack samples, where late stamps of a clock do not look so.
+
+    An interval lacks samples if it is a multiple of the period, up to the jitter, or longer than
+    what is ever interpolated: a logger that paused begins anew at any time.
+
+    Args:
+        intervals: between stamps, shape (samples - 1,) [s].
+        period: the usual one of them [s].
+    """
+    periods = intervals / period
+    whole = np.abs(periods - np.round(periods)) <= 2.0 * JITTER_TOLERANCE
+    return np.flatnonzero((periods > GAP) & (whole | (intervals > bridged_interval(period))))
+
+
+def round_rate(rate: float) -> float:
+    """The whole number of hertz within a clock's accuracy (1e-5), else the rate itself."""
+    return float(round(rate)) if abs(rate - round(rate)) < 1e-5 * rate else float(rate)
+
+
+def check_rate(rate: float, t: np.ndarray) -> None:
+    """Refuse a given rate that contradicts the stamps, which need not be regular.
+
+    Args:
+        rate: the rate that was given [Hz].
+        t: time stamps, shape (samples,) [s].
+
+    Raises:
+        RecordingError: they differ by more than `RATE_TOLERANCE`.
+    """
+    check_positive("rate", rate)
+    check_length(len(t))
+    elapsed = float(t[-1] - t[0])
+    stamped = (len(t) - 1) / elapsed if elapsed > 0 else float("nan")
+    if not abs(rate / stamped - 1.0) <= RATE_TOLERANCE:
+        raise RecordingError(
+            f"the rate was given as {rate:g} Hz, but the time stamps advance at {stamped:g} Hz; "
+            "check the unit of the time column, or leave one of the two out"
+        )
+
+
+def uniform_grid(
+    t: np.ndarray, rate: float | None = None, span: tuple[float, float] | None = None
+) -> tuple[np.ndarray, float]:
+    """Times t₀ + k/rate over a stretch of time [s], and the rate [Hz].
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        rate: of the grid [Hz]; that of the median interval where it is not given.
+        span: first and last time [s]; those of the stamps where they are not given.
+
+    Raises:
+        RecordingError: the grid would have more than `MAX_NEW_SAMPLES` samples for each stamp.
+    """
+    check_increasing(t)
+    rate = 1.0 / float(np.median(np.diff(t))) if rate is None else float(rate)
+    check_positive("rate to resample to", rate)
+    rate = round_rate(rate)
+    start, stop = (t[0], t[-1]) if span is None else span
+    # Half a micro-sample of slack: the last stamp belongs to the grid although it is rounded.
+    periods = float(np.floor((stop - start) * rate + 5e-7))
+    if not periods < MAX_NEW_SAMPLES * len(t):
+        raise RecordingError(
+            f"{rate:g} Hz from {start:g} to {stop:g} s makes {periods:.3g} samples of {len(t)}, "
+            f"more than {MAX_NEW_SAMPLES} for each; check the rate, the unit of the time "
+            "column, and gaps in it"
+        )
+    return np.minimum(start + np.arange(int(periods) + 1) / rate, stop), rate
+
+
+def resample_smooth(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Cubic spline through a smooth channel (positions, references).
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        values: shape (samples, joints).
+        grid: times wanted [s].
+    """
+    from scipy.interpolate import CubicSpline
+
+    return CubicSpline(t, values)(grid)
+
+
+def resample_linear(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Straight lines between the samples of a rough channel (torques).
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        values: shape (samples, joints).
+        grid: times wanted [s].
+    """
+    return np.column_stack([np.interp(grid, t, column) for column in values.T])
+
+
+def resample_held(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """The latest sample at each time, for what a controller holds (known inputs).
+
+    Args:
+        t: increasing time stamps, shape (samples,) [s].
+        values: shape (samples, joints).
+        grid: times wanted [s].
+    """
+    return values[np.searchsorted(t, grid, side="right") - 1]
+
+
+def _irregular(kind: str, sample: int, t: np.ndarray, intervals: np.ndarray) -> IrregularSampling:
+    """The error that points at one stamp."""
+    interval = float(intervals[sample - 1])
+    expected = float(np.median(intervals)) or float(np.mean(intervals))
+    return IrregularSampling(kind, sample, float(t[sample]), interval, expected)

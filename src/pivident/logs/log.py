@@ -1,0 +1,142 @@
+"""A log as it is: NaN, broken clocks and all, judged by nobody yet."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import PividentError, RecordingError
+from pivident.logs.clocks.clock_alignment import ClockedChannel
+from pivident.logs.source_files import SourceFile
+from pivident.logs.torque_scale import TorqueScale
+from pivident.robot.description import Robot
+from pivident.robot.transmission import Transmission
+
+#: Channels with one column per joint that an audit knows.
+CHANNELS = ("q", "dq", "tau", "q_ref", "dq_ref", "ddq_ref")
+
+
+@dataclass(frozen=True, eq=False)
+class Description:
+    """What was said about the channels of a log; it turns them into SI on the joint side.
+
+    Attributes:
+        units: unit of each channel, in the notation of `pivident.logs.units`; ``t`` among them.
+        side: ``joint`` or ``motor``, for all channels or by channel.
+        transmission: between motor and joint side, or None.
+        position_offset: added to the joint positions [rad or m], or None.
+        clock: name of the one time column, or None.
+    """
+
+    units: Mapping[str, Any] = field(default_factory=dict)
+    side: Any = "joint"
+    transmission: Transmission | None = None
+    position_offset: Sequence[float] | None = None
+    clock: str | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Log:
+    """One log, read and not judged.
+
+    Attributes:
+        name: name of the log.
+        joint_names: names of the joints, empty where no channel is known.
+        columns: every column by name, in the units of the file, shape (samples,).
+        clocks: time columns [s].
+        rate: sampling rate that somebody declared [Hz], or None.
+        logged: channels in the units and on the side of the file, shape (samples, joints).
+        channels: the same in SI and on the joint side.
+        robot: the robot, or None.
+        torque_timing: which instant a torque sample belongs to, as in a `Recording`.
+        control_rate: declared rate of the control loop [Hz], zero for the sampling rate.
+        delay: declared delay of the torque [s].
+        commands: joints whose torque is a drive command without a known gain.
+        sources: the files.
+        notes: how the columns were taken, in sentences.
+        side: ``joint`` or ``motor``, where the logged positions were measured.
+        clock_unit: unit of the clocks in the file.
+        torque_scale: joints whose torque has a scale that nobody has verified.
+        resample: whether a recording has new samples at equal intervals, and over short gaps.
+        description: what was said about the channels.
+        own_clocks: channels that were logged by clocks of their own, with their stamps [s].
+        faults: what a recording refuses, in the order in which it was met.
+    """
+
+    name: str
+    joint_names: tuple[str, ...]
+    columns: dict[str, np.ndarray]
+    clocks: dict[str, np.ndarray]
+    rate: float | None = None
+    logged: dict[str, np.ndarray] = field(default_factory=dict)
+    channels: dict[str, np.ndarray] = field(default_factory=dict)
+    robot: Robot | None = None
+    torque_timing: str = "held"
+    control_rate: float = 0.0
+    delay: float = 0.0
+    commands: tuple[int, ...] = ()
+    sources: tuple[SourceFile, ...] = ()
+    notes: tuple[str, ...] = ()
+    side: str = "joint"
+    clock_unit: str = "s"
+    torque_scale: tuple[TorqueScale, ...] = ()
+    resample: bool = False
+    description: Description = Description()
+    own_clocks: dict[str, ClockedChannel] = field(default_factory=dict)
+    faults: tuple[PividentError, ...] = ()
+
+    @property
+    def samples(self) -> int:
+        """Number of samples of the longest column."""
+        lengths = [len(v) for v in (*self.columns.values(), *self.logged.values())]
+        return max(lengths, default=0)
+
+    @property
+    def clock(self) -> np.ndarray | None:
+        """The first time column [s], or None."""
+        return next(iter(self.clocks.values()), None)
+
+    def signals(self) -> dict[str, np.ndarray]:
+        """Every signal that is no clock by a name for people, in the units of the file."""
+        named = {
+            f"{channel} of {joint}": values[:, j]
+            for channel, values in self.logged.items()
+            for j, joint in enumerate(self.joint_names)
+        }
+        return named | {n: v for n, v in self.columns.items() if n not in self.clocks}
+
+    def time_of(self, sample: int | None) -> float | None:
+        """Time of a sample on the log's own clock, or from its declared rate [s]."""
+        if sample is None:
+            return None
+        clock = self.clock
+        if clock is not None and sample < len(clock):
+            return float(clock[sample])
+        return sample / self.rate if self.rate else None
+
+    def between(self, start: float, stop: float) -> Log:
+        """The samples with start ≤ t < stop, on the log's own clock.
+
+        Args:
+            start: first time [s].
+            stop: time at which it ends, not included [s].
+
+        Raises:
+            RecordingError: no sample lies between them.
+        """
+        clock = self.clock
+        t = clock if clock is not None else np.arange(self.samples) / (self.rate or 1.0)
+        inside = np.flatnonzero((t >= start) & (t < stop))
+        if not inside.size:
+            raise RecordingError(f"no sample of {self.name} lies between {start:g} and {stop:g} s")
+        cut = slice(int(inside[0]), int(inside[-1]) + 1)
+        return replace(
+            self,
+            columns={k: v[cut] for k, v in self.columns.items()},
+            clocks={k: v[cut] for k, v in self.clocks.items()},
+            logged={k: v[cut] for k, v in self.logged.items()},
+            channels={k: v[cut] for k, v in self.channels.items()},
+        )

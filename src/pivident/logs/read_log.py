@@ -1,0 +1,115 @@
+"""The one reading of a log whose columns are described: files → channels as they were logged.
+
+    files → columns → channels in the units, on the side and by the clocks of the file
+
+Nothing is judged here. What only a recording refuses (a cell that is no number, an array with more
+columns than joints) is kept as a fault, and the rest is read all the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from pivident.logs.channel_places import locate
+from pivident.logs.channel_reading import read_channels, stamp_channels
+from pivident.logs.log import Description, Log
+from pivident.logs.source_files import SourceFile, printable_name
+from pivident.logs.units import factor_to_si
+from pivident.robot.description import Robot
+from pivident.robot.transmission import Transmission
+
+
+def read_log(
+    files: str | Path | Mapping[str, str | Path],
+    columns: Mapping[str, Any],
+    *,
+    units: Mapping[str, Any] | None = None,
+    side: Any = "joint",
+    robot: Robot | None = None,
+    transmission: Transmission | None = None,
+    joint_names: Sequence[str] | None = None,
+    rate: float | None = None,
+    resample: bool = False,
+    samples_axis: int | None = None,
+    position_offset: Sequence[float] | None = None,
+    name: str | None = None,
+) -> Log:
+    """Channels as they were logged, with the description that turns them into SI.
+
+    Args:
+        files: the log's file, or several by key.
+        columns: columns of the channels, of the time ``t``, and of known ``inputs`` by name, in
+            the notation of `pivident.logs.channel_places`.
+        units: unit of each channel in the notation of `pivident.logs.units`.
+        side: ``joint`` or ``motor``, for all or by channel.
+        robot: gives joint names and transmission.
+        transmission: instead of the robot's.
+        joint_names: instead of the robot's.
+        rate: declared sampling rate [Hz]; with `resample` that of the new samples.
+        resample: whether new samples are wanted at equal intervals.
+        samples_axis: which axis of two-dimensional arrays is time.
+        position_offset: added to the joint positions [rad or m].
+        name: name of the log; that of the file with the positions otherwise.
+
+    Returns:
+        The log: its ``logged`` channels, its one clock among ``columns`` or ``own_clocks`` [s],
+        and no ``channels`` yet.
+
+    Raises:
+        FileFormatError: a file or a column cannot be read.
+        RecordingError: columns that mean nothing.
+    """
+    paths = file_paths(files)
+    specs = {key: spec for key, spec in columns.items() if key not in ("inputs", "t")}
+    specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}
+    places = {key: locate(key, spec, paths) for key, spec in specs.items()}
+    places |= stamp_channels(columns.get("t"), places, paths)
+    if robot is not None:
+        joint_names = joint_names or robot.joint_names
+        transmission = transmission or robot.transmission
+    elif transmission is not None:
+        joint_names = joint_names or numbered_joints(len(transmission.drive_gain))
+    joints = None if joint_names is None else len(joint_names)
+    logged, own_clocks, faults = read_channels(
+        places, paths, joints, samples_axis, joint_names or ()
+    )
+    clock = places["t"].columns[0] if "t" in places else None
+    stamps = {} if clock is None else {clock: logged.pop("t")}
+    if units and "t" in units and own_clocks:
+        factor = factor_to_si("t", units["t"])[0]
+        for key, channel in own_clocks.items():
+            if channel.lead is None:  # those of a bag are in seconds
+                own_clocks[key] = replace(channel, t=channel.t * factor)
+    size = next(iter(logged.values())).shape[1] if logged else 0
+    in_use = [paths[key] for key in dict.fromkeys(place.file for place in places.values())]
+    first = places.get("q", next(iter(places.values()), None))
+    return Log(
+        name or printable_name(paths[first.file] if first else next(iter(paths.values()))),
+        tuple(joint_names or numbered_joints(size)),
+        stamps,
+        {},
+        rate,
+        logged,
+        robot=robot,
+        sources=tuple(SourceFile.of(path) for path in in_use),
+        side=side.get("q", "joint") if isinstance(side, Mapping) else side,
+        resample=resample,
+        description=Description(units or {}, side, transmission, position_offset, clock),
+        own_clocks=own_clocks,
+        faults=tuple(faults),
+    )
+
+
+def file_paths(files: str | Path | Mapping[str, str | Path]) -> dict[str, Path]:
+    """Files by key; a single one is called ``log``."""
+    if isinstance(files, Mapping):
+        return {key: Path(path) for key, path in files.items()}
+    return {"log": Path(files)}
+
+
+def numbered_joints(joints: int) -> list[str]:
+    """Names of joints that nobody named."""
+    return [f"joint_{j + 1}" for j in range(joints)]

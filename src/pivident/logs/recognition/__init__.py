@@ -1,0 +1,1 @@
+"""Recognition: which column is which channel, which is the clock, and in which units."""

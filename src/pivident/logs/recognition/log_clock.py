@@ -1,0 +1,166 @@
+"""The clock of a log: which column, in which unit, at which rate, how regular."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.logs.clocks.gaps import bridged_interval
+from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, likely_time_units, round_rate
+from pivident.logs.recognition.channel_words import TIME_UNITS, words_of
+from pivident.logs.recognition.sureness import Sureness
+from pivident.logs.recognition.time_columns import is_usable_clock
+from pivident.logs.units import TIME
+
+#: Time of day since 1970 [s], from 1985 to 2128.
+EPOCH = (5e8, 5e9)
+
+
+@dataclass(frozen=True, eq=False)
+class LogClock:
+    """What is known about time.
+
+    Attributes:
+        column: the time column, or None.
+        unit: its unit.
+        rate: sampling rate [Hz].
+        sure: how sure column and rate are.
+        seen: what was seen.
+        resample: whether the stamps are too irregular to pass for equidistant, but for gaps that
+            nothing is interpolated over.
+        by_rate: whether the rate stands for the stamps, which repeat or go backward.
+        seconds: the stamps [s], or those that follow from the rate, shape (samples,).
+    """
+
+    column: str | None
+    unit: str
+    rate: float
+    sure: Sureness
+    seen: str
+    resample: bool
+    by_rate: bool
+    seconds: np.ndarray
+
+
+def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> LogClock:
+    """Find the clock of a table.
+
+    Args:
+        columns: all columns.
+        hint: rate that follows from logged speeds and positions [Hz], or None.
+        given: rate that somebody gave [Hz], or None.
+    """
+    samples = len(next(iter(columns.values())))
+    candidates = [name for name, values in columns.items() if is_usable_clock(name, values)]
+    if not candidates:
+        return _without(columns, samples, hint, given)
+    column = min(candidates, key=lambda name: _roughness(columns[name]))
+    stamps = columns[column]
+    unit, why, sure = stamp_unit(column, stamps, hint)
+    seconds = (stamps - stamps[0]) * TIME[unit]
+    start = float(stamps[0] * TIME[unit])
+    steps = np.diff(seconds)
+    rate = given or round_rate((samples - 1) / float(seconds[-1]))
+    if (steps <= 0).any():
+        repeats = int((steps <= 0).sum())
+        seen = (
+            f"{repeats} of {samples} stamps in column {column!r} ({why}) repeat the one before or "
+            f"go backward, so that only the rate is taken from them: {rate:.6g} Hz"
+        )
+        return LogClock(None, unit, rate, "assumed", seen, False, True, np.arange(samples) / rate)
+    period = float(np.median(steps))
+    worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
+    jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
+    seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"
+    return LogClock(
+        column, unit, rate, sure, seen, worst > JITTER_TOLERANCE, False, seconds + start
+    )
+
+
+def stamp_unit(
+    name: str, stamps: np.ndarray, hint: float | None = None
+) -> tuple[str, str, Sureness]:
+    """Unit of time stamps, the reason, and how sure it is.
+
+    Args:
+        name: name of the column.
+        stamps: shape (samples,).
+        hint: rate that follows from logged speeds [Hz], or None.
+    """
+    steps = np.diff(stamps)
+    period = float(np.median(steps[steps > 0]))
+    likely = likely_time_units(period)
+    words = set(words_of(name))
+    for unit, own in TIME_UNITS.items():
+        if words & own and (unit in likely or not likely):
+            return unit, f"its name says {unit}", "certain"
+    size = float(np.median(np.abs(stamps)))
+    for unit, s in TIME.items():
+        if EPOCH[0] < size * s < EPOCH[1] and unit in likely:
+            return unit, f"values of {size:.3g} are {unit} since 1970", "certain"
+    if hint:
+        near = min(TIME, key=lambda unit: abs(np.log(hint * period * TIME[unit])))
+        if abs(np.log(hint * period * TIME[near])) < 0.2:
+            return near, f"steps of {period:.4g} fit the logged speeds as {near}", "certain"
+    if likely:
+        sure: Sureness = "likely" if likely[0] == "s" or len(likely) == 1 else "assumed"
+        rate = 1.0 / (period * TIME[likely[0]])
+        return likely[0], f"steps of {period:.4g} are {rate:.4g} Hz as {likely[0]}", sure
+    return "s", f"steps of {period:.4g} make a likely rate in no unit", "assumed"
+
+
+def speed_rate(q: np.ndarray, dq: np.ndarray) -> float | None:
+    """Rate at which logged speeds are the differences of logged positions [Hz], or None.
+
+    Args:
+        q: positions, shape (samples, joints).
+        dq: speeds in the same unit per second, likewise.
+    """
+    step = np.diff(q, axis=0)
+    middle = 0.5 * (dq[1:] + dq[:-1])
+    if not (np.isfinite(step).all() and np.isfinite(middle).all()):
+        return None
+    together, size = float((step * middle).sum()), float((step * step).sum())
+    other = float((middle * middle).sum())
+    if size == 0.0 or other == 0.0 or together < 0.8 * np.sqrt(size * other):
+        return None
+    return together / size
+
+
+def _roughness(stamps: np.ndarray) -> tuple[float, float]:
+    """Share of stamps that do not advance, and relative spread of the intervals."""
+    steps = np.diff(stamps)
+    return float(np.mean(steps <= 0)), round(float(np.std(steps) / np.mean(steps)), 3)
+
+
+def _without(
+    columns: dict[str, np.ndarray], samples: int, hint: float | None, given: float | None
+) -> LogClock:
+    """The rate of a log without time column."""
+    pair = _seconds_and_rest(columns)
+    sure: Sureness
+    if given:
+        rate, sure, seen = given, "certain", "the rate was given"
+    elif pair:
+        rate, sure = round_rate((samples - 1) / pair[1]), "likely"
+        seen = f"the columns {pair[0]} hold the stamps in two parts, {rate:.6g} Hz on average"
+    elif hint:
+        rate, sure = float(f"{hint:.3g}"), "likely"
+        seen = f"there is no time column; logged speeds fit the positions at {rate:.4g} Hz"
+    else:
+        rate, sure = 1000.0, "assumed"
+        seen = "there is no time column, and nothing in the log gives the rate"
+    return LogClock(None, "s", rate, sure, seen, False, True, np.arange(samples) / rate)
+
+
+def _seconds_and_rest(columns: dict[str, np.ndarray]) -> tuple[str, float] | None:
+    """Names of a column of whole seconds and one of the rest in ns, and the time they span [s]."""
+    whole = [n for n in columns if set(words_of(n)) & TIME_UNITS["s"]]
+    rest = [n for n in columns if set(words_of(n)) & TIME_UNITS["ns"]]
+    for a in whole:
+        for b in rest:
+            span = columns[a][-1] - columns[a][0] + 1e-9 * (columns[b][-1] - columns[b][0])
+            if np.isfinite(span) and span > 0 and np.max(columns[b]) < 1.001e9:
+                return f"{a!r} and {b!r}", float(span)
+    return None

@@ -1,0 +1,102 @@
+"""What one unit of a logged torque is worth, where nobody has said it.
+
+A log in amperes, or one whose unit nobody knows, becomes newton metres by a gain. A gain that was
+taken from the masses of the robot's description is as wrong as they are, and one that was assumed
+leaves all parameters in units of the log. Who writes such a number says so beside it:
+
+    tau = {unit = "A", gain = 11.4, scale = "masses"}    # or "assumed"
+
+The mark is a part of the unit, so that a gain of one's own takes its place.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+#: What a scale may rest on, other than on somebody's word.
+MASSES, ASSUMED = "masses", "assumed"
+BASES = (MASSES, ASSUMED)
+
+#: What earlier versions wrote for an assumed scale; such files are read all the same.
+EARLIER = {"guessed": ASSUMED}
+
+#: What to write, for both.
+_ENTER = (
+    "Enter the drives' own gains (torque constant times gear ratio) as gain of tau under "
+    "[recording.units], without scale; `pivident gains` finds them from a known payload"
+)
+
+
+@dataclass(frozen=True)
+class TorqueScale:
+    """The scale of one joint's torque that nobody has verified.
+
+    Attributes:
+        joint: name of the joint.
+        unit: unit of the log, such as ``A`` or ``command``.
+        basis: ``masses`` (of the robot's description) or ``assumed``.
+    """
+
+    joint: str
+    unit: str
+    basis: str
+
+
+def torque_scales(spec: Any, joint_names: Sequence[str]) -> tuple[TorqueScale, ...]:
+    """The scales that a unit of ``tau`` marks as somebody's assumption.
+
+    Args:
+        spec: unit of ``tau`` in the notation of `pivident.logs.units`, one for all joints or
+            a list with one per joint; None: SI.
+        joint_names: names of the joints.
+    """
+    listed = spec if isinstance(spec, (list, tuple)) else [spec] * len(joint_names)
+    return tuple(
+        TorqueScale(joint, str(unit["unit"]), EARLIER.get(str(unit["scale"]), str(unit["scale"])))
+        for joint, unit in zip(joint_names, listed, strict=False)
+        if isinstance(unit, Mapping) and "scale" in unit
+    )
+
+
+def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
+    """What assumed scales mean for parameters, and what to enter, for each basis."""
+    assumed, masses = (
+        [s for s in dict.fromkeys(scales) if s.basis == basis] for basis in (ASSUMED, MASSES)
+    )
+    found = []
+    if assumed:
+        found.append(
+            f"The torque of {_joints(assumed)} is in units of the log ({_units(assumed)}), and the "
+            "scale to N m is an assumption: so are the sizes of all parameters, whatever their "
+            'intervals say; torque errors in per cent hold. Write "N m" where the log has that. '
+            f"{_ENTER}."
+        )
+    if masses:
+        found.append(
+            f"The scale of the torque of {_joints(masses)} ({_units(masses)}) was taken from the "
+            "masses of the robot's description: parameters are as wrong as these, whatever their "
+            f"intervals say; torque errors in per cent hold. {_ENTER}."
+        )
+    return tuple(found)
+
+
+def scale_headline(scales: Sequence[TorqueScale]) -> str:
+    """The same in a few words; empty where all scales are verified."""
+    if any(s.basis == ASSUMED for s in scales):
+        return "Parameters are in units of the logged torque; its scale to N m is an assumption."
+    if scales:
+        return (
+            "The torque scale was taken from the description's masses; parameters are as good as "
+            "these."
+        )
+    return ""
+
+
+def _joints(scales: Sequence[TorqueScale]) -> str:
+    return ", ".join(s.joint for s in scales)
+
+
+def _units(scales: Sequence[TorqueScale]) -> str:
+    return ", ".join(dict.fromkeys(s.unit for s in scales))

@@ -1,0 +1,2 @@
+from .audit.audit_files import write_audit as write_audit
+from .friction.friction_files import write_friction as write_friction

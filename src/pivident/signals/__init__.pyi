@@ -1,0 +1,3 @@
+from .bandpass import BandpassedSignal as BandpassedSignal
+from .bandpass import bandpass as bandpass
+from .bandpass import butterworth as butterworth

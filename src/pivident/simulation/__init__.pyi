@@ -1,0 +1,9 @@
+from .controllers import Cascade as Cascade
+from .controllers import PythonController as PythonController
+from .gravity_compensation import GravityCompensated as GravityCompensated
+from .gravity_compensation import GravityModel as GravityModel
+from .joint_loop import JointFeedback as JointFeedback
+from .joint_loop import JointLoop as JointLoop
+from .joint_loop import joint_feedbacks as joint_feedbacks
+from .simulated_record import SimulatedRecord as SimulatedRecord
+from .virtual_pd import virtual_pd as virtual_pd

@@ -1,0 +1,137 @@
+"""The control loop that a record was taken in: law, drives, limits, reference.
+
+A law or a reference that was found from the record brings along where it comes from. What a result
+needs of that is stated here as protocols; ``pivident.control_law`` holds the classes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, get_args
+
+import numpy as np
+
+from pivident.errors import ExperimentError
+from pivident.simulation.controllers import Controller, FeedForward
+
+
+class FoundInRecord(Protocol):
+    """Something found from a record, which the file of a result holds."""
+
+    def to_values(self) -> dict[str, Any]:
+        """It as plain values."""
+
+
+class FoundReference(FoundInRecord, Protocol):
+    """A reference that was reconstructed from a record."""
+
+    @property
+    def rms(self) -> np.ndarray:
+        """What it leaves of the signal that it was fitted to, shape (joints,) [rad or m]."""
+
+    @property
+    def relative(self) -> np.ndarray:
+        """That over each joint's range, shape (joints,)."""
+
+
+class IdentifiedLaw(Protocol):
+    """Control laws of all joints, identified from reference, positions and torques."""
+
+    @property
+    def joints(self) -> Sequence[Any]:
+        """One law for each joint."""
+
+    @property
+    def recordings(self) -> Sequence[str]:
+        """Names of the recordings."""
+
+    @property
+    def output(self) -> np.ndarray:
+        """What was fitted, shape (samples, joints)."""
+
+    @property
+    def model(self) -> np.ndarray:
+        """What the law makes of it, likewise."""
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]."""
+
+    @property
+    def compared(self) -> str:
+        """What output and model are."""
+
+    @property
+    def unit(self) -> str:
+        """Their unit."""
+
+    @property
+    def warnings(self) -> Sequence[str]:
+        """What the identification noticed, whole sentences."""
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What a reader should know of the laws' structure, whole sentences."""
+
+
+@dataclass(frozen=True, eq=False)
+class Loop:
+    """The control loop that a record was taken in.
+
+    Attributes:
+        controller: the sampled control law.
+        drive_gain: joint torque per controller output, shape (joints,) or a scalar.
+        limit: largest controller output, shape (joints,) or a scalar; infinite without one.
+        reference: ``recorded``: the log holds q_ref; ``smoothed``: it does not, and the
+            smoothed measurement takes its place. Such a loop is virtual: it only has to carry
+            the simulation along the motion, and the instruments then depend on the noise that
+            the smoother let through.
+        feed_forward: ``gravity`` or ``computed_torque``: the controller adds the inverse
+            dynamics of the reference with the robot's nominal parameters, at rest or in motion;
+            ``gravity_measured``: it adds the weight of the nominal links at the measured position.
+        identified: where the law comes from, if it was identified.
+        feedback: where it comes from, joint by joint, if it was told from the noise in the loop.
+        reconstructed: where the references come from, one for each recording.
+        notes: sentences about law and reference that belong to every result.
+    """
+
+    controller: Controller
+    drive_gain: np.ndarray | float = 1.0
+    limit: np.ndarray | float = np.inf
+    reference: Literal["recorded", "smoothed"] = "recorded"
+    feed_forward: FeedForward = "none"
+    identified: IdentifiedLaw | None = None
+    feedback: tuple[Any, ...] = ()
+    reconstructed: tuple[FoundReference, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        if not hasattr(self.controller, "law"):
+            raise ExperimentError(
+                f"controller of the loop is {self.controller!r}; give a control law, such as "
+                "PD(kp=…, kd=…)"
+            )
+        for name, choices in (
+            ("reference", ("recorded", "smoothed")),
+            ("feed_forward", get_args(FeedForward)),
+        ):
+            if getattr(self, name) not in choices:
+                raise ExperimentError(
+                    f"{name} of the loop is {getattr(self, name)!r}; choose one of "
+                    f"{', '.join(choices)}"
+                )
+
+    def law_values(self) -> list[dict[str, Any]] | None:
+        """The law that was found, one entry for each joint, as plain values; None: it was given."""
+        found = self.feedback if self.identified is None else self.identified.joints
+        return [own.to_values() for own in found] or None
+
+    def reference_values(self) -> list[dict[str, Any]] | None:
+        """The references that were reconstructed, likewise, one entry for each recording."""
+        return [own.to_values() for own in self.reconstructed] or None
+
+    @property
+    def found(self) -> bool:
+        """Whether law or reference were found from the record."""
+        return self.identified is not None or bool(self.feedback or self.reconstructed)

@@ -1,0 +1,6 @@
+from .assignments import Input as Input
+from .assignments import Output as Output
+from .newton_euler import inverse_model as inverse_model
+from .observation_matrix import observation_matrix as observation_matrix
+from .program import Program as Program
+from .robot_models import symbolic_models as symbolic_models

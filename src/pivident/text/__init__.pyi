@@ -1,0 +1,2 @@
+from .finding import Finding as Finding
+from .finding import Quantity as Quantity
