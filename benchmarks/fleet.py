@@ -269,8 +269,8 @@ def report(place: Path, logs: Path, options: argparse.Namespace) -> None:
     import polars as pl
 
     from pivident.many.batch.runner import Processes
+    from pivident.many.fleet.conclusion import conclude_fleet
     from pivident.many.fleet.identify_fleet import identify_fleet
-    from pivident.many.fleet.judgement import conclude_fleet
 
     begin = time.perf_counter()
     worn = write_logs(logs, options)

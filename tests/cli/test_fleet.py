@@ -74,7 +74,7 @@ def test_errors_are_one_line(folder, tmp_path, capsys):
     assert "--workers is 0" in said(folder, "--workers", 0)
     (tmp_path / "other").mkdir()
     (tmp_path / "other" / "thesis.tex").write_text("")
-    assert "holds other files" in said(folder, "--out", tmp_path / "other")
+    assert "contains other files" in said(folder, "--out", tmp_path / "other")
 
 
 def test_a_fleet_without_any_estimate_is_a_failure(folder, tmp_path, capsys):

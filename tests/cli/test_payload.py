@@ -60,7 +60,7 @@ def test_two_logs_give_the_load_with_intervals_and_units(folder, capsys):
     assert run(folder, BOTH) == 0
     printed = capsys.readouterr().out
     assert "Load on link 'forearm' by IDIM-PIV" in printed and "kg m²" in printed
-    assert "tell 4 of 10 combinations" in printed
+    assert "determine 4 of 10 combinations" in printed
     # what no torque of a planar arm tells has no value, and is named
     assert "centre of mass z, " in printed.split("Not determined: ")[1]
     found = numbers(folder)

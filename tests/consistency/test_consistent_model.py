@@ -162,7 +162,7 @@ def test_refusals_say_what_is_wrong(options, error, says):
 
 def test_no_deviations_no_metric():
     free = synthetic_identification()
-    with pytest.raises(IdentificationError, match="no finite deviation"):
+    with pytest.raises(IdentificationError, match="no finite standard error"):
         make_consistent(replace(free, covariance=np.full_like(free.covariance, np.nan)))
 
 
@@ -174,7 +174,7 @@ def test_a_robot_without_nominal_values_gets_plain_bodies():
         rotor_inertia=np.zeros(2),
     )
     model = make_consistent(replace(free, robot=bare))
-    assert any("No inertia is known of" in note for note in model.notes)
+    assert any("No nominal inertia of" in note for note in model.notes)
     assert all(body.mass > 0.0 for body in model.links)
     assert model.least_distance < 1.0
 
@@ -269,7 +269,7 @@ def test_a_formula_covariance_that_tells_nothing_is_named(case):
         expected = {names[1], names[4]}
     with pytest.raises(IdentificationError, match="identify without") as caught:
         make_consistent(replace(free, formula_covariance=formula))
-    assert any(f"weakest is {name};" in str(caught.value) for name in expected)
+    assert any(f"weakest parameter is {name};" in str(caught.value) for name in expected)
 
 
 def test_a_singular_covariance_of_the_method_takes_the_correlations_of_the_formula():
@@ -290,7 +290,7 @@ def test_rotors_that_nobody_described_are_not_taken_for_links():
     masses = np.array([body.mass for body in model.links])
     assert np.abs(masses / nominal - 1.0).max() < 0.3
     assert 2.0 < model.value("ia1") < 4.5
-    assert any("No rotor inertia is known of" in note for note in model.notes)
+    assert any("No rotor inertia of" in note for note in model.notes)
 
 
 def test_being_better_than_nonsense_is_no_good():

@@ -76,5 +76,5 @@ def test_a_broken_trajectory_is_named(tmp_path):
     scenario = read_scenario(f'{STUDY}[trajectory]\ntype = "fourier"\n', "s")
     for text in ("{", "[" * 100_000, "[]", "{}", '{"belongs_to": 1'):
         (tmp_path / FILE).write_text(text)
-        with pytest.raises(StudyFolderError, match="delete it: it is made again"):
+        with pytest.raises(StudyFolderError, match="delete it to recompute it"):
             optimised_series(scenario, tmp_path)

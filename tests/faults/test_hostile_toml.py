@@ -99,7 +99,7 @@ def test_a_scenario_of_a_billion_conditions():
     groups = "".join(
         f"[vary.g{g}]\n" + "".join(f"a{k} = {{}}\n" for k in range(9)) for g in range(9)
     )
-    with pytest.raises(ExperimentError, match=r"makes 387420489 conditions, at most"):
+    with pytest.raises(ExperimentError, match=r"gives 387420489 conditions, at most"):
         read_scenario(STUDY + groups, "s")
 
 

@@ -232,7 +232,7 @@ def test_a_read_only_folder(read_only, below):
     with pytest.raises(PividentError, match="Read-only file system"):
         with atomic_folder(read_only / below):
             pass
-    with pytest.raises(PividentError, match=r"Read-only file system|holds other files"):
+    with pytest.raises(PividentError, match=r"Read-only file system|contains other files"):
         with Store(read_only / below).opened(small(), 6):
             pass
     assert [p.name for p in read_only.iterdir()] == ["a"]

@@ -50,7 +50,7 @@ def study(recording, **options):
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_stiffness_friction_and_lag_are_told_apart(seed):
+def test_stiffness_friction_and_lag_are_separated(seed):
     found = study(geared(seed, sensors=replace(SENSORS, link_lag=1)))
     # The slow model leaves out the swinging after reversals: 0.1 % of the stiffness.
     assert found.stiffness.value == pytest.approx(3e6, rel=3e-3)
@@ -59,7 +59,7 @@ def test_stiffness_friction_and_lag_are_told_apart(seed):
     assert found.damping.covers(3000.0)
     assert found.stiffness.high < 1.05 * found.stiffness.low
     assert found.instrumented and found.unexplained < 0.02
-    assert "encoders' different instants" in found.notes[0]
+    assert "delay between the encoders" in found.notes[0]
 
 
 def test_noise_of_the_torque_does_not_stiffen_the_spring_with_a_reference():
@@ -124,11 +124,11 @@ def test_a_swinging_joint_has_no_estimate_of_slow_motion():
     swinging = identify_compliance(flexible_joint.record(1))
     assert swinging.unexplained == pytest.approx(0.88, abs=0.01)
     estimates = ("stiffness", "friction", "hysteresis", "damping", "encoder_lag", "offset")
-    assert not any(getattr(swinging, name).told for name in (*estimates, "backlash"))
+    assert not any(getattr(swinging, name).is_known for name in (*estimates, "backlash"))
     assert not swinging.lines and np.isnan(swinging.deflection).all()
     assert len(swinging.notes) == 1 and "leaves 88 % of the deflection" in swinging.notes[0]
     slow = identify_compliance(flexible_joint.record(1, top=None))  # without its excitation
-    assert slow.unexplained < 0.5 and all(getattr(slow, name).told for name in estimates)
+    assert slow.unexplained < 0.5 and all(getattr(slow, name).is_known for name in estimates)
 
 
 def test_without_link_encoder_or_motion_it_is_refused():

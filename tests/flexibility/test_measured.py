@@ -17,13 +17,16 @@ from pivident.flexibility.measured import Measured
         ((2.5e-5, 2e-5, 3e-5), "2.5e-05 N m (95 %: 2e-05 to 3e-05)"),
         ((3.0, 2.0, math.inf), "3.00 N m (95 %: 2.00 to inf)"),
         ((math.inf, 1.48e6, math.inf), "above 1.48e+06 N m"),
-        ((math.nan, -math.inf, math.inf), "not told"),
+        ((math.nan, -math.inf, math.inf), "not determined"),
     ],
 )
 def test_value_and_ends_end_at_the_same_digit(numbers, words):
     assert str(Measured(*numbers, "N m")) == words
 
 
-def test_what_is_not_told_has_neither_value_nor_ends():
-    assert not Measured.untold("N m").told
-    assert Measured(math.inf, 1.48e6, math.inf, "N m").told and Measured.around(1, 2, "N m").told
+def test_an_unknown_quantity_has_neither_value_nor_ends():
+    assert not Measured.unknown("N m").is_known
+    assert (
+        Measured(math.inf, 1.48e6, math.inf, "N m").is_known
+        and Measured.around(1, 2, "N m").is_known
+    )

@@ -38,7 +38,7 @@ def test_a_known_motor_inertia_is_held():
 def test_without_excitation_it_says_so():
     found = find_resonance(one_encoder(2, top=0.0), load_inertia=90.0)
     assert not found.seen and found.stiffness is None
-    assert "too few to see a resonance" in found.conclusion
+    assert "too few to detect a resonance" in found.conclusion
 
 
 def test_a_resonance_above_the_excitation_is_bounded_not_invented():
@@ -47,7 +47,7 @@ def test_a_resonance_above_the_excitation_is_bounded_not_invented():
     assert not found.seen
     top = found.excited[1]
     assert 8 < top < 14
-    assert f"no resonance seen below {top:.3g} Hz" in found.conclusion
+    assert f"no resonance below {top:.3g} Hz" in found.conclusion
     assert found.total_inertia.value == pytest.approx(150.0, rel=0.05)
     assert found.stiffness is not None and np.isinf(found.stiffness.high)
     assert found.stiffness.low == pytest.approx((2 * np.pi * top) ** 2 * 90.0)

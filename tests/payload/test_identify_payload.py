@@ -12,7 +12,6 @@ from pivident.estimation.stored_identification import load_identification
 from pivident.payload.arm_and_load import load_columns
 from pivident.payload.identify_payload import identify_payload
 from pivident.payload.known_parts import KnownParts
-from pivident.payload.payload_text import payload_text
 from pivident.robot.frames import Pose, rotation_from_rpy
 from tests.load_scenario import LOAD, tx40_with_load
 
@@ -175,8 +174,8 @@ def test_an_arm_with_a_singular_covariance_is_refused(arm, empty):
     copied[1, 1] = copied[0, 1] = copied[1, 0] = copied[0, 0]
     for covariance, said in (
         (copied, f"{empty.names[0]}|{empty.names[1]}"),
-        (np.zeros((n, n)), "no standard deviation"),
-        (np.full((n, n), np.nan), "no standard deviation"),
+        (np.zeros((n, n)), "no standard error"),
+        (np.full((n, n), np.nan), "no standard error"),
     ):
         broken = replace(empty, formula_covariance=covariance)
         with pytest.raises(IdentificationError, match=said):
@@ -200,7 +199,7 @@ def test_friction_under_load_is_not_taken_for_a_load(arm, empty):
     rough = tx40_with_load(0, samples=SAMPLES, friction_factor=1.3)
     free = identify_payload(empty, loaded(arm, rough.loaded), "ls")
     assert np.abs(deviations(free.load)).max() < 4.5
-    assert "Friction that differs with the load: fv1 +" in payload_text(free)
+    assert "Friction that differs with the load: fv1 +" in str(free)
     shared = identify_payload(arm.problem, [rough.loaded], "ls", friction_under_load=False)
     assert abs(shared.load.mass - 1.0) > 20.0 * free.load.mass_std
     assert any("A load does not explain all" in warning.message for warning in shared.warnings)

@@ -9,7 +9,7 @@ from pivident.errors import ExperimentError
 from pivident.payload import possible_load as module
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
-from pivident.payload.payload_text import _sentences
+from pivident.payload.payload_text import load_sentences
 from pivident.payload.possible_load import possible_load
 from pivident.robot.frames import Pose, rotation_from_rpy
 from pivident.robot.inertia import from_center_of_mass, tensor
@@ -195,5 +195,5 @@ def test_a_solver_that_fails_is_no_bound_and_no_missing_bound(monkeypatch):
     nearest = possible_load(load)
     assert nearest.was_possible and np.isnan(nearest.intervals).all()
     assert gaps[:2] == sorted(gaps[:2]) and gaps[0] < gaps[1]  # a poorer one is tried
-    assert "did not find the range over bodies of xx, " in _sentences(load, nearest)[-1]
-    assert "did not find the nearest real body" in _sentences(load, None)[-1]
+    assert "did not find the range over real bodies of xx, " in load_sentences(load, nearest)[-1]
+    assert "did not find the nearest real body" in load_sentences(load, None)[-1]

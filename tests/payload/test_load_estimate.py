@@ -66,7 +66,7 @@ def test_without_a_mass_any_centre_is_possible():
     load = estimate(covariance=covariance)
     assert not load.is_seen and not np.isfinite(load.fieller_interval()).any()
     rows = {row.name: row for row in load_rows(load)}
-    assert rows["cx"].lopsided and rows["cx"].interval == (-np.inf, np.inf)
+    assert rows["cx"].asymmetric and rows["cx"].interval == (-np.inf, np.inf)
 
 
 def test_another_frame_sees_the_same_body():

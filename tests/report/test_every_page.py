@@ -10,8 +10,8 @@ from pivident.comparison.comparison_page import render_page as comparison_page
 from pivident.flexibility.flexibility_page import render_page as flexibility_page
 from pivident.flexibility.joint_study import study_flexibility
 from pivident.friction.friction_study import FrictionStudy, joint_friction
+from pivident.many.fleet.conclusion import conclude_fleet
 from pivident.many.fleet.identify_fleet import identify_fleet
-from pivident.many.fleet.judgement import conclude_fleet
 from pivident.many.study.conclusion import conclude_study
 from pivident.many.study.monte_carlo import run_study
 from pivident.report.friction.friction_page import render_page as friction_page

@@ -54,8 +54,8 @@ def fleet(
     """
     from pivident.cli.workflow import check_output
     from pivident.errors import ExperimentError
+    from pivident.many.fleet.conclusion import conclude_fleet
     from pivident.many.fleet.identify_fleet import default_out, identify_fleet, template_of
-    from pivident.many.fleet.judgement import conclude_fleet
 
     if level is not None and not 0.0 < level < 1.0:
         raise ExperimentError(
@@ -84,8 +84,8 @@ def fleet(
 
 def _print(judgement: Judgement, place: Path) -> None:
     """Alarms, what they promise, what could not be judged, and where the files are."""
+    from pivident.many.fleet.conclusion import ALARMS, PAGE, PARAMETERS
     from pivident.many.fleet.fleet_text import judgement_text
-    from pivident.many.fleet.judgement import ALARMS, PAGE, PARAMETERS
     from pivident.text.printable import escaped
 
     print(escaped(judgement_text(judgement, MAX_PRINTED)))

@@ -27,8 +27,9 @@ def flexibility(
     """
     from pivident.cli.workflow import check_output
     from pivident.experiment.experiment import load_experiment
+    from pivident.flexibility.flexibility_page import write_study
     from pivident.flexibility.flexibility_text import agreement_lines, flexibility_lines
-    from pivident.flexibility.joint_study import study_flexibility, write_study
+    from pivident.flexibility.joint_study import study_flexibility
 
     if bandwidth is not None and not bandwidth > 0:
         raise ExperimentError(f"--bandwidth {bandwidth:g} is not a frequency; give it in Hz")

@@ -37,7 +37,6 @@ def payload(
     from pivident.experiment.experiment import load_experiment
     from pivident.payload.payload_files import save_payload
     from pivident.payload.payload_table import default_folder, load_of
-    from pivident.payload.payload_text import payload_text
 
     file = first if second is None else second
     if second is None and first.suffix == ".json":
@@ -55,7 +54,7 @@ def payload(
         found = load_of(experiment, arm, method, progress.say)
         progress.say("writing the results")
         save_payload(found, folder)
-    print(payload_text(found))
+    print(found)
     print(f"\nFiles: {folder / 'payload.json'}, payload.csv, payload.txt")
     return 0 if found.converged else 3
 

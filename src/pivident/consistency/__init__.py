@@ -1,4 +1,4 @@
-"""Physical consistency: standard parameters that a real machine can have, near an estimate."""
+"""Physical consistency: physically possible standard parameters near an estimate."""
 
 import lazy_loader
 

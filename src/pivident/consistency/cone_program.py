@@ -17,10 +17,10 @@ import numpy as np
 Cone = Literal["zero", "nonnegative", "second_order", "semidefinite", "exponential"]
 
 #: Largest step of the solver as a share of the way to the boundary of the cones. The second one is
-#: taken where the first gets stuck beside the boundary, as on a KR300 record.
+#: used if the first stalls near the boundary, as on a KR300 record.
 STEPS = (0.99, 0.9)
 
-#: Outcomes that another step length may mend, and iterations after which it is stuck; usual are 25.
+#: Outcomes that another step length may fix, and the maximum number of iterations; 25 are usual.
 STUCK, MAX_ITERATIONS = ("MaxIterations", "InsufficientProgress", "NumericalError"), 80
 
 #: Outcomes of the solver that count as solved; ``AlmostSolved`` has reduced accuracy.
@@ -29,19 +29,13 @@ SOLVED = ("Solved", "AlmostSolved")
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """Outcome of a cone program.
+    """Outcome of a cone program."""
 
-    Attributes:
-        u: unknowns, shape (unknowns,).
-        multipliers: dual variable of each constraint, in the order they were given.
-        status: of the solver.
-        value: the objective.
-    """
-
-    u: np.ndarray
+    u: np.ndarray  # unknowns, shape (unknowns,)
+    # dual variable of each constraint, in the order they were given
     multipliers: tuple[np.ndarray, ...]
-    status: str
-    value: float
+    status: str  # of the solver
+    value: float  # the objective
 
     @property
     def found(self) -> bool:
@@ -61,20 +55,13 @@ class Solved:
 
 @dataclass(frozen=True, eq=False)
 class Requirement:
-    """One condition F u + g ∈ K.
+    """One condition F u + g ∈ K."""
 
-    Attributes:
-        cone: kind of K.
-        order: order of the matrices of a semidefinite cone; otherwise the number of rows.
-        matrix: F on the unknowns ``columns``, shape (rows, columns).
-        offset: g, shape (rows,).
-        columns: the unknowns that F acts on; None: the first ones.
-    """
-
-    cone: Cone
-    order: int
-    matrix: np.ndarray
-    offset: np.ndarray
+    cone: Cone  # kind of K
+    order: int  # order of the matrices of a semidefinite cone; otherwise the number of rows
+    matrix: np.ndarray  # F on the unknowns ``columns``, shape (rows, columns)
+    offset: np.ndarray  # g, shape (rows,)
+    # the unknowns that F acts on; None: the first ones
     columns: np.ndarray | None = field(default=None)
 
 
@@ -84,14 +71,7 @@ def solve_cone_program(
     requirements: Sequence[Requirement],
     gap: float = 1e-8,
 ) -> Solved:
-    """Solve a program.
-
-    Args:
-        quadratic: H, shape (n, n), or its diagonal, shape (n,).
-        linear: c, shape (n,).
-        requirements: the conditions.
-        gap: accuracy of the objective, absolute and relative.
-    """
+    """Solve a program; ``quadratic`` is H or its diagonal, ``gap`` absolute and relative."""
     import clarabel
 
     size = linear.size
@@ -117,13 +97,10 @@ def solve_cone_program(
 
 
 def violation(requirements: Sequence[Requirement], u: np.ndarray) -> float:
-    """How far a point is outside the farthest of the cones, on their own scales; zero inside.
+    """How far a point lies outside the farthest cone, on the cone's own scale; zero inside.
 
-    A solution of reduced accuracy may lie outside by what is all of a small bound.
-
-    Args:
-        requirements: the conditions; exponential cones and equations are left out.
-        u: the point, shape (unknowns,).
+    Exponential cones and equations are left out. A solution of reduced accuracy may lie outside by
+    as much as all of a small bound.
     """
     from pivident.consistency.pseudo_inertia import from_triangle
 

@@ -1,4 +1,4 @@
-"""The stage that makes an estimate physically consistent, with all that is shown of it."""
+"""A physically consistent estimate with its intervals, tables and sentences."""
 
 from __future__ import annotations
 
@@ -36,57 +36,38 @@ LISTED_MOVE = 0.05
 #: Constraints with a smaller share of the distance are not listed.
 LISTED_SHARE = 0.005
 
-#: An end that nothing bounds, and one that the solver has not found.
+#: Text of an unbounded end, and of one that the solver did not find.
 OPEN, NOT_FOUND = "open", "not found"
 
 
 @dataclass(frozen=True)
 class MovedRow:
-    """A base parameter that the stage moved.
+    """A base parameter that was moved."""
 
-    Attributes:
-        name: of the parameter.
-        free: free estimate [unit].
-        spread: half of its 95 % interval [unit].
-        consistent: consistent estimate [unit].
-        interval: of the consistent one, as text.
-        moved: consistent less free estimate [σ of the free one].
-        unit: of the parameter.
-    """
-
-    name: str
-    free: float
-    spread: float
-    consistent: float
-    interval: str
-    moved: float
-    unit: str
+    name: str  # of the parameter
+    free: float  # free estimate [unit]
+    spread: float  # half of its 95 % interval [unit]
+    consistent: float  # consistent estimate [unit]
+    interval: str  # of the consistent one, as text
+    moved: float  # consistent less free estimate [σ of the free one]
+    unit: str  # of the parameter
 
 
 @dataclass(frozen=True, eq=False)
 class ConsistentEstimate:
-    """An estimate after the stage.
+    """An estimate made consistent."""
 
-    Attributes:
-        label: name in tables, ``PC-IDIM-PIV``.
-        model: the consistent parameters.
-        base: intervals of the estimated base parameters.
-        standard: intervals of all standard parameters.
-        links: the links as bodies, with intervals.
-        options: of the stage.
-        prediction: torque errors on held-out motion, free and consistent; None without any.
-    """
-
-    label: str
-    model: ConsistentModel
-    base: ProfileIntervals
-    standard: ProfileIntervals
-    links: tuple[LinkRow, ...]
-    options: ConsistencyOptions
+    label: str  # name in tables, ``PC-IDIM-PIV``
+    model: ConsistentModel  # the consistent parameters
+    base: ProfileIntervals  # intervals of the estimated base parameters
+    standard: ProfileIntervals  # intervals of all standard parameters
+    links: tuple[LinkRow, ...]  # the links as bodies, with intervals
+    options: ConsistencyOptions  # of the stage
+    # torque errors on held-out motion, free and consistent; None without any
     prediction: ConsistentPrediction | None = None
 
     def headline(self) -> str:
-        """How it ended, in a line."""
+        """The result in one line."""
         model = self.model
         if model.was_consistent:
             text = "the free estimate is consistent as it is"
@@ -98,7 +79,7 @@ class ConsistentEstimate:
         return f"{self.label}: {text} ({1e3 * model.seconds:.0f} ms)"
 
     def sentences(self) -> list[str]:
-        """What was found, what it costs, and what is to be known about it."""
+        """The result, its cost in torque error, and notes."""
         lines = [self.model.headline()]
         if self.prediction is not None:
             text = str(self.prediction)
@@ -110,7 +91,7 @@ class ConsistentEstimate:
         return lines
 
     def not_found(self) -> tuple[str, ...]:
-        """Quantities with an interval of which the solver has not found both ends."""
+        """Quantities whose interval has an end that the solver did not find."""
         names = [*self.base.not_found, *self.standard.not_found]
         for row in self.links:
             for title, own in (
@@ -123,7 +104,7 @@ class ConsistentEstimate:
         return tuple(dict.fromkeys(names))
 
     def held_back(self) -> list[str]:
-        """Constraints that hold the estimate back, the most expensive first."""
+        """Active constraints, the most expensive first."""
         return [str(a) for a in self.model.active if a.share >= LISTED_SHARE]
 
     def link_table(self) -> str:
@@ -132,7 +113,7 @@ class ConsistentEstimate:
         return link_table(self.model.links, (f"{CONFIDENCE:.0%} interval", "<", intervals))
 
     def moved_rows(self) -> list[MovedRow]:
-        """Base parameters that moved, the farthest first; none where the estimate stayed."""
+        """Base parameters that moved, the farthest first; none if the estimate was consistent."""
         model, free = self.model, self.model.free
         if model.was_consistent:
             return []
@@ -152,7 +133,7 @@ class ConsistentEstimate:
         ]
 
     def moved_table(self) -> str:
-        """The same as a table; empty where none moved."""
+        """The same as a table; empty if none moved."""
         rows = self.moved_rows()
         if not rows:
             return ""
@@ -181,18 +162,13 @@ class ConsistentEstimate:
 
 @dataclass(frozen=True)
 class NoConsistentEstimate:
-    """A stage that came to no result.
+    """An estimate that could not be made consistent."""
 
-    Attributes:
-        label: name in tables, ``PC-IDIM-PIV``.
-        reason: why, with the next step.
-    """
-
-    label: str
-    reason: str
+    label: str  # name in tables, ``PC-IDIM-PIV``
+    reason: str  # why, with the next step
 
     def headline(self) -> str:
-        """How it ended, in a line."""
+        """The reason in one line."""
         return f"{self.label}: {self.reason}"
 
 
@@ -201,17 +177,7 @@ def consistent_estimate(
     options: ConsistencyOptions,
     progress: Callable[[str], None] | None = None,
 ) -> ConsistentEstimate:
-    """Make an estimate consistent, with intervals of all that is shown.
-
-    Args:
-        free: the estimate.
-        options: of the stage.
-        progress: called with one line at each stage.
-
-    Raises:
-        IdentificationError: no consistent parameters lie near the estimate, the bounds leave
-            none, or the covariance cannot serve as a metric.
-    """
+    """Make an estimate consistent, with intervals of parameters and links."""
     from pivident.consistency.link_intervals import link_rows
 
     say = progress or (lambda line: None)
@@ -237,16 +203,7 @@ def consistent_estimates(
     recordings: Sequence[Recording],
     progress: Callable[[str], None] | None = None,
 ) -> Mapping[str, ConsistentEstimate | NoConsistentEstimate]:
-    """Make several estimates consistent, and judge them on what was held out.
-
-    Args:
-        free_estimates: by short name of the method.
-        judged: how they predict held-out motion; None: nothing was held out.
-        names: short names of the methods.
-        options: of the stage.
-        recordings: those that held-out stretches are parts of.
-        progress: called with one line at each stage.
-    """
+    """Make several estimates consistent, and evaluate them on held-out motion."""
     say = progress or (lambda line: None)
     made: dict[str, ConsistentEstimate | NoConsistentEstimate] = {}
     for name in names:
@@ -258,7 +215,7 @@ def consistent_estimates(
             continue
         if judged is not None and name in judged.results:
             say(f"{found.label}: held-out motion")
-            # A poor fit of one block stays in: without it the comparison would flatter the stage.
+            # A poor fit of one block is kept: without it the comparison would be too favourable.
             every = replace(options, accept_far=True)
             prediction = consistent_prediction(
                 judged.results[name], recordings, every.make_consistent
@@ -269,24 +226,12 @@ def consistent_estimates(
 
 
 def interval_text(quantity: Quantity, factor: float = 1.0, digits: int = 3) -> str:
-    """An interval in words and numbers.
-
-    Args:
-        quantity: value and ends.
-        factor: to the unit that is shown.
-        digits: significant ones.
-    """
+    """An interval with its value times ``factor``, as text."""
     return ends_text(factor * quantity.low, factor * quantity.high, digits)
 
 
 def ends_text(low: float, high: float, digits: int = 3) -> str:
-    """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is not known.
-
-    Args:
-        low: lower end.
-        high: upper end.
-        digits: significant ones.
-    """
+    """``0.02 to 15.5``; ``open`` where nothing bounds an end, ``not found`` where it is unknown."""
     ends = [_end_text(end, digits) for end in (low, high)]
     if ends[0] == ends[1] and ends[0] in (OPEN, NOT_FOUND):
         return ends[0]
@@ -294,7 +239,7 @@ def ends_text(low: float, high: float, digits: int = 3) -> str:
 
 
 def _end_text(end: float, digits: int) -> str:
-    """A number, or why there is none."""
+    """A number, ``open`` or ``not found``."""
     if math.isnan(end):
         return NOT_FOUND
     return OPEN if math.isinf(end) else format_significant(end, digits)

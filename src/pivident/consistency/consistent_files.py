@@ -1,9 +1,9 @@
 """Consistent parameters as files: ``consistent.json`` and ``consistent_parameters.csv``.
 
-The JSON stands by itself: it holds the robot and all standard parameters, so that a model can be
-made from it without the identification. Ends of intervals that nothing bounds are null in the JSON
-and empty in the table. So are ends that the solver has not found; ``not_found`` in the JSON names
-their quantities.
+The JSON is self-contained: it holds the robot and all standard parameters, so a model can be built
+from it without the identification. Unbounded ends of intervals are null in the JSON and empty in
+the table. So are ends that the solver did not find; ``not_found`` in the JSON lists their
+quantities.
 """
 
 from __future__ import annotations
@@ -31,13 +31,7 @@ CSV_COLUMNS = ("name", "value", "low", "high", "unit", "joint", "link")
 
 
 def write_consistent(estimate: ConsistentEstimate, folder: Path, identification: Path) -> None:
-    """Write both files into a folder.
-
-    Args:
-        estimate: what the stage found.
-        folder: an existing folder.
-        identification: file of the free estimate, whose hash is kept.
-    """
+    """Write both files into a folder."""
     (folder / CONSISTENT_FILE).write_text(
         consistent_json(estimate, identification), encoding="utf-8", errors="backslashreplace"
     )
@@ -45,12 +39,7 @@ def write_consistent(estimate: ConsistentEstimate, folder: Path, identification:
 
 
 def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
-    """Strict JSON of everything that the stage found.
-
-    Args:
-        estimate: what the stage found.
-        identification: file of the free estimate.
-    """
+    """Strict JSON of the complete result."""
     model = estimate.model
     content = {"schema": SCHEMA} | model.to_values()
     for entries, intervals in (
@@ -89,11 +78,7 @@ def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
 
 
 def consistent_csv(estimate: ConsistentEstimate) -> str:
-    """All standard parameters with their intervals.
-
-    Args:
-        estimate: what the stage found.
-    """
+    """All standard parameters with their intervals."""
     model, intervals = estimate.model, estimate.standard
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")

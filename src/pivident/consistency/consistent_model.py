@@ -1,9 +1,9 @@
-"""A physically consistent model from an estimate: a named stage, the estimate stays as it is.
+"""A physically consistent model from an estimate, which itself is not changed.
 
     make_consistent(identification)  →  ConsistentModel
 
-finds the standard parameters that a real machine can have and that are nearest to the estimate in
-the metric of its own covariance; see `metric`, `constraints`, `priors` and `nearest_consistent`.
+finds the physically possible standard parameters nearest to the estimate in the metric of its own
+covariance; see `metric`, `constraints`, `priors` and `nearest_consistent`.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.consistency import consistent_tables as tables
+from pivident.consistency.consistent_tables import link_table
 from pivident.consistency.constraints import Bounds, Constraint, make_constraints
 from pivident.consistency.metric import make_metric
 from pivident.consistency.nearest_consistent import (
@@ -36,25 +36,27 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.torque_sums import TorqueSums, torque_sums
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
+from pivident.text.numbers import format_significant
+from pivident.text.plain_table import plain_table
 
-#: Diameter of the steel ball that every link must be at least as large as [m]: about the smallest
-#: thing that is built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
+#: Diameter of the steel ball that bounds every link from below [m]: about the size of the smallest
+#: part built into a joint. It weighs 4 g and has a second moment of 2e-8 kg m².
 MIN_BALL = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class ConsistentModel:
-    """Standard parameters that a real machine can have, near an estimate.
+    """Physically possible standard parameters near an estimate.
 
     Attributes:
-        free: the estimate, untouched.
+        free: the unchanged estimate.
         robot: the robot.
         parameters: all standard parameters.
-        values: their values, shape (standard,): within ``room`` of the least distance those that
-            are nearest to the reference.
+        values: their values, shape (standard,): the point nearest to the reference within ``room``
+            of the least distance.
         names: names of the estimated base parameters, as in ``free``.
         theta: these at the consistent point, shape (parameters,).
-        was_consistent: whether the estimate was consistent itself; then its torques are kept
+        was_consistent: whether the estimate itself was consistent; then its torques are kept
             exactly.
         least_distance: from the estimate to the nearest consistent parameters [σ], which may have
             links that are points, lines or plates.
@@ -62,16 +64,15 @@ class ConsistentModel:
             its covariance: χ² with as many degrees of freedom as constraints are active.
         distance: from the estimate to ``values`` [σ], √(least² + ``room``) at most.
         moved: (θ - θ_free)/σ of each estimated parameter, shape (parameters,). One may exceed the
-            distance: a parameter that was left out may take over its torque.
-        active: constraints that hold the estimate back, the most expensive first.
+            distance: a parameter left out of the estimate may take over its torque.
+        active: active constraints, the most expensive first.
         torque_error_free: relative torque error of the estimate on the fitted record; NaN without
             torque sums.
         torque_error: of the consistent parameters, likewise.
         prior: ``entropic``, ``euclidean`` or ``none``.
-        seconds: time that the search took.
+        seconds: duration of the search.
         notes: sentences.
-        sums: torque sums of the fitted record that the step was weighed with; None: there were
-            none.
+        sums: torque sums of the fitted record; None if there were none.
     """
 
     free: Identification
@@ -104,7 +105,7 @@ class ConsistentModel:
 
     @property
     def torque_cost(self) -> float:
-        """Growth of the torque error over that of the estimate; 0.01 is one percent of it."""
+        """Relative growth of the torque error over that of the estimate."""
         return self.torque_error / self.torque_error_free - 1.0
 
     @property
@@ -155,8 +156,8 @@ class ConsistentModel:
     def intervals(self, confidence: float = 0.95, of: str = "estimated") -> ProfileIntervals:
         """Profile intervals over the consistent parameters, see `profile_intervals`.
 
-        Where parameters were left out of the estimate they can be wider than the free ones, which
-        take it for certain that those are zero.
+        If parameters were left out of the estimate, the intervals can be wider than the free ones,
+        which assume that those parameters are exactly zero.
 
         Args:
             confidence: 0 to 1.
@@ -196,23 +197,93 @@ class ConsistentModel:
         )
 
     def headline(self) -> str:
-        """What was found, in a sentence or two."""
-        return tables.headline(self)
+        """The result in one or two sentences."""
+        if self.was_consistent:
+            text = f"The estimate of {self.free.method} is physically consistent as it is."
+        else:
+            text = (
+                f"The estimate of {self.free.method} is not physically consistent; the least "
+                f"distance to consistent parameters is {format_significant(self.least_distance)} σ "
+                f"(p = {self.p_value:.2g}), that of the model "
+                f"{format_significant(self.distance)} σ."
+            )
+        if np.isfinite(self.torque_error):
+            text += (
+                f" Torque error on the fitted record: {100 * self.torque_error_free:.3g} % free, "
+                f"{100 * self.torque_error:.3g} % consistent."
+            )
+        return text
 
     def table(self) -> str:
         """Links as bodies: mass, centre of mass, principal moments."""
-        return tables.link_table(self.links)
+        return link_table(self.links)
 
     def moved_table(self) -> str:
         """Estimated base parameters: free, consistent, moved."""
-        return tables.moved_table(self)
+        return plain_table(
+            [
+                ("parameter", "<", list(self.names)),
+                ("free", ".", [format_significant(v) for v in self.free.theta]),
+                ("consistent", ".", [format_significant(v) for v in self.theta]),
+                ("moved [σ]", ".", [f"{v:+.2f}" for v in self.moved]),
+                ("unit", "<", list(self.free.units)),
+            ]
+        )
 
     def __str__(self) -> str:
-        return tables.summary(self)
+        parts = [self.headline(), self.table(), self.moved_table()]
+        if self.active:
+            parts.append("Held back by:\n" + "\n".join(f"  {a}" for a in self.active))
+        return "\n\n".join([*parts, *self.notes])
 
     def to_values(self) -> dict[str, Any]:
         """The result as plain values, ready for JSON."""
-        return tables.plain_values(self)
+        return {
+            "method": self.method,
+            "robot": self.robot.name,
+            "prior": self.prior,
+            "was_consistent": self.was_consistent,
+            "least_distance": self.least_distance,
+            "p_value": self.p_value,
+            "distance": self.distance,
+            "torque_error_free": _number(self.torque_error_free),
+            "torque_error": _number(self.torque_error),
+            "seconds": self.seconds,
+            "standard": [
+                {"name": p.name, "value": float(v), "unit": p.unit}
+                for p, v in zip(self.parameters, self.values, strict=True)
+            ],
+            "base": [
+                {"name": n, "free": float(f), "value": float(v), "moved": float(m), "unit": u}
+                for n, f, v, m, u in zip(
+                    self.names, self.free.theta, self.theta, self.moved, self.free.units,
+                    strict=True,
+                )
+            ],
+            "links": [
+                {
+                    "name": b.name,
+                    "mass": b.mass,
+                    "center_of_mass": b.center_of_mass.tolist(),
+                    "inertia": b.inertia.tolist(),
+                }
+                for b in self.links
+            ],
+            "active": [
+                {
+                    "subject": a.subject,
+                    "constraint": a.constraint,
+                    "multiplier": a.multiplier,
+                    "share": a.share,
+                }
+                for a in self.active
+            ],
+            "notes": list(self.notes),
+        }  # fmt: skip
+
+
+def _number(value: float) -> float | None:
+    return value if np.isfinite(value) else None
 
 
 def make_consistent(
@@ -229,24 +300,26 @@ def make_consistent(
 
     Args:
         identification: an estimate with its covariance; it is not changed. Without signals its
-            ``torque_sums`` are needed to tell what the step costs in torque.
-        prior: which of the equally near points is taken: ``entropic``, ``euclidean`` or ``none``.
-        bounds: what is known of masses and centres of mass.
-        margin: diameter of the steel ball that every link must be at least as large as [m]: in mass
-            and in second moments about its own centre of mass; smaller in links that weigh less
-            than ten such balls.
+            ``torque_sums`` are needed to compute the change of the torque error.
+        prior: rule that selects among equally near points: ``entropic``, ``euclidean`` or
+            ``none``.
+        bounds: known bounds of masses and centres of mass.
+        margin: diameter of a steel ball [m]; mass and second moments of every link about its own
+            centre of mass are at least those of the ball; smaller in links that weigh less than ten
+            such balls.
         reference: description with the same joints, or standard parameters, shape (standard,),
             that the prior pulls to; None: the robot's nominal ones.
-        room: growth of the squared distance [σ²] that the prior may spend, where the estimate is
-            not consistent; the nearest point itself has links that are points, lines or plates.
-            A tenth or a hundredth of it is taken where it would cost torque.
-        accept_far: give the model even where the estimate is too poor.
+        room: growth of the squared distance [σ²] left to the prior if the estimate is not
+            consistent; the nearest point itself has links that are points, lines or plates. It is
+            reduced to a tenth or a hundredth if it would cost torque.
+        accept_far: return the model even if the estimate is too poor.
 
     Returns:
-        The consistent model, beside the free estimate it came from.
+        The consistent model, including the free estimate.
 
     Raises:
-        NoConsistentModelNear: the step is improbable and costs much torque; it carries the model.
+        NoConsistentModelNear: the step is improbable and costs much torque; the error has the model
+            as an attribute.
         ContradictoryBounds: no parameters satisfy the bounds.
         RobotDescriptionError: bounds of a link that does not exist.
         ExperimentError: unknown prior, a margin that is not positive, a reference that does not
@@ -259,11 +332,13 @@ def make_consistent(
         )
     if not (np.isfinite(margin) and 0.0 < margin < 1.0):
         raise ExperimentError(
-            f"margin is {margin!r}; it is the diameter of the smallest body in a link [m], "
+            f"margin is {margin!r}; it must be the diameter of the smallest body in a link [m], "
             "such as 0.01"
         )
     if not (np.isfinite(room) and room > 0.0):
-        raise ExperimentError(f"room is {room!r}; it is a positive growth of d² [σ²], such as 1")
+        raise ExperimentError(
+            f"room is {room!r}; it must be a positive growth of d² [σ²], such as 1"
+        )
     sums = _sums(identification)
     base = base_parameters(identification.robot)
     began = time.perf_counter()
@@ -316,7 +391,7 @@ def make_consistent(
 
 
 def _sums(identification: Identification) -> TorqueSums | None:
-    """Torque sums that the estimate carries, or of its signals; None without both."""
+    """Torque sums stored in the estimate, or of its signals; None without both."""
     if identification.torque_sums is not None:
         return identification.torque_sums
     return torque_sums(identification) if identification.recordings else None

@@ -1,7 +1,7 @@
-"""What physical consistency costs on motion that was not fitted.
+"""Cost of physical consistency on held-out motion.
 
-Each held-out block has a fit that does not know it. That fit is made consistent by itself, and both
-predict the block: the free estimate and the consistent one.
+Each held-out block has a fit to the other blocks. That fit is made consistent by itself, and both
+estimates, free and consistent, predict the block.
 """
 
 from __future__ import annotations
@@ -24,18 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ConsistentPrediction:
-    """Torque errors of free and consistent estimates on the same held-out stretches.
+    """Torque errors of free and consistent estimates on the same held-out stretches."""
 
-    Attributes:
-        free: of the estimates as they are.
-        consistent: of the same estimates made consistent.
-        stretches: how many of them.
-        failures: stretches whose estimate could not be made consistent, with the reason.
-    """
-
-    free: PredictionError
-    consistent: PredictionError
-    stretches: int
+    free: PredictionError  # of the free estimates
+    consistent: PredictionError  # of the same estimates made consistent
+    stretches: int  # number of stretches
+    # stretches whose estimate could not be made consistent, with the reason
     failures: tuple[str, ...] = ()
 
     @property
@@ -59,15 +53,9 @@ def consistent_prediction(
     recordings: Sequence[Recording],
     make_consistent: Callable[[Identification], ConsistentModel],
 ) -> ConsistentPrediction | None:
-    """Judge free and consistent estimates on the stretches of a cross-validation.
+    """Errors of free and consistent estimates on the stretches of a cross-validation.
 
-    Args:
-        validation: of the method; its fits are used again.
-        recordings: those that the stretches are parts of.
-        make_consistent: the stage with its options.
-
-    Returns:
-        The errors of both; None where nothing was held out, or no fit could be made consistent.
+    Its fits are reused. None if nothing was held out, or no fit could be made consistent.
     """
     if validation.training_only:
         return None
@@ -100,7 +88,7 @@ def consistent_prediction(
 def _made(
     found: Identification, make_consistent: Callable[[Identification], ConsistentModel]
 ) -> ConsistentModel | str:
-    """The consistent model, or why there is none."""
+    """The consistent model, or the reason why there is none."""
     try:
         return make_consistent(found)
     except IdentificationError as error:

@@ -1,4 +1,4 @@
-"""What a real machine's parameters must satisfy, as linear images of cones.
+"""Conditions for physically possible parameters, as linear images of cones.
 
 * every link: mass and second moments about its own centre of mass are at least those of a small
   steel ball, see `least_body`;
@@ -32,14 +32,15 @@ Interval = tuple[float | None, float | None]
 
 @dataclass(frozen=True)
 class Bounds:
-    """What is known of the masses beyond that they are real; all by the name of the link.
+    """Declared bounds of masses and centres of mass, by the name of the link.
 
     Attributes:
         mass: lowest and highest mass of a link [kg].
-        total_mass: of all moving links together [kg].
-        center_of_mass: box of a link's centre of mass in its frame: an interval for x, y, z [m].
-        ellipsoid: ellipsoid that holds a link's centre of mass: its centre (x, y, z) and its half
-            axes along the axes of the frame [m].
+        total_mass: lowest and highest total mass of all moving links [kg].
+        center_of_mass: box around a link's centre of mass in its frame: an interval for x, y, z
+            [m].
+        ellipsoid: ellipsoid around a link's centre of mass: its centre (x, y, z) and its half axes
+            along the axes of the frame [m].
     """
 
     mass: Mapping[str, Interval] = field(default_factory=dict)
@@ -50,29 +51,18 @@ class Bounds:
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """One condition on the standard parameters, F φ + g ∈ K.
+    """One condition on the standard parameters, F φ + g ∈ K."""
 
-    Attributes:
-        subject: link or joint that it is about, or ``all links``.
-        kind: what it demands, in words.
-        cone: kind of K.
-        order: order of the matrices of a semidefinite cone; otherwise the number of rows.
-        matrix: F, shape (rows, standard).
-        offset: g, shape (rows,).
-        is_declared: whether it is a bound of the user.
-    """
-
-    subject: str
-    kind: str
-    cone: Cone
-    order: int
-    matrix: np.ndarray
-    offset: np.ndarray
-    is_declared: bool = False
+    subject: str  # its link or joint, or ``all links``
+    kind: str  # the condition in words
+    cone: Cone  # kind of K
+    order: int  # order of the matrices of a semidefinite cone; otherwise the number of rows
+    matrix: np.ndarray  # F, shape (rows, standard)
+    offset: np.ndarray  # g, shape (rows,)
+    is_declared: bool = False  # whether it is a bound declared by the user
 
 
-#: Words for the demand on a link's second moments, see `WORDS` in `nearest_consistent`, and on its
-#: mass.
+#: Conditions on a link's second moments, see `WORDS` in `nearest_consistent`, and on its mass.
 REAL_BODY, LEAST_MASS = "a real body", "mass at its limit: that of the smallest body"
 
 
@@ -91,18 +81,7 @@ def make_constraints(
     reference: Reference,
     bounds: Bounds | None = None,
 ) -> tuple[Constraint, ...]:
-    """All conditions.
-
-    Args:
-        robot: the robot.
-        standard: its standard parameters.
-        reference: gives the scale of each link and the size of the smallest body.
-        bounds: declared ones.
-
-    Raises:
-        RobotDescriptionError: bounds of unknown links.
-        ExperimentError: empty bounds.
-    """
+    """All conditions."""
     made = _real_bodies(robot, standard, reference)
     made += _positive_forms(robot, standard, reference)
     made += _dissipative(robot, standard, reference)
@@ -132,13 +111,13 @@ def _positive_forms(
     """Positive semidefinite matrices of rotor inertia and of viscous friction of coupled joints."""
     made = []
     for own, coupled, kind in (
-        ("ia", "iam", "rotor inertias of coupled motors that can exist together"),
-        ("fv", "fvm", "viscous friction of coupled motors that feeds no energy in"),
+        ("ia", "iam", "rotor inertias of coupled motors physically possible"),
+        ("fv", "fvm", "viscous friction of coupled motors dissipative"),
     ):
         diagonal = {p.joint: k for k, p in enumerate(standard) if p.stem == own}
         for joints in coupled_joints(robot):
             if not all(j in diagonal for j in joints):
-                continue  # another friction law: its terms are held non-negative one by one
+                continue  # another friction law: its terms are constrained one by one
             place = {joint: i for i, joint in enumerate(joints)}
             size = len(joints)
             form = np.zeros((len(standard), size, size))
@@ -175,7 +154,7 @@ def coupled_joints(robot: Robot) -> list[tuple[int, ...]]:
 def _dissipative(
     robot: Robot, standard: Sequence[Parameter], reference: Reference
 ) -> list[Constraint]:
-    """Friction levels and rotor inertias that are not negative."""
+    """Non-negative friction levels and rotor inertias."""
     made = []
     for k, p in enumerate(standard):
         if p.is_dissipative:
@@ -278,7 +257,7 @@ def _box(
 
 
 def _check(subject: str, what: str, interval: Interval) -> None:
-    """Refuse bounds that are no interval."""
+    """Refuse bounds that are not an interval."""
     try:
         low, high = interval
         numbers = [float(b) for b in (low, high) if b is not None]
@@ -287,6 +266,6 @@ def _check(subject: str, what: str, interval: Interval) -> None:
         good = False
     if not good:
         raise ExperimentError(
-            f"{what} of {subject}: {interval!r} is no interval; give the lowest and the highest "
-            "value, None for no bound"
+            f"{what} of {subject}: {interval!r} is not an interval; give the lowest and the "
+            "highest value, None for no bound"
         )

@@ -1,7 +1,7 @@
-"""The homogeneous ellipsoid that has a body's mass, centre and moments: where its mass must be.
+"""The homogeneous ellipsoid with a body's mass, centre and moments.
 
 With principal moments A, B, C of a body of mass m, the half axes are √(5 (A + B + C - 2 X)/2m),
-X = A, B, C. Where one of the moments exceeds the sum of the others there is none.
+X = A, B, C. If one of the moments exceeds the sum of the others there is none.
 """
 
 from __future__ import annotations
@@ -17,20 +17,12 @@ POINTS = 73
 
 
 def principal_axes(body: LinkBody) -> np.ndarray:
-    """Directions of the principal axes in the link's frame, as columns, shape (3, 3).
-
-    Args:
-        body: the link; the order is that of its principal moments.
-    """
+    """Directions of the principal axes in the link's frame, as columns, shape (3, 3)."""
     return np.linalg.eigh(body.inertia)[1]
 
 
 def half_axes(body: LinkBody) -> np.ndarray:
-    """Half axes of the ellipsoid [m], in the order of the principal moments, shape (3,).
-
-    Args:
-        body: the link; NaN where no ellipsoid has its moments.
-    """
+    """Half axes of the ellipsoid [m], in the order of the principal moments, shape (3,)."""
     moments = body.principal_moments
     second = moments.sum() / 2.0 - moments
     if body.mass <= 0.0 or (second < 0.0).any():
@@ -39,19 +31,10 @@ def half_axes(body: LinkBody) -> np.ndarray:
 
 
 def outline(body: LinkBody, frame: Pose, plane: tuple[int, int]) -> np.ndarray:
-    """Outline of the ellipsoid, seen along a coordinate axis of the base.
+    """Closed outline of the ellipsoid in the base frame, along a coordinate axis, (points, 2) [m].
 
     The shadow of the ellipsoid xᵀ M⁻¹ x ≤ 1 on a plane is the ellipse of the rows and columns of
-    M that belong to the plane.
-
-    Args:
-        body: the link.
-        frame: pose of its frame in the base frame.
-        plane: the two coordinates that are seen, 0 to 2.
-
-    Returns:
-        Points in the base frame [m], shape (points, 2), the first one again at the end; NaN where
-        no ellipsoid has these moments.
+    M that belong to the plane. NaN where no ellipsoid has these moments.
     """
     axes = (frame.rotation @ principal_axes(body) * half_axes(body))[list(plane)]
     if not np.isfinite(axes).all():
@@ -64,16 +47,9 @@ def outline(body: LinkBody, frame: Pose, plane: tuple[int, int]) -> np.ndarray:
 
 
 def moment_about_axis(point: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Coefficients of the moment of inertia about a fixed axis, linear in the ten parameters.
+    """Coefficients (10,) of the moment of inertia about the axis through p along unit vector v.
 
-        vᵀ J v - 2 ((p·h) - (v·p)(v·h)) + m (|p|² - (v·p)²)
-
-    Args:
-        point: p on the axis [m], shape (3,).
-        direction: unit vector v, shape (3,).
-
-    Returns:
-        Shape (10,), in the order of the inertial parameters.
+    vᵀ J v - 2 ((p·h) - (v·p)(v·h)) + m (|p|² - (v·p)²)
     """
     v, p = np.asarray(direction, dtype=float), np.asarray(point, dtype=float)
     x, y, z = v
@@ -83,12 +59,7 @@ def moment_about_axis(point: np.ndarray, direction: np.ndarray) -> np.ndarray:
 
 
 def link_frames(robot: Robot, q: np.ndarray) -> tuple[Pose, ...]:
-    """Pose of every link's frame in the base frame.
-
-    Args:
-        robot: the robot.
-        q: joint positions [rad or m], shape (joints,).
-    """
+    """Pose of every link's frame in the base frame."""
     frames: list[Pose] = []
     for joint, position in zip(robot.joints, np.asarray(q, dtype=float), strict=True):
         own = Pose(joint.rotation, joint.translation)

@@ -1,13 +1,13 @@
-"""Intervals of what an engineer knows of a link: mass, centre of mass, principal moments.
+"""Intervals of a link's mass, centre of mass and principal moments.
 
 Over the consistent sets that the record allows (see `profile_intervals`),
 
-* the mass is linear in the parameters, as are the moments of inertia about the principal axes of
-  the consistent body, *held fixed*: three axes through its centre of mass. There the value is the
-  principal moment, and the interval tells how well the inertia about this axis is known;
+* the mass is linear in the parameters, as are the moments of inertia about the *fixed* principal
+  axes of the consistent body, three axes through its centre of mass. The value is the principal
+  moment, and the interval is that of the inertia about this axis;
 * a coordinate of the centre of mass is the ratio h/m. With s = m*/m, m* the mass of the consistent
-  body, and y = s φ the largest ratio is a cone program again (Charnes, Cooper 1962), since all
-  conditions scale: h(y)/m* where m(y) = m*. Where the mass may be next to nothing its centre may be
+  body, and y = s φ, the largest ratio is a cone program again (Charnes, Cooper 1962), since all
+  conditions scale: h(y)/m* where m(y) = m*. If the mass may be close to zero, its centre may be
   anywhere; ends beyond the reach of the arm count as open.
 """
 
@@ -28,58 +28,36 @@ from pivident.consistency.profile_intervals import allowed, lowest, profile_inte
 if TYPE_CHECKING:
     from pivident.consistency.consistent_model import ConsistentModel
 
-#: Places farther from the arm than it can reach by this much are not looked at [m].
+#: Distance beyond the reach of the arm up to which centres of mass are searched [m].
 REACH = 1.0
 
 
 @dataclass(frozen=True)
 class Quantity:
-    """A value and its interval.
+    """A value and its interval."""
 
-    Attributes:
-        value: at the consistent point.
-        low: lower end; -∞ where nothing bounds it, NaN where the solver found none.
-        high: upper end.
-    """
-
-    value: float
-    low: float
-    high: float
+    value: float  # at the consistent point
+    low: float  # lower end; -∞ if unbounded, NaN if the solver found none
+    high: float  # upper end
 
 
 @dataclass(frozen=True, eq=False)
 class LinkRow:
-    """One link of the consistent robot.
+    """One link of the consistent robot."""
 
-    Attributes:
-        name: of the link.
-        mass: [kg].
-        center_of_mass: coordinates in the link's frame [m].
-        moments: principal moments about the centre of mass, ascending [kg m²], with the intervals
-            of the moments about these axes.
-        axes: principal axes that the moments are about, as columns in the link's frame,
-            shape (3, 3).
-        inertia: ten inertial parameters in the link's frame, shape (10,).
-    """
-
-    name: str
-    mass: Quantity
-    center_of_mass: tuple[Quantity, Quantity, Quantity]
+    name: str  # of the link
+    mass: Quantity  # [kg]
+    center_of_mass: tuple[Quantity, Quantity, Quantity]  # coordinates in the link's frame [m]
+    # principal moments about the centre of mass, ascending [kg m²], with the intervals of the
+    # moments about these axes
     moments: tuple[Quantity, Quantity, Quantity]
+    # principal axes of the moments, as columns in the link's frame, shape (3, 3)
     axes: np.ndarray
-    inertia: np.ndarray
+    inertia: np.ndarray  # ten inertial parameters in the link's frame, shape (10,)
 
 
 def link_rows(model: ConsistentModel, confidence: float = 0.95) -> tuple[LinkRow, ...]:
-    """All links with their intervals.
-
-    Args:
-        model: the consistent model.
-        confidence: of the intervals, 0 to 1.
-
-    Raises:
-        IdentificationError: a confidence outside (0, 1).
-    """
+    """All links with their intervals."""
     space, constraints, values = model._space, model._constraints, model.values
     reach = REACH + sum(float(np.linalg.norm(j.translation)) for j in model.robot.joints)
     bodies = model.links
@@ -120,20 +98,10 @@ def center_of_mass_range(
     confidence: float,
     reach: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest h/m of a link, coordinate by coordinate [m].
+    """Smallest and largest h/m of a link, coordinate by coordinate [m], each (3,).
 
-    Args:
-        space: standard parameters around the estimate.
-        constraints: what they must satisfy.
-        place: indices of the link's ten inertial parameters.
-        mass: of the link at the consistent point [kg].
-        least_distance: d* [σ].
-        confidence: of the intervals, 0 to 1.
-        reach: farthest place that is looked at [m].
-
-    Returns:
-        Lower and upper ends, each shape (3,); infinite beyond the reach, NaN where the solver
-        finds none.
+    ``place``: indices of the link's ten inertial parameters. Infinite beyond ``reach``, NaN where
+    the solver finds none.
     """
     size = space.slope.shape[1]
     conditions = (*imposed(space, constraints), allowed(space, least_distance, confidence))

@@ -1,18 +1,18 @@
-"""How far base parameters are from an estimate, in its own deviations.
+"""Distance of base parameters from an estimate, in its own standard errors.
 
-With E the estimated base parameters, D those that the estimate left out, and the torque sums
+With E the estimated base parameters, D those left out of the estimate, and the torque sums
 G = ΦᵀWΦ of the fitted record,
 
     d² = |β_E + C β_D - θ_E|²_{P⁻¹} + |β_D|²_S / v,     C = G_EE⁻¹ G_ED,   S = G_DD - G_DE C
 
-C β_D is what the estimate absorbs of parameters that it does not have; S the torque they add that
-it cannot explain; v the variance of one row that P stands for, the geometric mean of the
-eigenvalues of P G_EE, so that left out parameters count in the same deviations as estimated ones.
-They are pulled to zero, not to their least squares value: the model that was identified says that
-they are zero, and where it is consistent it must stay as it is.
+C β_D is the part of the omitted parameters that the estimate absorbs; S the torque they add that
+it cannot explain; v the variance of one row implied by P, the geometric mean of the eigenvalues of
+P G_EE, so that omitted parameters are measured in the same units as estimated ones. They are pulled
+to zero, not to their least squares value: the identified model assumes that they are zero, and a
+consistent estimate must not change.
 
-P is the reported covariance. A sandwich of thirty windows cannot tell the correlations of more
-parameters than windows; then it keeps its deviations, and the correlations are the formula's.
+P is the reported covariance. A sandwich of thirty windows cannot determine the correlations of more
+parameters than windows; then its standard errors are kept, with the correlations of the formula.
 """
 
 from __future__ import annotations
@@ -27,34 +27,26 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.torque_sums import TorqueSums, estimated_in_base, estimated_indices
 
 #: Smallest variance of a direction over that of white errors, relative to the median, below which
-#: a covariance is taken for one of too low a rank.
+#: the rank of a covariance counts as too low.
 LOWEST_RATIO = 1e-3
 
-#: Smallest eigenvalue of the correlations that a factorisation in double precision can bear.
+#: Smallest eigenvalue of the correlations for a factorisation in double precision.
 FULL_RANK = 1e-13
 
-#: Left out parameters that the record does not show at all may be as large as so many times the
-#: typical size of their kind.
+#: Largest size of omitted parameters without effect on the record, over the typical size of their
+#: kind.
 MAX_UNSEEN = 10.0
 
 
 @dataclass(frozen=True, eq=False)
 class Metric:
-    """Base parameters as β = center + root · x, with d = |x|.
+    """Base parameters as β = center + root · x, with d = |x|."""
 
-    Attributes:
-        base: base parameters of the robot.
-        estimated: indices of the estimated ones, shape (parameters,).
-        center: the estimate, zero for those left out, shape (base,).
-        root: shape (base, base).
-        notes: sentences.
-    """
-
-    base: BaseParameters
-    estimated: np.ndarray
-    center: np.ndarray
-    root: np.ndarray
-    notes: tuple[str, ...]
+    base: BaseParameters  # base parameters of the robot
+    estimated: np.ndarray  # indices of the estimated ones, shape (parameters,)
+    center: np.ndarray  # the estimate, zero for those left out, shape (base,)
+    root: np.ndarray  # shape (base, base)
+    notes: tuple[str, ...]  # sentences
 
 
 def make_metric(
@@ -65,15 +57,8 @@ def make_metric(
 ) -> Metric:
     """The metric of an estimate.
 
-    Args:
-        identification: the estimate.
-        base: base parameters of its robot.
-        sums: of the fitted record; None: without them left out parameters count on the scale of
-            the robot's own parameters only.
-        scales: typical size of each base parameter, shape (base,).
-
-    Raises:
-        IdentificationError: a covariance that is not that of all parameters.
+    Without ``sums`` of the fitted record, parameters left out of the estimate count on the scale of
+    the robot's own parameters only.
     """
     notes = []
     estimated = estimated_indices(identification, base)
@@ -81,24 +66,24 @@ def make_metric(
     covariance, mixed = full_covariance(identification)
     if mixed:
         notes.append(
-            f"The covariance of {identification.method} comes from few windows of time and does "
-            "not tell all correlations: distances take its deviations, and the correlations of "
-            "the formula for white errors"
+            f"The covariance of {identification.method} comes from too few windows of time to "
+            "determine all correlations: distances use its standard errors, and the correlations "
+            "of the formula for white errors"
         )
     absorbed = np.zeros((estimated.size, left_out.size))
     root = np.zeros((len(base), len(base)))
-    deviations = np.sqrt(np.diag(covariance))
-    correlations = covariance / np.outer(deviations, deviations)
-    half = deviations[:, None] * np.linalg.cholesky(correlations)
+    std = np.sqrt(np.diag(covariance))
+    correlations = covariance / np.outer(std, std)
+    half = std[:, None] * np.linalg.cholesky(correlations)
     root[np.ix_(estimated, estimated)] = half
     if left_out.size:
         limit = 1.0 / (MAX_UNSEEN * scales[left_out]) ** 2
         if sums is None:
             seen = np.diag(limit * MAX_UNSEEN**2 * 1e4)
             notes.append(
-                f"The torque sums of the record are not there: {left_out.size} base parameters "
-                "that were left out are held to a hundredth of their typical size, and nothing is "
-                "known of the torque that they cost; identify again to have the sums"
+                f"The torque sums of the record are missing: {left_out.size} omitted base "
+                "parameters are limited to a hundredth of their typical size, and their effect on "
+                "the torque is unknown; identify again to store the sums"
             )
         else:
             absorbed, seen = _conditional(sums.gram, covariance, estimated, left_out)
@@ -114,34 +99,26 @@ def make_metric(
 
 
 def full_covariance(identification: Identification) -> tuple[np.ndarray, bool]:
-    """A covariance of full rank with the reported deviations, and whether it had to be mixed.
-
-    Args:
-        identification: the estimate.
-
-    Raises:
-        IdentificationError: deviations that are not positive and finite, or a formula covariance
-            that does not tell the parameters apart; names the weakest one.
-    """
+    """Covariance of full rank with the reported standard errors, and whether it had to be mixed."""
     reported = identification.covariance
-    deviations = np.sqrt(np.maximum(np.diag(reported), 0.0))
-    if not (np.isfinite(reported).all() and (deviations > 0.0).all()):
+    std = np.sqrt(np.maximum(np.diag(reported), 0.0))
+    if not (np.isfinite(reported).all() and (std > 0.0).all()):
         names = [
             n
-            for n, d in zip(identification.names, deviations, strict=True)
+            for n, d in zip(identification.names, std, strict=True)
             if not (np.isfinite(d) and d > 0)
         ]
         raise IdentificationError(
-            f"{identification.method} reports no finite deviation of {', '.join(names[:5])}; "
-            "distances cannot be measured, identify with another method"
+            f"{identification.method} reports no finite standard error of "
+            f"{', '.join(names[:5])}; distances cannot be computed, identify with another method"
         )
-    own = reported / np.outer(deviations, deviations)
+    own = reported / np.outer(std, std)
     other = _formula_correlations(identification)
     inverse = np.linalg.inv(np.linalg.cholesky(other))
     ratios = np.linalg.eigvalsh(inverse @ own @ inverse.T)
     if ratios[0] > max(LOWEST_RATIO * np.median(ratios), FULL_RANK * ratios[-1]):
         return reported, False
-    return other * np.outer(deviations, deviations), True
+    return other * np.outer(std, std), True
 
 
 def _formula_correlations(identification: Identification) -> np.ndarray:
@@ -159,11 +136,11 @@ def _formula_correlations(identification: Identification) -> np.ndarray:
         if values[0] > FULL_RANK:
             return correlations
         weakest = names[int(np.argmax(np.abs(vectors[:, 0])))]
-        reason = "does not tell all parameters apart"
+        reason = "is singular"
     raise IdentificationError(
-        f"the covariance of {identification.method} for white errors {reason}, weakest is "
-        f"{weakest}; distances cannot be measured, identify without {weakest} or with a motion "
-        "that moves it"
+        f"the covariance of {identification.method} for white errors {reason}, the weakest "
+        f"parameter is {weakest}; distances cannot be computed, identify without {weakest} or with "
+        "a motion that excites it"
     )
 
 

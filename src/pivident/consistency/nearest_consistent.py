@@ -1,12 +1,12 @@
 """The consistent parameters nearest to an estimate, by two or three small semidefinite programs.
 
 Standard parameters are φ = φ(x, z): x are the base parameters' distances from the estimate in
-deviations (see `metric`), z the standard parameters that the torques do not determine. First
+standard errors (see `metric`), z the standard parameters that the torques do not determine. First
 
     d*² = min |x|²    over the consistent φ(x, z),
 
 then, among the points with |x|² ≤ d*² + room, the one nearest to the reference (see `priors`).
-Where the estimate is consistent itself, x = 0, and only z is looked for: a pure lift.
+If the estimate itself is consistent, x = 0, and only z is searched.
 """
 
 from __future__ import annotations
@@ -30,34 +30,33 @@ from pivident.consistency.reference import Reference
 from pivident.errors import ContradictoryBounds, IdentificationError
 from pivident.robot.description import Robot
 
-#: Distance below which an estimate is consistent: a thousandth of a deviation.
+#: Distance below which an estimate is consistent: a thousandth of a standard error.
 CONSISTENT = 1e-3
 
-#: Growth of d² that is left to the prior: one unit of χ², the deviation of a single parameter.
-#: With a hundredth the nearest point would be taken to the letter, and it lies where bodies
-#: degenerate: links whose mass is a point, at no smaller torque error (TX40 record).
+#: Growth of d² that is left to the prior: one unit of χ², the standard error of a single parameter.
+#: With a hundredth the result would be close to the nearest point itself, where bodies degenerate:
+#: links whose mass is a point, at no smaller torque error (TX40 record).
 ROOM = 1.0
 
-#: The same relative to d², which the solver cannot tell apart.
+#: The same relative to d², within the accuracy of the solver.
 RELATIVE_ROOM = 1e-4
 
-#: Weak pull of the undetermined parameters to the reference, so that the first program has one
-#: solution; with parameters z times the reference it moves d² by that times z². Stronger ones are
-#: tried where the solver needs them.
+#: Weak pull of the undetermined parameters to the reference, so that the first program has a unique
+#: solution; parameters z times the reference change d² by that times z². Stronger ones are tried if
+#: the solver fails.
 PULLS = (1e-8, 1e-6, 1e-4)
 
 #: Largest violation of a constraint, on the scale of the reference.
 OUTSIDE = 1e-5
 
-#: Accuracy of the prior's choice, which is a matter of taste; the second one is taken where the
-#: solver does not get to the first.
+#: Accuracy of the prior's choice, which is arbitrary anyway; the second one is the fallback.
 CHOICE_GAPS = (1e-5, 1e-2)
 
 #: Multiplier below which a constraint is not active, relative to the largest.
 INACTIVE = 1e-4
 
 
-#: What is at its limit where the multiplier of a link has so many directions.
+#: Limits of a link by the number of directions of its multiplier.
 WORDS = {
     1: "smallest principal second moment at its limit: its mass in a plane",
     2: "two principal second moments at their limits: its mass on a line",
@@ -67,19 +66,12 @@ WORDS = {
 
 @dataclass(frozen=True, eq=False)
 class Active:
-    """A constraint that holds the estimate back.
+    """An active constraint."""
 
-    Attributes:
-        subject: link or joint.
-        constraint: what is at its limit, in words.
-        multiplier: growth of d²/2 per unit of the constraint on the scale of the reference.
-        share: part of d² that is due to it; all shares together are 1.
-    """
-
-    subject: str
-    constraint: str
-    multiplier: float
-    share: float
+    subject: str  # link or joint
+    constraint: str  # the limit in words
+    multiplier: float  # growth of d²/2 per unit of the constraint on the scale of the reference
+    share: float  # part of d² that is due to it; all shares together are 1
 
     def __str__(self) -> str:
         return f"{self.subject}: {self.constraint} ({100 * self.share:.0f} % of the distance)"
@@ -87,19 +79,14 @@ class Active:
 
 @dataclass(frozen=True, eq=False)
 class StandardSpace:
-    """Standard parameters as φ = start + slope · (x, z).
+    """Standard parameters as φ = start + slope · (x, z)."""
 
-    Attributes:
-        start: the estimate lifted onto the reference, shape (standard,).
-        slope: shape (standard, base + undetermined).
-        distances: number of unknowns x.
-        links: indices of each link's inertial parameters, shape (joints, 10).
-    """
-
-    start: np.ndarray
-    slope: np.ndarray
-    distances: int
-    links: np.ndarray
+    start: (
+        np.ndarray
+    )  # at the estimate, undetermined parameters at the reference, shape (standard,)
+    slope: np.ndarray  # shape (standard, base + undetermined)
+    distances: int  # number of unknowns x
+    links: np.ndarray  # indices of each link's inertial parameters, shape (joints, 10)
 
     def values(self, u: np.ndarray) -> np.ndarray:
         """Standard parameters at u = (x, z), shape (standard,)."""
@@ -108,36 +95,21 @@ class StandardSpace:
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """The nearest consistent parameters.
+    """The nearest consistent parameters."""
 
-    Attributes:
-        values: standard parameters, shape (standard,).
-        least_distance: d* [σ]; zero where the estimate was consistent.
-        distance: that of the values, √(d*² + room) at most [σ].
-        was_consistent: whether the estimate itself was.
-        active: constraints that hold it back, the most expensive first.
-        directions: how many directions of the base parameters they take.
-        notes: sentences.
-    """
-
-    values: np.ndarray
-    least_distance: float
-    distance: float
-    was_consistent: bool
-    active: tuple[Active, ...]
-    directions: int
-    notes: tuple[str, ...] = ()
+    values: np.ndarray  # standard parameters, shape (standard,)
+    least_distance: float  # d* [σ]; zero where the estimate was consistent
+    distance: float  # that of the values, √(d*² + room) at most [σ]
+    was_consistent: bool  # whether the estimate itself was
+    active: tuple[Active, ...]  # active constraints, the most expensive first
+    directions: int  # number of directions of the base parameters that they fix
+    notes: tuple[str, ...] = ()  # sentences
 
 
 def standard_space(robot: Robot, metric: Metric, reference: Reference) -> StandardSpace:
     """Standard parameters over distances and undetermined ones.
 
     With K the regrouping of the base parameters, β = φ_kept + K φ_dropped.
-
-    Args:
-        robot: the robot.
-        metric: estimate and deviations.
-        reference: where the undetermined ones start, and their scales.
     """
     base = metric.base
     free = np.r_[base.dropped, base.without_effect]
@@ -159,27 +131,15 @@ def nearest_consistent(
     prior: str,
     room: float = ROOM,
 ) -> Nearest:
-    """Find them.
-
-    Args:
-        space: standard parameters around the estimate.
-        constraints: what they must satisfy.
-        reference: where the prior pulls.
-        prior: ``entropic``, ``euclidean`` or ``none``.
-        room: growth of d² that is left to the prior.
-
-    Raises:
-        ContradictoryBounds: no parameters satisfy the constraints at all.
-        IdentificationError: the solver fails.
-    """
+    """The nearest consistent parameters; ``room`` is the growth of d² that is left to the prior."""
     requirements = imposed(space, constraints)
     closest = _closest(space, requirements, constraints)
     x = closest.u[: space.distances]
     least = float(np.linalg.norm(x))
     if least < CONSISTENT:
-        lifted = _nearest_to_reference(space, constraints, reference, prior, None)
-        if lifted.found:
-            undetermined = lifted.u[: space.slope.shape[1] - space.distances]
+        kept = _nearest_to_reference(space, constraints, reference, prior, None)
+        if kept.found:
+            undetermined = kept.u[: space.slope.shape[1] - space.distances]
             u = np.r_[np.zeros(space.distances), undetermined]
             return Nearest(space.values(u), 0.0, 0.0, True, (), 0)
     radius = np.sqrt(least**2 * (1.0 + RELATIVE_ROOM) + room)
@@ -189,8 +149,8 @@ def nearest_consistent(
     if not found.found:
         u = closest.u
         notes = (
-            f"The search with the prior {prior!r} ended with {found.status}: among the nearest "
-            "parameters the solver's own choice was taken",
+            f"The search with the prior {prior!r} ended with {found.status}: the solver's own "
+            "choice among the nearest parameters was used",
         )
     active, directions = active_constraints(space, constraints, closest)
     distance = float(np.linalg.norm(u[: space.distances]))
@@ -200,13 +160,7 @@ def nearest_consistent(
 def imposed(
     space: StandardSpace, constraints: Sequence[Constraint], without_distance: bool = False
 ) -> list[Requirement]:
-    """The constraints on u = (x, z), or on z alone where x = 0.
-
-    Args:
-        space: standard parameters around the estimate.
-        constraints: the constraints.
-        without_distance: whether x is zero.
-    """
+    """The constraints on u = (x, z), or on z alone where x = 0."""
     slope = space.slope[:, space.distances :] if without_distance else space.slope
     return [
         Requirement(c.cone, c.order, c.matrix @ slope, c.matrix @ space.start + c.offset)
@@ -266,15 +220,10 @@ def _nearest_to_reference(
 def active_constraints(
     space: StandardSpace, constraints: Sequence[Constraint], closest: Solved
 ) -> tuple[tuple[Active, ...], int]:
-    """Constraints with a multiplier, and how many directions of x they take.
+    """Constraints with a multiplier, and the number of directions of x that they fix.
 
     At the solution x = Σ F_xᵀ y over the constraints' multipliers y and Σ F_zᵀ y = 0, so d² is the
     sum of ⟨y, F_x x⟩: each constraint's share.
-
-    Args:
-        space: standard parameters around the estimate.
-        constraints: in the order of the multipliers.
-        closest: solution of the first program.
     """
     x = closest.u[: space.distances]
     squared = max(float(x @ x), 1e-300)
@@ -294,9 +243,9 @@ def active_constraints(
 
 
 def _at_the_limit(constraint: Constraint, multiplier: np.ndarray) -> tuple[np.ndarray, str]:
-    """What an active constraint holds fixed, rows on the standard parameters; and in words.
+    """Rows on the standard parameters that an active constraint fixes, and its text.
 
-    A matrix that is singular along the columns of V holds the entries of Vᵀ P V.
+    A matrix that is singular along the columns of V fixes the entries of Vᵀ P V.
     """
     if constraint.cone != "semidefinite":
         return (multiplier @ constraint.matrix)[None], constraint.kind
@@ -310,7 +259,7 @@ def _at_the_limit(constraint: Constraint, multiplier: np.ndarray) -> tuple[np.nd
 
 
 def _directions(normals: np.ndarray, distances: int) -> int:
-    """Directions of x that active constraints take: those that z cannot give way in."""
+    """Number of directions of x fixed by active constraints that z cannot compensate."""
     lengths = np.linalg.norm(normals, axis=1)
     normals = normals[lengths > 0.0] / lengths[lengths > 0.0, None]
     both = np.linalg.matrix_rank(normals, tol=1e-6)

@@ -1,4 +1,4 @@
-"""Options of the consistent stage: prior, reference, margin, and what is known of the links."""
+"""Options for consistent estimates: prior, reference, margin, and bounds of the links."""
 
 from __future__ import annotations
 
@@ -14,22 +14,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class ConsistencyOptions:
-    """How estimates are made consistent, see :func:`pivident.consistency.make_consistent`.
+    """How estimates are made consistent, see :func:`pivident.consistency.make_consistent`."""
 
-    Attributes:
-        prior: which of the equally near sets of bodies is taken.
-        bounds: what is known of the links, or None.
-        margin: diameter of the steel ball that every link is at least as large as [m]; None: the
-            default.
-        reference: robot with the nominal bodies; None: the identified one's own.
-        accept_far: whether parameters far from the estimate are better than none.
-    """
-
+    # rule that selects among equally near sets of bodies
     prior: Literal["entropic", "euclidean", "none"] = "entropic"
-    bounds: Bounds | None = None
+    bounds: Bounds | None = None  # bounds of the links, or None
+    # diameter of the steel ball that bounds every link from below [m]; None: the default
     margin: float | None = None
-    reference: Robot | None = None
-    accept_far: bool = False
+    reference: Robot | None = None  # robot with the nominal bodies; None: the identified one's own
+    accept_far: bool = False  # whether parameters far from the estimate are accepted
 
     def to_values(self) -> dict[str, Any]:
         """The options as plain values, ready for JSON."""
@@ -43,14 +36,7 @@ class ConsistencyOptions:
         }
 
     def make_consistent(self, identification: Identification) -> ConsistentModel:
-        """The stage with these options.
-
-        Args:
-            identification: the free estimate.
-
-        Raises:
-            IdentificationError: no consistent parameters lie near it, or the bounds leave none.
-        """
+        """Make an estimate consistent with these options."""
         from pivident.consistency.consistent_model import MIN_BALL, make_consistent
 
         return make_consistent(

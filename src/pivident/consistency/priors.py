@@ -1,14 +1,14 @@
-"""What counts as near to the reference, among parameters that explain the torque equally well.
+"""Distance to the reference, among parameters that explain the torque equally well.
 
-Base parameters leave standard ones open. With P the pseudo-inertia of a link and P₀ that of the
-reference,
+Base parameters do not determine all standard ones. With P the pseudo-inertia of a link and P₀ that
+of the reference,
 
     entropic:   tr(P₀⁻¹P) - log det(P₀⁻¹P) - 4   ≥ 0     (Lee, Wensing, Park 2020)
     euclidean:  ½ ‖P₀^-½ P P₀^-½ - 1‖²
 
-summed over the links. Both do not depend on units and frames; the first grows without bound where
-a link degenerates, and is the Kullback-Leibler divergence of two densities. ``none`` takes
-the point whose smallest eigenvalue of P₀^-½ P P₀^-½ is largest (one at most).
+summed over the links. Both are independent of units and frames; the first grows without bound as
+a link degenerates, and is the Kullback-Leibler divergence of two densities. ``none`` selects the
+point whose smallest eigenvalue of P₀^-½ P P₀^-½ is largest (at most one).
 """
 
 from __future__ import annotations
@@ -31,17 +31,11 @@ TIES = 1e-4
 
 @dataclass(frozen=True, eq=False)
 class PriorTerms:
-    """Objective of a prior, in unknowns u = (standard parameters, further ones).
+    """Objective of a prior, in unknowns u = (standard parameters, further ones)."""
 
-    Attributes:
-        quadratic: H, shape (n, n).
-        linear: c, shape (n,).
-        requirements: conditions that the further unknowns need.
-    """
-
-    quadratic: np.ndarray
-    linear: np.ndarray
-    requirements: list[Requirement]
+    quadratic: np.ndarray  # H, shape (n, n)
+    linear: np.ndarray  # c, shape (n,)
+    requirements: list[Requirement]  # conditions on the further unknowns
 
 
 def prior_terms(
@@ -53,14 +47,7 @@ def prior_terms(
 ) -> PriorTerms:
     """Objective of a prior for links that are φ = slope · v + start.
 
-    Rotor inertias and friction that the torques leave open count by ½ ((φ - φ₀)/scale)².
-
-    Args:
-        prior: ``entropic``, ``euclidean`` or ``none``.
-        reference: the reference.
-        links: indices of the inertial parameters of each link, shape (links, 10).
-        slope: shape (standard, unknowns).
-        start: shape (standard,).
+    Undetermined rotor inertias and friction contribute ½ ((φ - φ₀)/scale)².
     """
     others = np.setdiff1d(np.arange(start.size), links.ravel())
     rest = slope[others] / reference.scales[others, None]

@@ -4,10 +4,10 @@ The interval of a parameter a runs from the smallest to the largest aᵀφ over
 
     {φ consistent,  d²(φ) ≤ d*² + χ²₁(confidence)} :
 
-a profile likelihood, two semidefinite programs with one second-order cone each. A base parameter
-gets the interval that the estimate gives it, cut where no real machine is. A standard parameter
-that no torque tells from others gets the range in which the torques and consistency leave
-it; where nothing bounds it, that is said.
+a profile likelihood, two semidefinite programs with one second-order cone each. The interval of a
+base parameter is that of the estimate, restricted to physically possible values. That of a standard
+parameter which the torques do not identify by itself is the range allowed by torques and
+consistency, or unbounded.
 """
 
 from __future__ import annotations
@@ -22,43 +22,28 @@ from pivident.consistency.constraints import Constraint
 from pivident.consistency.nearest_consistent import StandardSpace, imposed, within_distance
 from pivident.errors import IdentificationError
 
-#: Undetermined parameters are searched for up to so many times the size of the reference. Where
-#: an end grows with that limit (with the limit itself or its root, 1 or ½ of the end), nothing else
-#: bounds it.
+#: Undetermined parameters are searched up to this many times the size of the reference. An end that
+#: grows with that limit (with the limit itself or its root, 1 or ½ of the end) is unbounded.
 SEARCHED, GROWS = 1e3, 0.1
 
-#: Accuracy of the ends of the intervals, relative to their scale, and a poorer one that is taken
-#: where the solver does not get so far.
+#: Accuracy of the ends of the intervals, relative to their scale, and a fallback.
 GAP, POOR_GAP = 1e-6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
 class ProfileIntervals:
-    """Intervals of several quantities.
+    """Intervals of several quantities."""
 
-    Attributes:
-        names: of the quantities.
-        units: their units.
-        values: at the consistent point, shape (quantities,).
-        low: lower ends, shape (quantities,); -∞ where nothing bounds them, NaN where the solver
-            found no end.
-        high: upper ends, likewise.
-        confidence: of the intervals, 0 to 1.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    values: np.ndarray
+    names: tuple[str, ...]  # of the quantities
+    units: tuple[str, ...]  # their units
+    values: np.ndarray  # at the consistent point, shape (quantities,)
+    # lower ends, shape (quantities,); -∞ if unbounded, NaN if the solver found no end
     low: np.ndarray
-    high: np.ndarray
-    confidence: float
+    high: np.ndarray  # upper ends, likewise
+    confidence: float  # of the intervals, 0 to 1
 
     def of(self, name: str) -> tuple[float, float]:
-        """Interval of one quantity.
-
-        Raises:
-            KeyError: names the quantities there are.
-        """
+        """Interval of one quantity."""
         if name not in self.names:
             raise KeyError(f"no quantity {name!r}; there are {', '.join(self.names)}")
         k = self.names.index(name)
@@ -72,7 +57,7 @@ class ProfileIntervals:
 
     @property
     def not_found(self) -> tuple[str, ...]:
-        """Quantities of which the solver has not found both ends."""
+        """Quantities with an end that the solver did not find."""
         missing = np.isnan(self.low) | np.isnan(self.high)
         return tuple(n for n, o in zip(self.names, missing, strict=True) if o)
 
@@ -96,14 +81,10 @@ class ProfileIntervals:
 
 
 def not_found_sentence(names: Sequence[str]) -> str:
-    """A warning of ends that the solver has not found.
-
-    Args:
-        names: of the quantities.
-    """
+    """A warning about ends that the solver did not find."""
     return (
-        f"The solver found no end of the interval of {', '.join(names)}, which says nothing of how "
-        "well these are known; bounds on masses or fewer parameters make the search easier."
+        f"The solver found no end of the interval of {', '.join(names)}, so their uncertainty is "
+        "unknown; bounds on masses or fewer parameters make the search easier."
     )
 
 
@@ -114,21 +95,9 @@ def profile_intervals(
     directions: np.ndarray,
     confidence: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest aᵀφ for each row a.
+    """Smallest and largest aᵀφ for each row a of ``directions``.
 
-    Args:
-        space: standard parameters around the estimate.
-        constraints: what they must satisfy.
-        least_distance: d* [σ].
-        directions: a, shape (quantities, standard).
-        confidence: of the intervals, 0 to 1.
-
-    Returns:
-        Lower and upper ends, each shape (quantities,); infinite where nothing bounds them, NaN
-        where the solver finds none.
-
-    Raises:
-        IdentificationError: a confidence outside (0, 1).
+    Infinite where nothing bounds them, NaN where the solver finds none.
     """
     undetermined = np.arange(space.distances, space.slope.shape[1])
     requirements = [*imposed(space, constraints), allowed(space, least_distance, confidence)]
@@ -156,16 +125,7 @@ def profile_intervals(
 
 
 def allowed(space: StandardSpace, least_distance: float, confidence: float) -> Requirement:
-    """The condition d² ≤ d*² + χ²₁(confidence).
-
-    Args:
-        space: standard parameters around the estimate.
-        least_distance: d* [σ].
-        confidence: of the intervals, 0 to 1.
-
-    Raises:
-        IdentificationError: a confidence outside (0, 1).
-    """
+    """The condition d² ≤ d*² + χ²₁(confidence)."""
     from scipy.stats import chi2
 
     if not 0.0 < confidence < 1.0:
@@ -174,12 +134,7 @@ def allowed(space: StandardSpace, least_distance: float, confidence: float) -> R
 
 
 def lowest(slope: np.ndarray, requirements: Sequence[Requirement]) -> Solved:
-    """Least slope · u, to ``GAP``; to ``POOR_GAP`` where the solver does not get so far.
-
-    Args:
-        slope: shape (unknowns,), of the order of 1.
-        requirements: the conditions on u.
-    """
+    """Minimum of slope · u, slope of the order of 1, to ``GAP`` or failing that ``POOR_GAP``."""
     for gap in (GAP, POOR_GAP):
         solved = solve_cone_program(np.zeros(slope.size), slope, requirements, gap)
         if solved.found or solved.unbounded:

@@ -1,7 +1,7 @@
-"""The reference: what is known about the links before any torque, and the scale of each parameter.
+"""The reference: prior values of the links, and the scale of each parameter.
 
-A robot's nominal inertias, made consistent where they are not. A link that nothing is known about
-is a solid cylinder from its frame to the next joint, a quarter as thick as it is long.
+The nominal inertias of a robot, made consistent if necessary. A link without nominal inertia is
+assumed to be a solid cylinder from its frame to the next joint, a quarter as thick as it is long.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
 
-#: Density of a link that nothing is known about: aluminium that is a quarter hollow [kg/m³].
+#: Density of a link without nominal inertia: aluminium, a quarter hollow [kg/m³].
 DENSITY = 2000.0
 
 #: Thickness of such a link over its length, and the shortest length [m].
@@ -26,39 +26,27 @@ SLENDERNESS, SHORTEST = 0.25, 0.05
 #: Smallest second moment of a reference link about its centre of mass over its largest one.
 FLATTEST = 1e-4
 
-#: Mass [kg] and second moment [kg m²] below which a reference link is none.
+#: Mass [kg] and second moment [kg m²] below which a reference link counts as massless.
 MIN_MASS, MIN_MOMENT = 1e-6, 1e-12
 
-#: Random postures in which the inertia that a joint carries is looked at.
+#: Number of random postures for the inertia that a joint carries.
 POSTURES = 32
 
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """A consistent set of standard parameters, and the scale of each.
+    """A consistent set of standard parameters, and the scale of each."""
 
-    Attributes:
-        values: standard parameters, shape (standard,).
-        scales: what is a large change of each, shape (standard,).
-        roots: P₀^-½ of each link, shape (joints, 4, 4): from a link to its scale.
-        diameters: of the steel ball that each link must be at least as large as [m], shape
-            (joints,): smaller in a link that is light or thin.
-        notes: where it comes from, sentences.
-    """
-
-    values: np.ndarray
-    scales: np.ndarray
-    roots: np.ndarray
+    values: np.ndarray  # standard parameters, shape (standard,)
+    scales: np.ndarray  # size of a large change of each, shape (standard,)
+    roots: np.ndarray  # P₀^-½ of each link, shape (joints, 4, 4): from a link to its scale
+    # of the steel ball that bounds each link from below [m], shape (joints,): smaller for a light
+    # or thin link
     diameters: np.ndarray
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # where it comes from, sentences
 
     def scaled(self, link: int, matrix: np.ndarray) -> np.ndarray:
-        """P₀^-½ P P₀^-½ of a link, for one matrix or many, shape (..., 4, 4).
-
-        Args:
-            link: index.
-            matrix: P, shape (..., 4, 4).
-        """
+        """P₀^-½ P P₀^-½ of a link, for one matrix or many, shape (..., 4, 4)."""
         return self.roots[link] @ matrix @ self.roots[link]
 
 
@@ -68,23 +56,15 @@ def make_reference(
     diameter: float,
     given: Robot | np.ndarray | None = None,
 ) -> Reference:
-    """Nominal values made consistent; links without any get a plain guess from geometry.
+    """Nominal values made consistent; links without any are assumed to be solid cylinders.
 
-    A guessed link is a solid cylinder from its frame to the next joint, a quarter as thick as long.
-
-    Args:
-        robot: the robot.
-        standard: its standard parameters.
-        diameter: of the steel ball that every link must be at least as large as [m].
-        given: another description with the same joints, or standard parameters, shape (standard,),
-            that take the place of the nominal ones.
-
-    Raises:
-        ExperimentError: a reference that does not fit the robot.
+    A cylinder reaches from the link's frame to the next joint and is a quarter as thick as long.
+    Every link is at least as large as a steel ball of ``diameter`` [m]. Another description with
+    the same joints, or standard parameters, may be ``given`` in place of the nominal ones.
     """
     values = _given_values(robot, standard, given)
     notes: list[str] = []
-    guessed, repaired = [], []
+    assumed, repaired = [], []
     roots, diameters = np.empty((robot.size, 4, 4)), np.empty(robot.size)
     scales = np.ones(len(standard))
     for i, link in enumerate(robot.links):
@@ -92,8 +72,8 @@ def make_reference(
         place = [k for k, p in enumerate(standard) if p.is_inertial and p.joint == i]
         matrix = pseudo_inertia(values[place])
         if not values[place].any():
-            guessed.append(link.name)
-            matrix = _guess(robot, i)
+            assumed.append(link.name)
+            matrix = _solid_cylinder(robot, i)
         real = _real_body(matrix)
         if not np.allclose(real, matrix, rtol=1e-9, atol=0.0):
             repaired.append(link.name)
@@ -101,16 +81,16 @@ def make_reference(
         scales[place] = _inertial_scales(real)
         roots[i] = _inverse_root(real)
         diameters[i] = _ball_within(real, diameter)
-    if guessed:
+    if assumed:
         notes.append(
-            f"No inertia is known of {', '.join(guessed)}: where the torques leave them open, "
-            "they are near to solid cylinders along the link; give CAD values (reference)"
+            f"No nominal inertia of {', '.join(assumed)}: undetermined parameters are close to "
+            "those of solid cylinders along the link; give CAD values (reference)"
         )
-    if set(repaired) - set(guessed):
-        named = ", ".join(name for name in repaired if name not in guessed)
+    if set(repaired) - set(assumed):
+        named = ", ".join(name for name in repaired if name not in assumed)
         notes.append(
-            f"The reference inertias of {named} belong to no real body (or to a flat one); the "
-            "nearest of some thickness took their place"
+            f"The reference inertias of {named} are physically impossible (or flat); the nearest "
+            "possible ones are used instead"
         )
     carried = _carried_inertia(robot, standard, values)
     unknown = []
@@ -118,15 +98,16 @@ def make_reference(
         if p.is_inertial:
             continue
         values[k] = max(values[k], 0.0) if p.is_dissipative else values[k]
-        # a rotor that nobody described may weigh as much as all that its joint moves: it, and not
-        # a link that is known, takes what the torques find beyond the links
+        # a rotor without a description may be as heavy as everything its joint moves: it, and not a
+        # link with known inertia, absorbs the inertia in excess of the links
         scales[k] = abs(values[k]) or (carried[p.joint] if p.stem in ("ia", "iam") else 1.0)
         if p.stem == "ia" and values[k] == 0.0:
             unknown.append(robot.joints[p.joint].name)
     if unknown:
         notes.append(
-            f"No rotor inertia is known of {', '.join(unknown)} (a URDF has none): torques hardly "
-            "tell the rotors of the first joints from the links; give rotor_inertia under [robot]"
+            f"No rotor inertia of {', '.join(unknown)} is known (a URDF has none): torques hardly "
+            "distinguish the rotors of the first joints from the links; give rotor_inertia under "
+            "[robot]"
         )
     return Reference(values, scales, roots, diameters, tuple(notes))
 
@@ -144,7 +125,7 @@ def _given_values(
                 f"{', '.join(robot.joint_names)}; give a description of the same arm"
             )
         values = nominal_values(given, tuple(standard))
-        # a URDF knows no rotors: where the reference has none the robot's own stay
+        # a URDF has no rotors: if the reference has none, the robot's own are kept
         own = nominal_values(robot, tuple(standard))
         missing = np.array([not p.is_inertial for p in standard]) & (values == 0.0)
         return np.where(missing, own, values)
@@ -157,7 +138,7 @@ def _given_values(
     return values
 
 
-def _guess(robot: Robot, link: int) -> np.ndarray:
+def _solid_cylinder(robot: Robot, link: int) -> np.ndarray:
     """Pseudo-inertia of a solid cylinder from the link's frame to the farthest child's."""
     ends = [j.translation for j in robot.joints if j.parent == link]
     end = max(ends, key=lambda e: float(np.linalg.norm(e)), default=np.zeros(3))
@@ -176,7 +157,7 @@ def _guess(robot: Robot, link: int) -> np.ndarray:
 
 
 def _real_body(matrix: np.ndarray) -> np.ndarray:
-    """The matrix itself if it belongs to a body of some thickness; else with moments raised.
+    """The matrix itself if it belongs to a body that is not flat; else with moments raised.
 
     A mass without inertia becomes a ball of that mass.
     """
@@ -195,7 +176,7 @@ def _real_body(matrix: np.ndarray) -> np.ndarray:
 
 
 def _ball_within(real: np.ndarray, diameter: float) -> float:
-    """Diameter of a steel ball with a tenth of a body's mass and second moments at most [m]."""
+    """Diameter of a steel ball with at most a tenth of a body's mass and second moments [m]."""
     mass, _, values, _ = _central(real)
     density = STEEL * np.pi / 6.0
     return min(

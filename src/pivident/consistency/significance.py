@@ -1,18 +1,17 @@
-"""Whether the step from an estimate to a consistent model is too long, or costs too much."""
+"""Whether the step from an estimate to a consistent model is too long or costs too much torque."""
 
 from __future__ import annotations
 
 import numpy as np
 
 #: An estimate is too poor if the distance is this improbable, the torque error grows by this share,
-#: and the torque that is missed in addition is this share of all torque.
+#: and the additional torque error is this share of all torque.
 FAR_PROBABILITY, FAR_GROWTH, FAR_TORQUE = 1e-3, 0.10, 0.01
 
-#: Torque error from which on an improbable estimate is too poor whatever the step costs: it is no
-#: good to be better than nonsense.
+#: Torque error above which an improbable estimate is too poor regardless of the cost of the step.
 POOR_ESTIMATE = 0.5
 
-#: A growth of the torque error that is worth a sentence.
+#: Growth of the torque error above which a note is given.
 NOTABLE_COST = 0.01
 
 #: Half of the 95 % interval of a normal estimate [σ].
@@ -20,13 +19,7 @@ HALF_INTERVAL = 1.96
 
 
 def probability(distance: float, directions: int, most: int) -> float:
-    """χ² probability of a distance; one where the estimate was consistent.
-
-    Args:
-        distance: d* [σ].
-        directions: degrees of freedom, those that active constraints take.
-        most: number of base parameters.
-    """
+    """χ² probability of a distance; one where the estimate was consistent."""
     from scipy.stats import chi2
 
     if distance == 0.0:
@@ -35,16 +28,11 @@ def probability(distance: float, directions: int, most: int) -> float:
 
 
 def is_far(p_value: float, free: float, consistent: float) -> bool:
-    """Whether an estimate is too poor: the step is improbable, and costs much torque.
+    """Whether the step to the consistent point is improbable and costs much torque.
 
-    Or the estimate itself misses half of the torque. Improbability or cost alone is no reason.
-    Intervals of measured records do not know all model error, so long steps may cost nothing; and
-    a noisy record may allow for a step that costs much.
-
-    Args:
-        p_value: probability of the step.
-        free: relative torque error of the estimate; NaN where it is not known.
-        consistent: of the consistent parameters, likewise.
+    Or the estimate itself does not explain half of the torque. Improbability or cost alone does
+    not suffice: intervals of measured records do not include all model error, so long steps may
+    cost nothing, and a noisy record may allow a step that costs much.
     """
     if not np.isfinite(consistent):
         return False
@@ -53,17 +41,12 @@ def is_far(p_value: float, free: float, consistent: float) -> bool:
 
 
 def cost_notes(errors: tuple[float, float], p_value: float) -> tuple[str, ...]:
-    """A sentence where the step costs torque.
-
-    Args:
-        errors: relative torque errors, free and consistent; NaN where they are not known.
-        p_value: probability of the step.
-    """
+    """A sentence where the step costs torque."""
     free, consistent = errors
     if not np.isfinite(consistent) or consistent <= (1.0 + NOTABLE_COST) * free:
         return ()
     return (
         f"Consistency raises the torque error of the fitted record from {100 * free:.3g} to "
         f"{100 * consistent:.3g} % (p = {p_value:.2g} for the step): geometry, friction law or "
-        "parameters that were left out are not those of the machine, or a bound is wrong",
+        "the choice of parameters does not match the machine, or a bound is wrong",
     )

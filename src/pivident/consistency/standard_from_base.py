@@ -2,13 +2,13 @@
 
     β = φ_kept + K φ_dropped        (see `pivident.dynamics.base_parameters`)
 
-is kept by every φ_dropped. Other engines need a mass on every link; so the undetermined parameters
-are chosen for φ to come as near as it can to a reference, in its own scales,
+holds for every φ_dropped. Other engines need a mass on every link, so the undetermined parameters
+are chosen to bring φ as close as possible to a reference, in its own scales,
 
     min Σ ((φ - φ₀)/scale)²   subject to   B φ = β .
 
-The links have masses, and their torques are those of β, but nothing else makes them real bodies:
-that is what `make_consistent` is for, which lifts in the same way where the estimate allows it.
+The links have masses, and their torques are those of β, but they need not be possible bodies: for
+that see `make_consistent`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import Parameter
 from pivident.robot.description import Robot
 
-#: Undetermined masses are worth so many times the other parameters: engines need them.
+#: Weight of undetermined masses relative to other parameters: engines need masses.
 MASS_WEIGHT = 100.0
 
 
@@ -32,8 +32,8 @@ def standard_from_base(
     Args:
         base: base parameters of the robot.
         values: β, shape (base,).
-        reference: description or standard parameters, shape (standard,), to be near to; None:
-            the nominal ones, and a plain guess for links of which nothing is known.
+        reference: description or standard parameters, shape (standard,), to be close to; None:
+            the nominal ones, and solid cylinders for links without nominal inertia.
 
     Returns:
         φ, shape (standard,), with B φ = β up to rounding.
@@ -51,9 +51,9 @@ def standard_from_base(
     shift[base.kept] = -base.regrouping
     shift[base.dropped, np.arange(base.dropped.size)] = 1.0
     z = np.linalg.lstsq(weight[:, None] * shift, weight * (near.values - start), rcond=None)[0]
-    lifted = start + shift @ z
-    lifted[base.kept] = values - base.regrouping @ lifted[base.dropped]
-    return lifted
+    standard = start + shift @ z
+    standard[base.kept] = values - base.regrouping @ standard[base.dropped]
+    return standard
 
 
 def _masses(standard: tuple[Parameter, ...]) -> list[int]:

@@ -5,18 +5,18 @@ The deflection, motor angle over gear ratio less link angle, is
     δ = q_m - q_l = T/k - (d/k²) dT + ϑ dq_m - (f/k) s(dq_m) - h z + (b/2) s(T) + ε(N q_m) + δ₀
     T = tau - Jm ddq_m
 
-k stiffness, d damping, ϑ how much later the link encoder is read, f Coulomb friction before the
-spring, 2h width of the hysteresis loop with z the direction in which the torque moves, b backlash,
-ε transmission error (see `transmission_error`), δ₀ the difference of the encoders' zeros. Viscous
-friction before the spring looks like ϑ, a delay of the torque like d. The link
-encoder is moved back by a first estimate of ϑ, since the lag's second order, -ϑ²/2 ddq, would look
-like a stiffer spring.
+k stiffness, d damping, ϑ the delay of the link encoder, f Coulomb friction before the spring, 2h
+width of the hysteresis loop with z the direction of change of the torque, b backlash, ε
+transmission error (see `transmission_error`), δ₀ the difference of the encoders' zeros. Viscous
+friction before the spring is equivalent to ϑ, a delay of the torque to d. The link encoder is
+shifted by a first estimate of ϑ, since the lag's second order, -ϑ²/2 ddq, would look like a stiffer
+spring.
 
-Torque and acceleration are low-passed without phase. Where the reference was recorded, they are
-instrumented with their part that follows from it, so that noise of the torque cannot make the
-spring look stiff. Deviations come from leaving out blocks of the motion in turn (jackknife): they
-hold what the model does not explain, too. They cannot hold what makes most of the deflection: where
-the model leaves that, the joint does something else, as a rule it swings, and nothing is estimated.
+Torque and acceleration are low-passed with zero phase. If the reference was recorded, they are
+instrumented with their part that follows from it, so that noise of the torque does not bias the
+stiffness upwards. Standard errors come from leaving out blocks of the motion in turn (jackknife),
+so they include model error. They are not valid if model error dominates the deflection, as for a
+swinging load; then nothing is estimated.
 """
 
 from __future__ import annotations
@@ -41,71 +41,52 @@ CUTOFF = 10.0
 #: Samples by which an encoder may be late; more is viscous friction.
 MAX_LAG = 20.0
 
-#: A term that may or may not be there is kept beyond this many deviations.
+#: An optional term is kept beyond this many standard errors.
 CLEAR = 3.0
 
 #: Share of the torque that must lie on each side of zero for backlash to show.
 BOTH_SIDES = 0.1
 
-#: Share of the deflection, by rms, that may be left unexplained if the rest is to be believed.
+#: Largest unexplained share of the deflection, by rms, for valid estimates.
 MAX_UNEXPLAINED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Compliance:
-    """What the deflection of one joint is made of.
+    """Components of the deflection of one joint.
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        stiffness: k [N m/rad].
-        motor_inertia: Jm that was taken off the torque [kg m²].
-        stiffness_change: change of k if Jm were a tenth larger [%].
-        friction: Coulomb friction before the spring [N m].
-        encoder_lag: how much later the link encoder is read [s]; holds the viscous friction before
-            the spring, too.
-        offset: difference of the encoders' zeros [rad].
-        hysteresis: width of the loop of deflection over torque [rad].
-        backlash: gap without torque, or None where the torque does not change its sign [rad].
-        damping: d, with the torque's delay in it [N m s/rad].
-        lines: transmission error.
-        transmitted: lowest and highest torque through the spring [N m].
-        deflection: lowest and highest part of the deflection that is due to it [rad].
-        recorded: lowest and highest recorded difference of the encoders [rad].
-        residual: rms of what is left [rad].
-        unexplained: the same over the deflection's standard deviation.
-        instrumented: whether instruments from the reference were used.
-        notes: what to know, in sentences.
-        fitted: deflection and model without lines over the torque, shape (3, samples), to draw.
-
-    Where more than :data:`MAX_UNEXPLAINED` is left, what was estimated is withheld: those
-    quantities have neither value nor ends, and the note says why.
+    If more than :data:`MAX_UNEXPLAINED` is unexplained, the estimates are withheld: those
+    quantities have neither value nor ends, and a note gives the reason.
     """
 
-    recording: str
-    joint: str
-    stiffness: Measured
-    motor_inertia: float
-    stiffness_change: float
-    friction: Measured
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    stiffness: Measured  # k [N m/rad]
+    motor_inertia: float  # Jm whose torque was subtracted [kg m²]
+    stiffness_change: float  # change of k if Jm were a tenth larger [%]
+    friction: Measured  # Coulomb friction before the spring [N m]
+    # delay of the link encoder [s], including the viscous friction before the spring
     encoder_lag: Measured
-    offset: Measured
-    hysteresis: Measured
+    offset: Measured  # difference of the encoders' zeros [rad]
+    hysteresis: Measured  # width of the loop of deflection over torque [rad]
+    # gap without torque, or None if the torque does not change its sign [rad]
     backlash: Measured | None
-    damping: Measured
-    lines: tuple[TransmissionLine, ...]
-    transmitted: tuple[float, float]
+    damping: Measured  # d, with the torque's delay in it [N m s/rad]
+    lines: tuple[TransmissionLine, ...]  # transmission error
+    transmitted: tuple[float, float]  # lowest and highest torque through the spring [N m]
+    # lowest and highest deflection due to that torque [rad]
     deflection: tuple[float, float]
-    recorded: tuple[float, float]
-    residual: float
-    unexplained: float
-    instrumented: bool
-    notes: tuple[str, ...]
+    recorded: tuple[float, float]  # lowest and highest recorded difference of the encoders [rad]
+    residual: float  # rms of the residual [rad]
+    unexplained: float  # the same over the deflection's standard deviation
+    instrumented: bool  # whether instruments from the reference were used
+    notes: tuple[str, ...]  # reservations, sentences
+    # torque, deflection and model without lines, shape (3, samples), for the figure
     fitted: np.ndarray = field(repr=False)
 
     @property
     def explained(self) -> bool:
-        """Whether the model explains so much of the deflection that its estimates are given."""
+        """Whether the model explains enough of the deflection for its estimates to be valid."""
         return self.unexplained <= MAX_UNEXPLAINED
 
 
@@ -119,7 +100,7 @@ def identify_compliance(
     encoder_lag: tuple[float, float] | None = None,
     gamma: float | None = None,
 ) -> Compliance:
-    """Stiffness and its companions of one joint, from both its encoders.
+    """Stiffness, damping and losses of one joint, from both its encoders.
 
     Args:
         recording: has ``q_link``.
@@ -127,13 +108,13 @@ def identify_compliance(
         motor_inertia: Jm on the joint side [kg m²]; 0 leaves the motor's inertia in the torque.
         reduction: N, for orders of the transmission error per revolution of the motor.
         cutoff: of torque and acceleration [Hz].
-        encoder_lag: how much later the link encoder is read, and the deviation of that [s], where
-            it is known; None: it is estimated.
+        encoder_lag: delay of the link encoder and its standard error [s], if known; None: it is
+            estimated.
         gamma: slope of the smoothed sign of friction [s/rad]; None: it changes within 2 % of the
             highest speed.
 
     Returns:
-        Stiffness, damping and losses with deviations, and how well they explain the deflection.
+        Stiffness, damping and losses with intervals, and the unexplained part of the deflection.
 
     Raises:
         IdentificationError: there is no link encoder, or too little motion.
@@ -168,8 +149,8 @@ def identify_compliance(
     left = motion.deflection - final.columns @ final.theta
     without_lines = motion.deflection - final.of_lines()
     slope = tried["damping"]
-    damping = Measured.untold("N m s/rad")
-    if slope.tells_stiffness:
+    damping = Measured.unknown("N m s/rad")
+    if slope.has_stiffness:
         of_one = compliance**2
         value, std = -slope.value("damping") / of_one, slope.std("damping") / of_one
         damping = Measured.around(value, std, "N m s/rad", STUDENT)
@@ -180,7 +161,7 @@ def identify_compliance(
         joint=name,
         stiffness=k,
         motor_inertia=motor_inertia,
-        stiffness_change=100 * (compliance / other - 1) if final.tells_stiffness else math.nan,
+        stiffness_change=100 * (compliance / other - 1) if final.has_stiffness else math.nan,
         friction=final.over_compliance("sign", "N m"),
         encoder_lag=_lag(final, motion),
         offset=final.measured("offset", "rad"),
@@ -201,23 +182,23 @@ def identify_compliance(
 
 
 def _withheld(found: Compliance) -> Compliance:
-    """The same without estimates, which a model that leaves most of the deflection cannot give."""
+    """The same without estimates, for a model that leaves most of the deflection unexplained."""
     note = (
-        f"a slow motion's model leaves {100 * found.unexplained:.2g} % of the deflection "
-        f"unexplained, more than {100 * MAX_UNEXPLAINED:.0f} %, so that nothing is estimated from "
-        "it: the load swings, or the deflection has another cause than the torque; record a "
-        "motion that is slower and without excitation of the resonance"
+        f"the model of slow motion leaves {100 * found.unexplained:.2g} % of the deflection "
+        f"unexplained, more than {100 * MAX_UNEXPLAINED:.0f} %, so nothing is estimated from it: "
+        "the load swings, or the deflection has another cause than the torque; record a slower "
+        "motion that does not excite the resonance"
     )
     return replace(
         found,
-        stiffness=Measured.untold("N m/rad"),
+        stiffness=Measured.unknown("N m/rad"),
         stiffness_change=math.nan,
-        friction=Measured.untold("N m"),
-        encoder_lag=Measured.untold("s"),
-        offset=Measured.untold("rad"),
-        hysteresis=Measured.untold("rad"),
-        backlash=None if found.backlash is None else Measured.untold("rad"),
-        damping=Measured.untold("N m s/rad"),
+        friction=Measured.unknown("N m"),
+        encoder_lag=Measured.unknown("s"),
+        offset=Measured.unknown("rad"),
+        hysteresis=Measured.unknown("rad"),
+        backlash=None if found.backlash is None else Measured.unknown("rad"),
+        damping=Measured.unknown("N m s/rad"),
         lines=(),
         deflection=(math.nan, math.nan),
         notes=(note,),
@@ -231,19 +212,10 @@ def identify_compliances(
     *,
     cutoff: float = CUTOFF,
 ) -> tuple[Compliance, ...]:
-    """All joints of a record; a joint that leaves its stiffness open takes the others' lag.
+    """All joints of a record; a joint without a stiffness of its own takes the others' lag.
 
-    The encoders behind the gears are read together, so joints share their lag up to the viscous
-    friction before the spring, which the spread of the lags holds.
-
-    Args:
-        recording: has ``q_link``.
-        motor_inertia: of each joint, on the joint side, shape (joints,) [kg m²].
-        reduction: N of each joint, shape (joints,).
-        cutoff: of torque and acceleration [Hz].
-
-    Raises:
-        IdentificationError: there is no link encoder, or too little motion.
+    The link encoders are read together, so joints share their lag up to the viscous friction before
+    the spring, which the spread of the lags covers. Inertias are on the joint side [kg m²].
     """
 
     def one(joint: int, lag: tuple[float, float] | None) -> Compliance:
@@ -259,8 +231,8 @@ def identify_compliances(
     found = [one(joint, None) for joint in range(recording.joints)]
     known = [c.encoder_lag for c in found if math.isfinite(c.stiffness.high)]
     if len(known) >= 2:
-        deviations = [(lag.high - lag.low) / (2 * STUDENT) for lag in known]
-        weights = 1 / np.square(deviations)
+        std = [(lag.high - lag.low) / (2 * STUDENT) for lag in known]
+        weights = 1 / np.square(std)
         mean = float(np.average([lag.value for lag in known], weights=weights))
         spread = float(np.std([lag.value for lag in known], ddof=1))
         common = (mean, math.hypot(spread, float(weights.sum() ** -0.5)))
@@ -273,7 +245,7 @@ def identify_compliances(
 def _orders(
     motion: DeflectionMotion, recording: Recording, joint: int, reduction: float
 ) -> tuple[float, ...]:
-    """Orders of the transmission error, from what the other terms leave of the deflection."""
+    """Orders of the transmission error, from the residual of the other terms."""
     plain = fit_deflection(motion, (), ())
     highest = largest_order(reduction * recording.q[:, joint], recording.rate)
     return tuple(
@@ -282,13 +254,13 @@ def _orders(
 
 
 def _lag(fit: DeflectionFit, motion: DeflectionMotion) -> Measured:
-    """How much later the link encoder is read: what was moved and what is left [s]."""
+    """Delay of the link encoder: the applied shift plus the remaining lag [s]."""
     lag = motion.retimed + fit.value("speed")
     return Measured.around(lag, fit.std("speed"), "s", STUDENT)
 
 
 def _torque_changes_sides(torque: np.ndarray) -> bool:
-    """Whether a gap would be crossed, and stayed beyond on both sides."""
+    """Whether the torque is on each side of zero long enough to show a gap."""
     share = float(np.mean(torque > 0))
     return min(share, 1 - share) > BOTH_SIDES
 
@@ -300,22 +272,22 @@ def _notes(
     kept: Sequence[str],
     motor_inertia: float,
 ) -> tuple[str, ...]:
-    """What to know about this estimate."""
+    """Reservations about this estimate."""
     notes = []
     if motion.instruments is None:
         notes.append(
-            "no reference was recorded: noise of the torque makes the spring look stiffer, by its "
+            "no reference was recorded: noise of the torque biases the stiffness upwards by its "
             f"share of the torque's variance below {CUTOFF:g} Hz"
         )
     if motor_inertia == 0.0:
-        notes.append("the motor's inertia is not known: its torque counts as transmitted")
+        notes.append("the motor's inertia is unknown: its torque counts as transmitted")
     lag = (motion.retimed + fit.value("speed")) * float(np.abs(motion.speed).max())
     strain = fit.value("torque") * float(np.ptp(motion.torque))
     late = _lag(fit, motion)
     if late.clear and abs(lag) > 0.1 * abs(strain):
         notes.append(
-            f"{1e3 * abs(lag):.2g} mrad of the recorded difference at the highest speed are the "
-            f"encoders' different instants ({1e3 * late.value:.3g} ms), not deflection"
+            f"{1e3 * abs(lag):.2g} mrad of the recorded difference at the highest speed are due to "
+            f"the delay between the encoders ({1e3 * late.value:.3g} ms), not deflection"
         )
     if motion.known_lag is not None:
         notes.append("the link encoder's lag is that of the other joints")

@@ -18,7 +18,7 @@ from pivident.flexibility.deflection_motion import TRANSITION, DeflectionMotion
 from pivident.flexibility.jackknife import (
     BLOCKS,
     STUDENT,
-    jackknife_deviation,
+    jackknife_standard_error,
     solve_with_jackknife,
 )
 from pivident.flexibility.measured import Measured
@@ -27,65 +27,37 @@ from pivident.flexibility.transmission_error import TransmissionLine, line_colum
 
 @dataclass(frozen=True, eq=False)
 class DeflectionFit:
-    """A linear fit of the deflection, with its jackknife.
+    """A linear fit of the deflection, with its jackknife."""
 
-    Attributes:
-        names: of the terms; those of the transmission error come last.
-        columns: regressors, shape (samples, terms).
-        theta: coefficients, shape (terms,).
-        replicates: coefficients without each block, shape (blocks, terms).
-        line_count: number of columns of the transmission error.
-        by_lag: what the known lag's deviation moves in each coefficient, shape (terms,).
-    """
-
-    names: tuple[str, ...]
-    columns: np.ndarray
-    theta: np.ndarray
-    replicates: np.ndarray
-    line_count: int
-    by_lag: np.ndarray
+    names: tuple[str, ...]  # of the terms; those of the transmission error come last
+    columns: np.ndarray  # regressors, shape (samples, terms)
+    theta: np.ndarray  # coefficients, shape (terms,)
+    replicates: np.ndarray  # coefficients without each block, shape (blocks, terms)
+    line_count: int  # number of columns of the transmission error
+    by_lag: np.ndarray  # change of each coefficient by one standard error of the known lag
 
     @property
-    def tells_stiffness(self) -> bool:
-        """Whether the compliance is clearly positive."""
+    def has_stiffness(self) -> bool:
+        """Whether the compliance is significantly positive."""
         return self.value("torque") - STUDENT * self.std("torque") > 0
 
     def value(self, name: str) -> float:
-        """Coefficient of a term.
-
-        Args:
-            name: of the term.
-        """
+        """Coefficient of a term."""
         return float(self.theta[self.names.index(name)])
 
     def std(self, name: str) -> float:
-        """Its standard deviation, with what the known lag leaves open.
-
-        Args:
-            name: of the term.
-        """
+        """Its standard error, including that of the known lag."""
         i = self.names.index(name)
-        return math.hypot(jackknife_deviation(self.replicates[:, i]), self.by_lag[i])
+        return math.hypot(jackknife_standard_error(self.replicates[:, i]), self.by_lag[i])
 
     def ratio(self, name: str) -> float:
-        """Coefficient over standard deviation.
-
-        Args:
-            name: of the term.
-        """
+        """Coefficient over standard error."""
         return self.value(name) / max(self.std(name), 1e-300)
 
     def measured(
         self, name: str, unit: str, factor: float = 1.0, inverse: str | None = None
     ) -> Measured:
-        """A term with its interval.
-
-        Args:
-            name: of the term.
-            unit: of the coefficient times the factor.
-            factor: times the coefficient.
-            inverse: unit of 1/coefficient, where that is asked for instead.
-        """
+        """A term times ``factor`` with its interval; ``inverse``: unit of 1/coefficient."""
         value, std = self.value(name), self.std(name)
         if inverse is not None:
             return Measured.inverse(value, std, inverse, STUDENT)
@@ -97,45 +69,33 @@ class DeflectionFit:
         return self.columns[:, len(self.theta) - n :] @ self.theta[len(self.theta) - n :]
 
     def lines(self, orders: Sequence[float]) -> tuple[TransmissionLine, ...]:
-        """Transmission error, largest amplitude first.
-
-        Args:
-            orders: with which it was fitted, cycles per revolution of the motor.
-        """
+        """Transmission error, largest amplitude first."""
         first = len(self.theta) - self.line_count
         found = []
         for i, order in enumerate(orders):
             pair = slice(first + 2 * i, first + 2 * i + 2)
             amplitude = float(np.hypot(*self.theta[pair]))
             along = self.replicates[:, pair] @ self.theta[pair] / max(amplitude, 1e-300)
-            std = jackknife_deviation(along)
+            std = jackknife_standard_error(along)
             found.append(TransmissionLine(order, Measured.around(amplitude, std, "rad", STUDENT)))
         return tuple(sorted(found, key=lambda line: -line.amplitude.value))
 
     def over_compliance(self, name: str, unit: str) -> Measured:
-        """-coefficient/compliance, with its own jackknife.
-
-        Args:
-            name: of the term.
-            unit: of the quotient.
-        """
+        """-coefficient/compliance, with its own jackknife."""
         i, j = self.names.index(name), self.names.index("torque")
-        if not self.tells_stiffness:
-            return Measured.untold(unit)
+        if not self.has_stiffness:
+            return Measured.unknown(unit)
         value = -self.theta[i] / self.theta[j]
-        std = jackknife_deviation(-self.replicates[:, i] / self.replicates[:, j])
+        std = jackknife_standard_error(-self.replicates[:, i] / self.replicates[:, j])
         return Measured.around(value, std, unit, STUDENT)
 
 
 def fit_deflection(
     motion: DeflectionMotion, orders: Sequence[float], optional: Sequence[str]
 ) -> DeflectionFit:
-    """Least squares, or instrumental variables where the reference is there.
+    """Least squares, or instrumental variables where there is a reference.
 
-    Args:
-        motion: samples of the joint.
-        orders: of the transmission error, cycles per revolution of the motor.
-        optional: which of the terms damping, hysteresis and backlash are fitted, too.
+    ``optional``: which of damping, hysteresis and backlash are fitted too.
     """
     columns = {
         "torque": motion.torque,
@@ -173,17 +133,17 @@ def _with_known_lag(
     motion: DeflectionMotion,
     line_count: int,
 ) -> DeflectionFit:
-    """The fit with the lag held at its value; its deviation is handed on to the others."""
+    """The fit with a fixed lag; its standard error is propagated to the other terms."""
     assert motion.known_lag is not None
-    lag, deviation = motion.known_lag
+    lag, lag_std = motion.known_lag
     at = names.index("speed")
     others = [i for i in range(len(names)) if i != at]
     theta, by_lag = np.zeros(len(names)), np.zeros(len(names))
     replicates = np.full((BLOCKS, len(names)), lag)
     y = motion.deflection - lag * motion.speed
     theta[others], replicates[:, others] = solve_with_jackknife(phi[:, others], z[:, others], y)
-    moved, _ = solve_with_jackknife(phi[:, others], z[:, others], y - deviation * motion.speed)
-    theta[at], by_lag[at] = lag, deviation
+    moved, _ = solve_with_jackknife(phi[:, others], z[:, others], y - lag_std * motion.speed)
+    theta[at], by_lag[at] = lag, lag_std
     by_lag[others] = moved - theta[others]
     return DeflectionFit(names, phi, theta, replicates, line_count, by_lag)
 
@@ -191,15 +151,9 @@ def _with_known_lag(
 def torque_through_spring(
     motion: DeflectionMotion, fit: DeflectionFit, torque: np.ndarray | None = None
 ) -> np.ndarray:
-    """Torque behind the friction before the spring, as far as that is known [N m].
-
-    Args:
-        motion: samples of the joint.
-        fit: tells the friction.
-        torque: before the friction, shape (samples,) [N m]; None: that of the motion.
-    """
+    """Torque after the friction before the spring, if the stiffness is known [N m]."""
     torque = motion.torque if torque is None else torque
     compliance = fit.value("torque")
-    if not fit.tells_stiffness:
+    if not fit.has_stiffness:
         return torque
     return torque + fit.value("sign") / compliance * motion.sign

@@ -1,9 +1,9 @@
-"""What the fit of a deflection needs of a record: the signals of one joint while it moves.
+"""Signals of one joint in motion for the fit of its deflection.
 
-Torque and acceleration are low-passed without phase; the torque of the motor's inertia is taken
-off. The link encoder is moved back by an estimate of how much later it is read. Where the
-reference was recorded, functions of it serve as instruments, since they are free of the log's
-noise, and tell the direction in which the torque moves.
+Torque and acceleration are low-passed with zero phase; the torque of the motor's inertia is
+subtracted. The link encoder is shifted by an estimate of its delay. If the reference was recorded,
+functions of it serve as instruments, since they are free of measurement noise, and give the
+direction of change of the torque.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pivident.flexibility.jackknife import BLOCKS
 from pivident.recording.recording import Recording
 from pivident.signals.bandpass import butterworth, central_difference
 
-#: Fewest samples in motion, so that each block of the jackknife has some.
+#: Smallest number of samples in motion, so that each block of the jackknife has some.
 MIN_SAMPLES = 20 * BLOCKS
 
 #: Joints below this share of their highest speed stand still: the sign of friction is not known.
@@ -30,38 +30,24 @@ TRANSITION = 0.1
 
 @dataclass(frozen=True, eq=False)
 class DeflectionMotion:
-    """Moving samples of one joint, shape (samples,) each.
+    """Moving samples of one joint, shape (samples,) each."""
 
-    Attributes:
-        t: instants [s].
-        angle: of the motor [rad].
-        deflection: motor angle over gear ratio less the retimed link angle [rad].
-        torque: low-passed, less that of the motor's inertia [N m].
-        followed: the torque that follows from the reference; the torque itself without one [N m].
-        torque_rate: derivative of the torque [N m/s].
-        speed: low-passed [rad/s].
-        sign: smoothed sign of the speed.
-        direction: in which the torque moves, -1 to 1.
-        instruments: functions of the reference, shape (samples, functions), or None.
-        known_lag: how much later the retimed link encoder is read, and the deviation of that [s],
-            or None where it is to be estimated.
-        retimed: by how much the link encoder was moved back [s].
-        recorded: lowest and highest recorded difference of the encoders [rad].
-    """
-
-    t: np.ndarray
-    angle: np.ndarray
-    deflection: np.ndarray
-    torque: np.ndarray
+    t: np.ndarray  # instants [s]
+    angle: np.ndarray  # of the motor [rad]
+    deflection: np.ndarray  # motor angle over gear ratio less the retimed link angle [rad]
+    torque: np.ndarray  # low-passed, less that of the motor's inertia [N m]
+    # the torque that follows from the reference; the torque itself without one [N m]
     followed: np.ndarray
-    torque_rate: np.ndarray
-    speed: np.ndarray
-    sign: np.ndarray
-    direction: np.ndarray
+    torque_rate: np.ndarray  # derivative of the torque [N m/s]
+    speed: np.ndarray  # low-passed [rad/s]
+    sign: np.ndarray  # smoothed sign of the speed
+    direction: np.ndarray  # in which the torque moves, -1 to 1
+    # functions of the reference, shape (samples, functions), or None
     instruments: np.ndarray | None
+    # remaining delay of the shifted link encoder and its standard error [s]; None: to be estimated
     known_lag: tuple[float, float] | None
-    retimed: float
-    recorded: tuple[float, float]
+    retimed: float  # by how much the link encoder was moved back [s]
+    recorded: tuple[float, float]  # lowest and highest recorded difference of the encoders [rad]
 
 
 def deflection_motion(
@@ -76,19 +62,9 @@ def deflection_motion(
 ) -> DeflectionMotion:
     """Signals of the samples in motion.
 
-    Args:
-        recording: has ``q_link``.
-        joint: index of the joint.
-        motor_inertia: Jm on the joint side [kg m²].
-        reduction: N, the gear ratio.
-        cutoff: of torque and acceleration [Hz].
-        known_lag: how much later the link encoder is read, and the deviation of that [s], or None.
-        gamma: slope of the smoothed sign of friction [s/rad]; None: it changes within 2 % of the
-            highest speed.
-        retimed: by how much the link encoder is moved back [s].
-
-    Raises:
-        IdentificationError: there is no link encoder, or too little motion.
+    ``known_lag``: how much later the link encoder is read, and its standard error [s]. ``gamma``:
+    slope of the smoothed sign of friction [s/rad]; None: it changes within 2 % of the highest
+    speed. ``retimed``: by how much the link encoder is moved back [s].
     """
     if recording.q_link is None:
         raise IdentificationError(
@@ -152,7 +128,7 @@ def _earlier(x: np.ndarray, rate: float, lag: float) -> np.ndarray:
 
 
 def _reference_functions(recording: Recording) -> np.ndarray | None:
-    """What the torque of a moving arm follows from, of the reference: free of the log's noise."""
+    """Functions of the reference that determine the torque of a moving arm, free of noise."""
     if recording.q_ref is None:
         return None
     q = recording.q_ref

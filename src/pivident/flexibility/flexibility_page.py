@@ -1,13 +1,19 @@
-"""The study of flexible joints as one HTML page that needs nothing else."""
+"""The study of flexible joints as one self-contained HTML page, and its files."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
+from pivident.files import atomic_folder
 from pivident.flexibility.compliance import Compliance
 from pivident.flexibility.flexibility_text import agreement_lines, of_kind, parts_of
 from pivident.flexibility.joint_study import JointFlexibility
@@ -23,11 +29,7 @@ POINTS = 1500
 
 
 def render_page(found: Sequence[JointFlexibility]) -> str:
-    """The page as text.
-
-    Args:
-        found: joints of recordings.
-    """
+    """The page as text."""
     environment = page_environment()
     environment.loader = ChoiceLoader(
         [PackageLoader("pivident.flexibility"), PackageLoader("pivident.report")]
@@ -46,14 +48,14 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
         sections.append((f"joint-{number}", name, Markup(body_of_joint)))
     return environment.get_template("page.html").render(
         title="Flexible joints",
-        head=("summary", "What was found", Markup(body)),
+        head=("summary", "Results", Markup(body)),
         sections=sections,
         version=__version__,
     )
 
 
 def _stiffness(one: JointFlexibility) -> str:
-    """Stiffness of a joint from the best source there is."""
+    """Stiffness of a joint from the best source available."""
     if one.two_mass is not None:
         known = one.two_mass.measured("stiffness")
     elif one.resonance is not None and one.resonance.stiffness is not None:
@@ -61,12 +63,12 @@ def _stiffness(one: JointFlexibility) -> str:
     elif one.compliance is not None:
         known = one.compliance.stiffness
     else:
-        return "not told"
+        return "not determined"
     return of_kind(str(known), one.sliding)
 
 
 def _figures(one: JointFlexibility) -> list[Figure]:
-    """What there is to draw."""
+    """Figures of the available results."""
     figures = []
     if one.compliance is not None:
         figures.append(deflection_figure(one.compliance, one.sliding))
@@ -76,12 +78,7 @@ def _figures(one: JointFlexibility) -> list[Figure]:
 
 
 def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
-    """Deflection over the torque through the spring.
-
-    Args:
-        compliance: of one joint.
-        sliding: whether the joint is prismatic.
-    """
+    """Deflection over the torque through the spring."""
     torque, measured, model = compliance.fitted
     kept = np.arange(0, len(torque), max(1, len(torque) // POINTS))
     plot = empty_plot(of_kind("motor less link [mrad]", sliding))
@@ -100,19 +97,14 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
     plot.update_xaxes(title_text=of_kind(f"{quantity} through the spring [N m]", sliding))
     _with_legend(plot)
     stiffness = of_kind(str(compliance.stiffness), sliding)
-    note = f"stiffness {stiffness}; the encoders' lag and offset are still in it"
+    note = f"stiffness {stiffness}; lag and offset of the encoders are not removed"
     if not compliance.explained:
         note = f"{100 * compliance.unexplained:.2g} % of it is unexplained: no stiffness is given"
     return Figure(plot, 320, "Deflection", f"Deflection over {quantity}; {note}", note)
 
 
 def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
-    """Frequency response from torque to speed, measured and fitted.
-
-    Args:
-        resonance: of one joint.
-        sliding: whether the joint is prismatic.
-    """
+    """Frequency response from torque to speed, measured and fitted."""
     frequency, measured, fitted = resonance.response
     quantity = "force" if sliding else "torque"
     conclusion = of_kind(resonance.conclusion, sliding)
@@ -145,3 +137,33 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
 
 def _with_legend(plot: go.Figure) -> None:
     plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+
+
+def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
+    """Write ``flexibility.json`` and ``flexibility.html``, both or neither; returns the page."""
+    content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
+    page = render_page(found)
+    with atomic_folder(folder) as build:
+        (build / "flexibility.json").write_text(
+            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
+            encoding="utf-8",
+            errors="backslashreplace",  # file names may contain bytes that are not text
+        )
+        (build / "flexibility.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+    return Path(folder) / "flexibility.html"
+
+
+def _plain(value: Any) -> Any:
+    """Values for JSON without the arrays of figures; numbers that are not finite become None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        shown = [f.name for f in fields(value) if f.repr]
+        return {name: _plain(getattr(value, name)) for name in shown}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value

@@ -1,4 +1,4 @@
-"""What is known about a joint's flexibility, in rows and sentences, for terminal and page."""
+"""A joint's flexibility in rows and sentences, for terminal and page."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pivident.flexibility.compliance import Compliance
 from pivident.flexibility.joint_study import JointFlexibility, summary
 
-#: What joints that slide are measured in.
+#: Units of prismatic joints.
 SLIDING = {
     "N m s/rad": "N s/m",
     "N m/rad": "N/m",
@@ -22,25 +22,15 @@ SLIDING = {
 
 @dataclass(frozen=True)
 class Part:
-    """What one way of looking at a joint tells.
+    """Results of one method for a joint."""
 
-    Attributes:
-        heading: the way.
-        rows: names and values with unit and interval.
-        sentences: what is to be known besides.
-    """
-
-    heading: str
-    rows: tuple[tuple[str, str], ...]
-    sentences: tuple[str, ...]
+    heading: str  # the method
+    rows: tuple[tuple[str, str], ...]  # names and values with unit and interval
+    sentences: tuple[str, ...]  # reservations
 
 
 def parts_of(found: JointFlexibility) -> list[Part]:
-    """The answer part by part.
-
-    Args:
-        found: one joint of one recording.
-    """
+    """The results by method."""
     parts = []
     if found.compliance is not None:
         rows = _compliance_rows(found.compliance)
@@ -60,27 +50,23 @@ def parts_of(found: JointFlexibility) -> list[Part]:
     if found.rigid is not None:
         parts.append((f"rigid model: {found.rigid.severity}", [], found.rigid.sentences))
     if found.notes:
-        parts.append(("not told", [], found.notes))
+        parts.append(("not determined", [], found.notes))
 
-    def told(text: str) -> str:
+    def with_units(text: str) -> str:
         return of_kind(text, found.sliding)
 
     return [
         Part(
             heading,
-            tuple((name, told(value)) for name, value in rows),
-            tuple(told(sentence) for sentence in sentences),
+            tuple((name, with_units(value)) for name, value in rows),
+            tuple(with_units(sentence) for sentence in sentences),
         )
         for heading, rows, sentences in parts
     ]
 
 
 def flexibility_lines(found: JointFlexibility) -> list[str]:
-    """The answer in lines of text.
-
-    Args:
-        found: one joint of one recording.
-    """
+    """The results in lines of text."""
     lines = [f"{found.recording}, {found.joint}"]
     for part in parts_of(found):
         lines.append(f"  {part.heading}")
@@ -90,12 +76,7 @@ def flexibility_lines(found: JointFlexibility) -> list[str]:
 
 
 def of_kind(text: str, sliding: bool) -> str:
-    """A text with the units of a sliding joint, where it is one.
-
-    Args:
-        text: with the units of a joint that turns.
-        sliding: whether the joint is prismatic.
-    """
+    """A text with the units of a sliding joint, if it is one."""
     if sliding:
         for turning, other in SLIDING.items():
             text = text.replace(turning, other)
@@ -103,7 +84,7 @@ def of_kind(text: str, sliding: bool) -> str:
 
 
 def _words(name: str) -> str:
-    """A name from the program as it is said."""
+    """A parameter name in words."""
     return name.replace("_", " ").replace("coulomb", "Coulomb")
 
 
@@ -112,7 +93,7 @@ def _compliance_rows(c: Compliance) -> list[tuple[str, str]]:
 
 
 def _estimated_rows(c: Compliance) -> list[tuple[str, str]]:
-    """What the terms of the deflection are."""
+    """Estimated terms of the deflection."""
     rows: list[tuple[str, object]] = [
         ("stiffness", c.stiffness),
         ("motor friction", c.friction),
@@ -143,7 +124,7 @@ def _estimated_rows(c: Compliance) -> list[tuple[str, str]]:
 
 
 def _recorded_rows(c: Compliance) -> list[tuple[str, str]]:
-    """How far the encoders differ, and how much of that is left."""
+    """Recorded difference of the encoders, and its unexplained part."""
     low, high = (1e3 * end for end in c.recorded)
     return [
         ("recorded difference", f"{low:.3g} to {high:.3g} mrad"),
@@ -152,11 +133,7 @@ def _recorded_rows(c: Compliance) -> list[tuple[str, str]]:
 
 
 def agreement_lines(found: Sequence[JointFlexibility]) -> list[str]:
-    """Whether recordings agree on the stiffness of a joint, one line for each joint.
-
-    Args:
-        found: joints of recordings.
-    """
+    """Agreement of recordings on the stiffness of a joint, one line for each joint."""
     lines = []
     for joint, values in summary(found).items():
         if len(values) < 2:

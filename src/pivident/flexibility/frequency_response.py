@@ -1,12 +1,12 @@
-"""Spectra of a loop that follow from its reference, told from noise: the local polynomial method.
+"""Spectra of a loop driven by its reference, separated from noise: the local polynomial method.
 
 Around each bin the spectrum of a signal is
 
     X(k+i) = (g₀ + g₁ i + g₂ i²) R(k+i) + (h₀ + h₁ i) D(k+i) + (t₀ + t₁ i + t₂ i²) + V(k+i)
 
-for |i| ≤ n, R the spectrum of the reference, D those of known disturbances (signs of
-friction, which are no linear answer to the reference and no noise either), t what start and end of
-the record leak, V noise. Least squares gives g, h, t and the spectral matrix of V for several
+for |i| ≤ n, R the spectrum of the reference, D those of known disturbances (signs of friction,
+which are neither a linear response to the reference nor noise), t the leakage from start and end of
+the record, V noise. Least squares gives g, h, t and the spectral matrix of V for several
 signals together (Pintelon and Schoukens, System Identification, 2012, ch. 7).
 """
 
@@ -19,33 +19,24 @@ import numpy as np
 #: Bins on each side, and degree of the polynomials.
 HALF_WIDTH, DEGREE = 10, 2
 
-#: Power over noise from which a bin counts as excited.
+#: Smallest power over noise of an excited bin.
 EXCITED = 10.0
 
-#: Share of the reference's power that has to change from bin to bin. A smooth motion leaks into
-#: high frequencies as smoothly as transients do: it excites nothing there that could be told.
+#: Smallest share of the reference's power that changes from bin to bin. A smooth motion leaks into
+#: high frequencies as smoothly as transients do, and cannot be distinguished from them there.
 ROUGH = 0.2
 
 
 @dataclass(frozen=True, eq=False)
 class LocalSpectra:
-    """Spectra of several signals, cleared of what the ends leak.
+    """Spectra of several signals without the leakage from the ends."""
 
-    Attributes:
-        frequency: shape (bins,) [Hz].
-        x: spectra without transients, shape (bins, signals).
-        disturbance: spectra of the disturbances, shape (bins, disturbances).
-        driven: their part that follows from the reference, shape (bins, signals).
-        noise: spectral matrices of the rest, shape (bins, signals, signals).
-        excited: bins in which every signal is clear of its noise, shape (bins,).
-    """
-
-    frequency: np.ndarray
-    x: np.ndarray
-    disturbance: np.ndarray
-    driven: np.ndarray
-    noise: np.ndarray
-    excited: np.ndarray
+    frequency: np.ndarray  # shape (bins,) [Hz]
+    x: np.ndarray  # spectra without transients, shape (bins, signals)
+    disturbance: np.ndarray  # spectra of the disturbances, shape (bins, disturbances)
+    driven: np.ndarray  # their part that follows from the reference, shape (bins, signals)
+    noise: np.ndarray  # spectral matrices of the rest, shape (bins, signals, signals)
+    excited: np.ndarray  # bins in which every signal exceeds its noise, shape (bins,)
 
     @property
     def excited_up_to(self) -> float:
@@ -66,15 +57,9 @@ def local_spectra(
     low: float,
     high: float,
 ) -> LocalSpectra:
-    """Local polynomial method for all signals at once.
+    """Local polynomial method for all signals (samples, signals) at once.
 
-    Args:
-        signals: shape (samples, signals).
-        reference: what drives the loop, shape (samples,).
-        disturbance: what else acts in it, shape (samples, disturbances).
-        rate: sampling rate [Hz].
-        low: lowest frequency [Hz].
-        high: highest frequency [Hz].
+    ``reference`` (samples,) drives the loop, ``disturbance`` (samples, disturbances) acts in it.
     """
     samples, n = len(reference), HALF_WIDTH
     every = np.column_stack([signals, reference, disturbance])

@@ -5,8 +5,8 @@ The fit minimises
     Σ |Y - (U - (fc + H fc_l) S)/Z|² / σ²(θ)
 
 over the bins, with Z and H of `joint_impedance` and σ²(θ) from the noise of speed Y and torque U,
-which neither the reference nor the sign S of friction explains (`frequency_response`): noise that
-the loop feeds back does not bias it. The sum is the cost.
+which neither the reference nor the sign S of friction explains (`frequency_response`), so noise fed
+back by the loop does not bias it. The sum is the cost.
 """
 
 from __future__ import annotations
@@ -23,14 +23,7 @@ STARTS = 10
 
 
 def fit_rigid(spectra: LocalSpectra) -> tuple[np.ndarray, float, np.ndarray]:
-    """J, fv, fc of a rigid joint.
-
-    Args:
-        spectra: of speed and torque; the sign of the speed is the disturbance.
-
-    Returns:
-        Parameters, cost and covariance.
-    """
+    """J, fv, fc of a rigid joint, cost and covariance; the sign of the speed is the disturbance."""
     (y, u), s = spectra.x.T, spectra.disturbance[:, 0]
     p = 2j * np.pi * spectra.frequency
     columns = np.column_stack([p * y, y, s])
@@ -51,17 +44,10 @@ def fit_flexible(
     motor_inertia: float | None,
     known: np.ndarray | None = None,
 ) -> tuple[np.ndarray, float, np.ndarray]:
-    """From a known fit, or the best of several starts; a given Jm is held.
+    """Parameters, cost and covariance, from a known fit or the best of several starts.
 
-    Args:
-        spectra: of speed and torque; signs of the motor's speed and, where it is known, of the
-            load's are the disturbances.
-        rigid: parameters of the rigid joint, where the starts come from.
-        motor_inertia: Jm where it is known [kg m²], or None.
-        known: parameters of an earlier fit, or None.
-
-    Returns:
-        Parameters, cost and covariance.
+    Signs of the motor's speed and, where it is known, of the load's are the disturbances. A given
+    Jm is held.
     """
     held = None if motor_inertia is None else np.log(motor_inertia)
     free = np.arange(FLEXIBLE) if held is None else np.arange(1, FLEXIBLE)
@@ -74,7 +60,7 @@ def fit_flexible(
 
     def residual(x: np.ndarray) -> np.ndarray:
         admittance, motor, load = flexible_parts(spectra.frequency, whole(x))
-        # Until the load's speed is known, its friction changes its sign with the motor's.
+        # Until the load's speed is known, its friction has the sign of the motor's speed.
         both = spectra.disturbance.shape[1] == 2
         friction = np.stack([motor, load], axis=1) if both else (motor + load)[:, None]
         return _residual(spectra, admittance, friction)
@@ -84,9 +70,9 @@ def fit_flexible(
     for start in np.geomspace(1.3 * low, high / 1.1, STARTS if known is None else 0):
         motor = 0.5 * rigid[0] if motor_inertia is None else motor_inertia
         load = max(rigid[0] - motor, 0.2 * rigid[0])
-        guess = [np.log(motor), np.log(load), np.log(2 * np.pi * start), np.log(0.05)]
-        guess += [0.5 * abs(rigid[1]), 0.5 * abs(rigid[1]), 0.5 * rigid[2], 0.5 * rigid[2]]
-        found = _least_squares(residual, np.array(guess)[free], 12)
+        initial = [np.log(motor), np.log(load), np.log(2 * np.pi * start), np.log(0.05)]
+        initial += [0.5 * abs(rigid[1]), 0.5 * abs(rigid[1]), 0.5 * rigid[2], 0.5 * rigid[2]]
+        found = _least_squares(residual, np.array(initial)[free], 12)
         if best is None or found[1] < best[1]:
             best = found
     assert best is not None
@@ -119,6 +105,6 @@ def _least_squares(
     scale = 1 / np.sqrt(np.maximum(np.diag(information), 1e-300))
     inverse = np.linalg.pinv(information * np.outer(scale, scale), rcond=1e-12)
     cost = 2 * float(found.cost)
-    # Model error widens the intervals as noise would.
+    # Model error widens the intervals like noise.
     misfit = max(1.0, cost / (len(found.fun) / 2))
     return found.x, cost, misfit * inverse * np.outer(scale, scale)

@@ -1,8 +1,8 @@
-"""Linear equations solved with instruments, and deviations from leaving out blocks in turn.
+"""Linear equations solved with instruments, and jackknife standard errors over blocks.
 
 The estimate of y = Φθ + e with instruments Z is θ = (ZᵀΦ)⁻¹Zᵀy; without block b of n consecutive
-ones it is θ_b. The deviation √((n-1)/n Σ (θ_b - mean θ_b)²) holds what the model does not explain,
-too, and asks for no model of e.
+ones it is θ_b. The standard error √((n-1)/n Σ (θ_b - mean θ_b)²) includes model error and needs no
+model of e.
 """
 
 from __future__ import annotations
@@ -18,16 +18,7 @@ BLOCKS, STUDENT = 10, 2.262
 def solve_with_jackknife(
     phi: np.ndarray, z: np.ndarray, y: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(ZᵀΦ)⁻¹Zᵀy, of all samples and without each block.
-
-    Args:
-        phi: regressors, shape (samples, parameters).
-        z: instruments, shape (samples, parameters); the regressors for least squares.
-        y: left-hand side, shape (samples,).
-
-    Returns:
-        The estimate, shape (parameters,), and its replicates, shape (blocks, parameters).
-    """
+    """(ZᵀΦ)⁻¹Zᵀy of all samples, (parameters,), and without each block, (blocks, parameters)."""
     bounds = np.linspace(0, len(y), BLOCKS + 1).astype(int)
     parts = [slice(a, b) for a, b in pairwise(bounds)]
     scale = np.maximum(np.linalg.norm(phi, axis=0), 1e-300)
@@ -43,11 +34,7 @@ def solve_with_jackknife(
     return theta, np.array(without)
 
 
-def jackknife_deviation(replicates: np.ndarray) -> float:
-    """Standard deviation from the estimates without each block.
-
-    Args:
-        replicates: one estimate per block, shape (blocks,).
-    """
+def jackknife_standard_error(replicates: np.ndarray) -> float:
+    """Standard error from the estimates without each block."""
     n = len(replicates)
     return float(np.sqrt((n - 1) / n * np.sum((replicates - replicates.mean()) ** 2)))

@@ -20,24 +20,14 @@ FLEXIBLE = 8
 
 
 def rigid_impedance(frequency: np.ndarray, theta: np.ndarray) -> np.ndarray:
-    """J p + fv, shape (bins,) [N m s/rad].
-
-    Args:
-        frequency: shape (bins,) [Hz].
-        theta: parameters of the rigid joint.
-    """
+    """J p + fv, shape (bins,) [N m s/rad]."""
     return 2j * np.pi * frequency * theta[0] + theta[1]
 
 
 def flexible_parts(
     frequency: np.ndarray, theta: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Admittance 1/Z, friction fc of the motor and H fc_l of the load, shape (bins,) each.
-
-    Args:
-        frequency: shape (bins,) [Hz].
-        theta: parameters of the flexible joint.
-    """
+    """Admittance 1/Z, friction fc of the motor and H fc_l of the load, shape (bins,) each."""
     motor, load = np.exp(np.clip(theta[:2], -40, 40))
     p = 2j * np.pi * frequency
     passed = _passed(frequency, theta)
@@ -46,15 +36,9 @@ def flexible_parts(
 
 
 def load_speed(motor_speed: np.ndarray, rate: float, theta: np.ndarray) -> np.ndarray:
-    """The load's speed as it follows from the motor's, shape (samples,) [rad/s].
-
-    Args:
-        motor_speed: shape (samples,) [rad/s].
-        rate: sampling rate [Hz].
-        theta: parameters of the flexible joint.
-    """
+    """The load's speed from the motor's, shape (samples,) [rad/s]."""
     n = len(motor_speed)
-    # Padded with as much rest, so that the end does not wrap around to the start.
+    # Padded with zeros of the same length, so that the end does not wrap around to the start.
     spectrum = np.fft.rfft(motor_speed, 2 * n)
     return np.fft.irfft(_passed(np.fft.rfftfreq(2 * n, 1 / rate), theta) * spectrum, 2 * n)[:n]
 

@@ -1,13 +1,10 @@
-"""All that one recording tells about the flexibility of its joints, and its consequences."""
+"""Flexibility of all joints of a recording, and its effect on a rigid model."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass
-from pathlib import Path
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -23,27 +20,17 @@ from pivident.robot.description import Robot
 
 @dataclass(frozen=True, eq=False)
 class JointFlexibility:
-    """What is known about one joint from one recording.
+    """Flexibility of one joint from one recording."""
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        sliding: whether it is prismatic.
-        compliance: from both encoders in slow motion, or None.
-        two_mass: from both encoders with inertias, or None.
-        resonance: from the motor's encoder, or None.
-        rigid: what it does to a rigid model, or None where no stiffness is known.
-        notes: why something is missing.
-    """
-
-    recording: str
-    joint: str
-    sliding: bool
-    compliance: Compliance | None
-    two_mass: TwoMassEstimate | None
-    resonance: Resonance | None
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    sliding: bool  # whether it is prismatic
+    compliance: Compliance | None  # from both encoders in slow motion, or None
+    two_mass: TwoMassEstimate | None  # from both encoders with inertias, or None
+    resonance: Resonance | None  # from the motor's encoder, or None
+    # effect on a rigid model, or None if no stiffness is known
     rigid: RigidValidity | None
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # reasons for missing results
 
 
 def study_flexibility(
@@ -52,9 +39,9 @@ def study_flexibility(
     """Every joint of every recording.
 
     Args:
-        robot: gives reduction and nominal inertias.
-        recordings: those with ``q_link`` or ``q_ref`` tell something.
-        bandwidth: of the control loop [Hz], where it is known.
+        robot: the robot, with reduction and nominal inertias.
+        recordings: recordings, of which those with ``q_link`` or ``q_ref`` are used.
+        bandwidth: of the control loop [Hz], if known.
 
     Raises:
         IdentificationError: no recording has a link encoder or a reference.
@@ -119,7 +106,7 @@ def _of_joint(
         resonance = find_resonance(recording, j, load_inertia=load if load > 0 else None)
     known = _stiffness_and_inertias(two_mass, resonance, compliance, motor, load)
     if known is None:
-        notes.append("stiffness or inertias are not known: nothing is said about a rigid model")
+        notes.append("stiffness or inertias are unknown: a rigid model cannot be assessed")
     else:
         stiffness, motor, load, damping = known
         rigid = rigid_validity(
@@ -160,7 +147,7 @@ def _stiffness_and_inertias(
     motor: float,
     load: float,
 ) -> tuple[float, float, float, float] | None:
-    """k, Jm, Jl, d from the best source there is; nominal inertias where none was identified."""
+    """k, Jm, Jl, d from the best source available; nominal inertias if none was identified."""
     if two_mass is not None:
         joint = two_mass.joint
         if min(joint.stiffness, joint.motor_inertia, joint.load_inertia) > 0:
@@ -183,58 +170,10 @@ def _stiffness_and_inertias(
     return None
 
 
-def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
-    """Write ``flexibility.json`` and ``flexibility.html``, both or neither.
-
-    Args:
-        found: joints of recordings.
-        folder: folder to create or to write into.
-
-    Returns:
-        The page.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
-    from pivident.files import atomic_folder
-    from pivident.flexibility.flexibility_page import render_page
-
-    content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
-    page = render_page(found)
-    with atomic_folder(folder) as build:
-        (build / "flexibility.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may hold bytes that are no text
-        )
-        (build / "flexibility.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
-    return Path(folder) / "flexibility.html"
-
-
-def _plain(value: Any) -> Any:
-    """Values that JSON has; drawn arrays stay out, numbers that are not finite become None."""
-    if is_dataclass(value) and not isinstance(value, type):
-        shown = [f.name for f in fields(value) if f.repr]
-        return {name: _plain(getattr(value, name)) for name in shown}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
-
-
 def summary(found: Sequence[JointFlexibility]) -> dict[str, list[Measured]]:
-    """Stiffness of each joint by recording, for comparison; withheld ones stay out.
-
-    Args:
-        found: joints of recordings.
-    """
+    """Stiffness of each joint by recording, without withheld ones."""
     stiffness: dict[str, list[Measured]] = {}
     for one in found:
-        if one.compliance is not None and one.compliance.stiffness.told:
+        if one.compliance is not None and one.compliance.stiffness.is_known:
             stiffness.setdefault(one.joint, []).append(one.compliance.stiffness)
     return stiffness

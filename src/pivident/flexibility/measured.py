@@ -5,64 +5,39 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-#: Decimals that are shown at most.
+#: Maximum number of decimals.
 MAX_DECIMALS = 9
 
 
 @dataclass(frozen=True)
 class Measured:
-    """An estimate of one quantity.
+    """An estimate of one quantity."""
 
-    Attributes:
-        value: the estimate, in SI.
-        low: lower end of its 95 % interval.
-        high: upper end; infinite where the record sets none.
-        unit: its unit.
-    """
-
-    value: float
-    low: float
-    high: float
-    unit: str
+    value: float  # the estimate, in SI
+    low: float  # lower end of its 95 % interval
+    high: float  # upper end; infinite if unbounded
+    unit: str  # its unit
 
     @classmethod
     def around(cls, value: float, std: float, unit: str, factor: float = 2.0) -> Measured:
-        """An estimate ± factor·std.
-
-        Args:
-            value: the estimate.
-            std: its standard deviation.
-            unit: its unit.
-            factor: half the interval's width in deviations.
-        """
+        """An estimate ± factor·std."""
         return cls(float(value), float(value - factor * std), float(value + factor * std), unit)
 
     @classmethod
     def inverse(cls, value: float, std: float, unit: str, factor: float = 2.0) -> Measured:
-        """1/x for a positive quantity x; where x may be zero, no upper end is known.
-
-        Args:
-            value: estimate of x.
-            std: its standard deviation.
-            unit: unit of 1/x.
-            factor: half the interval's width in deviations.
-        """
+        """1/x for a positive quantity x; the upper end is unknown where x may be zero."""
         low, high = value - factor * std, value + factor * std
         best = 1.0 / value if value > 0 else math.inf
         least = 1.0 / high if high > 0 else math.inf
         return cls(best, least, 1.0 / low if low > 0 else math.inf, unit)
 
     @classmethod
-    def untold(cls, unit: str) -> Measured:
-        """What a record says nothing about: no value, no ends.
-
-        Args:
-            unit: its unit.
-        """
+    def unknown(cls, unit: str) -> Measured:
+        """A quantity that the record does not determine: no value, no ends."""
         return cls(math.nan, -math.inf, math.inf, unit)
 
     @property
-    def told(self) -> bool:
+    def is_known(self) -> bool:
         """Whether there is a value or at least a lower end."""
         return math.isfinite(self.value) or math.isfinite(self.low)
 
@@ -72,32 +47,23 @@ class Measured:
         return self.low > 0 or self.high < 0
 
     def times(self, factor: float, unit: str) -> Measured:
-        """The same in another unit.
-
-        Args:
-            factor: positive factor.
-            unit: the unit it leads to.
-        """
+        """The same in another unit."""
         return Measured(self.value * factor, self.low * factor, self.high * factor, unit)
 
     def covers(self, value: float) -> bool:
-        """Whether the interval holds a value.
-
-        Args:
-            value: the value, in the same unit.
-        """
+        """Whether the interval contains a value."""
         return self.low <= value <= self.high
 
     def __str__(self) -> str:
         unit = f" {self.unit}" if self.unit else ""
         if not math.isfinite(self.value):
-            return f"above {self.low:.3g}{unit}" if math.isfinite(self.low) else "not told"
+            return f"above {self.low:.3g}{unit}" if math.isfinite(self.low) else "not determined"
         value, low, high = _alike(self.value, self.low, self.high)
         return f"{value}{unit} (95 %: {low} to {high})"
 
 
 def _alike(value: float, low: float, high: float) -> tuple[str, ...]:
-    """Value and ends, all to the second digit of the interval's half, and three of the value."""
+    """Value and ends, to the second digit of half the interval and three digits of the value."""
     finite = [x for x in (value, low, high) if math.isfinite(x)]
     largest = max(map(abs, finite))
     width = max(finite) - min(finite)

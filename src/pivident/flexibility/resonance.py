@@ -1,11 +1,10 @@
 """Stiffness of a joint from its motor's encoder alone: resonance and antiresonance in the loop.
 
-The motor is hard to move at the antiresonance and easy to move at the resonance; the joint's
-impedance (`joint_impedance`) is fitted over the bins that the reference excites (`impedance_fit`).
-The sign of the load's friction comes from the motor's speed through the spring, in a second fit;
-half of what that moves goes into the deviations. A rigid joint is fitted as well. Where the
-flexible one is not clearly better, no resonance was seen, and the highest excited frequency says
-how far that goes.
+The impedance of a joint (`joint_impedance`) has a maximum at the antiresonance and a minimum at the
+resonance; it is fitted over the bins that the reference excites (`impedance_fit`). The sign of the
+load's friction comes from the motor's speed through the spring, in a second fit; half of the change
+is added to the standard errors. A rigid joint is fitted as well. If the flexible one is not clearly
+better, there is no resonance up to the highest excited frequency.
 """
 
 from __future__ import annotations
@@ -21,56 +20,41 @@ from pivident.flexibility.joint_impedance import flexible_parts, load_speed, rig
 from pivident.flexibility.measured import Measured
 from pivident.recording.recording import Recording
 
-#: Fewest excited bins that a fit may rest on.
+#: Smallest number of excited bins for a fit.
 MIN_BINS = 40
 
-#: Gain in twice the log-likelihood from which a resonance counts as seen.
+#: Smallest gain in twice the log-likelihood for a resonance.
 CLEARLY_BETTER = 50.0
 
-#: Share of itself to which the antiresonance has to be known (95 %).
+#: Largest relative half width of the antiresonance's 95 % interval.
 KNOWN_TO = 0.25
 
-#: Share of what the load's own sign of friction changes that is taken for a deviation.
-FRICTION_DOUBT = 0.5
+#: Share of the change by the load's own sign of friction that is added to the standard error.
+FRICTION_SHARE = 0.5
 
 
 @dataclass(frozen=True, eq=False)
 class Resonance:
-    """What one encoder tells about a joint's flexibility.
+    """A joint's flexibility from the motor encoder alone."""
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        seen: whether there is a resonance in the excited band.
-        excited: lowest and highest frequency that the reference excites [Hz]; (0, 0): none.
-        total_inertia: Jm + Jl, or J of the rigid fit [kg m²]; None where nothing is excited.
-        antiresonance: √(k/Jl)/2π [Hz], or None.
-        resonance: √(k (1/Jm + 1/Jl))/2π [Hz], or None.
-        stiffness: k; where no resonance was seen, only its lower end, and only if the load's
-            inertia was given [N m/rad].
-        damping: d [N m s/rad], or None.
-        motor_inertia: Jm [kg m²], or None.
-        load_inertia: Jl [kg m²], or None.
-        gain: twice the log-likelihood of the flexible over that of the rigid joint.
-        misfit: cost over the number of bins; about 1 where the model holds.
-        conclusion: in one sentence.
-        response: frequency [Hz], |Y/U| measured and fitted [rad/s per N m], shape (3, bins).
-    """
-
-    recording: str
-    joint: str
-    seen: bool
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    seen: bool  # whether there is a resonance in the excited band
+    # lowest and highest frequency that the reference excites [Hz]; (0, 0): none
     excited: tuple[float, float]
+    # Jm + Jl, or J of the rigid fit [kg m²]; None where nothing is excited
     total_inertia: Measured | None
-    antiresonance: Measured | None
-    resonance: Measured | None
+    antiresonance: Measured | None  # √(k/Jl)/2π [Hz], or None
+    resonance: Measured | None  # √(k (1/Jm + 1/Jl))/2π [Hz], or None
+    # k [N m/rad]; without a resonance only its lower end, and only for a given load inertia
     stiffness: Measured | None
-    damping: Measured | None
-    motor_inertia: Measured | None
-    load_inertia: Measured | None
-    gain: float
-    misfit: float
-    conclusion: str
+    damping: Measured | None  # d [N m s/rad], or None
+    motor_inertia: Measured | None  # Jm [kg m²], or None
+    load_inertia: Measured | None  # Jl [kg m²], or None
+    gain: float  # twice the log-likelihood of the flexible over that of the rigid joint
+    misfit: float  # cost over the number of bins; about 1 if the model holds
+    conclusion: str  # in one sentence
+    # frequency [Hz], |Y/U| measured and fitted [rad/s per N m], shape (3, bins)
     response: np.ndarray = field(repr=False)
 
 
@@ -84,19 +68,19 @@ def find_resonance(
     highest: float | None = None,
     gamma: float = 150.0,
 ) -> Resonance:
-    """Look for the resonance of one joint in its loop.
+    """Search for the resonance of one joint in its loop.
 
     Args:
         recording: has ``q_ref``; a link encoder is not used.
         joint: index of the joint.
-        motor_inertia: Jm where it is known [kg m²]; None: it is estimated.
-        load_inertia: Jl, for a lower end of the stiffness where no resonance is seen [kg m²].
-        lowest: lowest frequency that is used [Hz].
+        motor_inertia: Jm if known [kg m²]; None: it is estimated.
+        load_inertia: Jl, for a lower end of the stiffness if there is no resonance [kg m²].
+        lowest: lowest frequency used [Hz].
         highest: highest frequency [Hz]; None: a fifth of the sampling rate.
         gamma: slope of the smoothed sign of friction [s/rad].
 
     Returns:
-        Antiresonance, resonance and what follows from them, with deviations.
+        Antiresonance, resonance and the parameters that follow from them, with intervals.
 
     Raises:
         IdentificationError: there is no reference.
@@ -104,8 +88,8 @@ def find_resonance(
     name = recording.joint_names[joint]
     if recording.q_ref is None:
         raise IdentificationError(
-            f"recording {recording.name!r} has no reference for joint {name!r}: in a loop, noise "
-            "cannot be told from excitation without it; record q_ref"
+            f"recording {recording.name!r} has no reference for joint {name!r}: in a closed loop, "
+            "noise cannot be distinguished from excitation without it; record q_ref"
         )
     high = 0.2 * recording.rate if highest is None else highest
     spectra = _loop_spectra(recording, joint, lowest, high, gamma, None)
@@ -120,8 +104,8 @@ def find_resonance(
         used = _excited(_loop_spectra(recording, joint, lowest, high, gamma, flexible))
         first = flexible
         flexible, cost, covariance = fit_flexible(used, rigid, motor_inertia, first)
-        # The sign of friction is known only as well as the speeds: half of what it moved counts.
-        moved = FRICTION_DOUBT * (flexible - first)
+        # The sign of friction is as uncertain as the speeds: half of its effect is added.
+        moved = FRICTION_SHARE * (flexible - first)
         covariance = covariance + np.outer(moved, moved)
         return _seen(recording, name, used, flexible, covariance, gain, cost)
     inertia = Measured.around(rigid[0], float(np.sqrt(rigid_covariance[0, 0])), "kg m²", 1.96)
@@ -148,8 +132,8 @@ def find_resonance(
             f"the joint is not rigid below {band[1]:.3g} Hz, the highest frequency that the "
             "reference excites, but its antiresonance cannot be located; excite more frequencies"
             if flexible_looking
-            else f"no resonance seen below {band[1]:.3g} Hz, the highest frequency that the "
-            "reference excites"
+            else f"no resonance below {band[1]:.3g} Hz, the highest frequency that the reference "
+            "excites"
         ),
         response=_response(used, 1 / rigid_impedance(used.frequency, rigid)),
     )
@@ -214,7 +198,7 @@ def _seen(
     gain: float,
     cost: float,
 ) -> Resonance:
-    """The answer where a resonance was found; logarithms make the intervals of positive numbers."""
+    """The result with a resonance; intervals of positive numbers through their logarithms."""
 
     def positive(log: float, gradient: np.ndarray, unit: str) -> Measured:
         std = float(np.sqrt(gradient @ covariance[:4, :4] @ gradient))
@@ -249,7 +233,7 @@ def _seen(
 
 
 def _nothing_excited(recording: Recording, name: str, used: LocalSpectra) -> Resonance:
-    """The answer where the reference excites next to nothing."""
+    """The result if the reference excites too few frequencies."""
     top = float(used.frequency[-1]) if len(used.frequency) else 0.0
     band = (float(used.frequency[0]), top) if len(used.frequency) else (0.0, 0.0)
     return Resonance(
@@ -267,13 +251,13 @@ def _nothing_excited(recording: Recording, name: str, used: LocalSpectra) -> Res
         gain=0.0,
         misfit=float("nan"),
         conclusion=f"the reference excites {len(used.frequency)} frequencies above the motion, too "
-        "few to see a resonance; add a multisine or noise up to the frequencies in question to the "
-        "reference",
+        "few to detect a resonance; add a multisine or noise up to the frequencies of interest to "
+        "the reference",
         response=np.empty((3, 0)),
     )
 
 
 def _response(spectra: LocalSpectra, admittance: np.ndarray) -> np.ndarray:
-    """Measured and fitted |speed/torque|, friction not taken off."""
+    """Measured and fitted |speed/torque|, including friction."""
     y, u = spectra.driven[:, 0], spectra.driven[:, 1]
     return np.vstack([spectra.frequency, np.abs(y / u), np.abs(admittance)])

@@ -1,13 +1,13 @@
-"""When a rigid model of a flexible joint is no longer right, and by how much its inertia is wrong.
+"""Validity of a rigid model of a flexible joint, and the error of its inertia.
 
-A motor that shakes a load through a spring feels the inertia
+A motor that moves a load through a spring has the apparent inertia
 
     J(ω) = Jm + Jl Re T(ω),   T = (k + jωd) / (k + jωd - Jl ω²) ≈ 1 / (1 - (ω/ω_a)²)
 
-so that a rigid model finds too much, by about Jl (ω/ω_a)². With the link's encoder it finds too
-little, J - Jm (ω/ω_a)². The figure here is not that law at one frequency: the torque that the
-rigid model lacks, Jl (T - 1) ddq, is formed from the recorded motion and projected on its columns
-ddq, dq, sign(dq) and 1, within the band in which the model would be fitted.
+so a rigid model overestimates it by about Jl (ω/ω_a)². With the link's encoder it underestimates
+it, J - Jm (ω/ω_a)². The number here is not that law at one frequency: the torque missing in the
+rigid model, Jl (T - 1) ddq, is computed from the recorded motion and projected on its columns ddq,
+dq, sign(dq) and 1, within the band in which the model would be fitted.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from pivident.errors import IdentificationError
 from pivident.recording.recording import Recording
 from pivident.text.finding import Severity
 
-#: Error of the inertia from which it is a warning, and from which it is an error [%].
+#: Error of the inertia above which there is a warning, and above which it is an error [%].
 WARNING, ERROR = 2.0, 10.0
 
-#: Share of the antiresonance that a loop or a filter may reach without remark.
+#: Share of the antiresonance up to which a loop or a filter is acceptable.
 REACH = 1.0 / 3.0
 
 #: Share of the acceleration's power that makes up the motion.
@@ -36,34 +36,19 @@ CUTOFF = 50.0
 
 @dataclass(frozen=True)
 class RigidValidity:
-    """How far a rigid model of one joint can be trusted.
+    """Validity of a rigid model of one joint."""
 
-    Attributes:
-        recording: name of the run.
-        joint: name of the joint.
-        antiresonance: locked-rotor frequency √(k/Jl)/2π [Hz].
-        motion_band: frequency below which 95 % of the acceleration's power lies [Hz].
-        cutoff: of the signals in the rigid fit [Hz].
-        inertia_error: of Jm + Jl in a rigid least-squares fit [%].
-        at_band_edge: (J(ω) - J)/J at the edge of the motion's band [%]; infinite beyond the
-            antiresonance.
-        viscous_error: of the viscous friction [N m s/rad].
-        coulomb_error: of the Coulomb friction [N m].
-        missing_torque: rms of the torque that the rigid model lacks after the fit [N m].
-        severity: ``ok``, ``warning`` or ``error``.
-        sentences: in plain words.
-    """
-
-    recording: str
-    joint: str
-    antiresonance: float
-    motion_band: float
-    cutoff: float
-    inertia_error: float
+    recording: str  # name of the run
+    joint: str  # name of the joint
+    antiresonance: float  # locked-rotor frequency √(k/Jl)/2π [Hz]
+    motion_band: float  # frequency below which 95 % of the acceleration's power lies [Hz]
+    cutoff: float  # of the signals in the rigid fit [Hz]
+    inertia_error: float  # of Jm + Jl in a rigid least-squares fit [%]
+    # (J(ω) - J)/J at the edge of the motion's band [%]; infinite beyond the antiresonance
     at_band_edge: float
-    viscous_error: float
-    coulomb_error: float
-    missing_torque: float
+    viscous_error: float  # of the viscous friction [N m s/rad]
+    coulomb_error: float  # of the Coulomb friction [N m]
+    missing_torque: float  # rms of the torque missing in the rigid model after the fit [N m]
     severity: Severity
     sentences: tuple[str, ...]
 
@@ -81,7 +66,7 @@ def rigid_validity(
     bandwidth: float | None = None,
     gamma: float = 150.0,
 ) -> RigidValidity:
-    """What compliance does to a rigid model that is fitted to this record.
+    """Effect of compliance on a rigid model fitted to this record.
 
     Args:
         recording: the record.
@@ -90,13 +75,13 @@ def rigid_validity(
         motor_inertia: Jm on the joint side [kg m²].
         load_inertia: Jl [kg m²].
         damping: d [N m s/rad]; 0 stands for 1 % of the critical one.
-        encoder: where the positions of the rigid fit come from.
+        encoder: encoder of the positions in the rigid fit.
         cutoff: of the signals in the rigid fit [Hz]; None: 50 Hz, or 40 % of the rate.
-        bandwidth: of the control loop [Hz], where it is known.
+        bandwidth: of the control loop [Hz], if known.
         gamma: slope of the smoothed sign of friction [s/rad].
 
     Returns:
-        How far a rigid model is valid: its bias and the band in which it holds.
+        Bias of the rigid model, and the band in which it is valid.
 
     Raises:
         IdentificationError: a stiffness or inertia is not positive, or there is no such encoder.
@@ -107,7 +92,7 @@ def rigid_validity(
     for label, value in (("stiffness", stiffness), ("load inertia", load_inertia)):
         if not (np.isfinite(value) and value > 0):
             raise IdentificationError(
-                f"{label} of joint {name!r} is {value!r}; it has to be positive"
+                f"{label} of joint {name!r} is {value!r}; it must be positive"
             )
     positions = recording.q if encoder == "motor" else recording.q_link
     if positions is None:
@@ -165,7 +150,7 @@ def _missing_torque(
     encoder: str,
     highest: float,
 ) -> np.ndarray:
-    """Torque of the flexible joint less that of a rigid one with the same motion [N m]."""
+    """Torque of the flexible joint minus that of a rigid one with the same motion [N m]."""
     n = len(ddq)
     # The motion mirrored at its ends is periodic without steps.
     spectrum = np.fft.rfft(np.concatenate([ddq, ddq[::-1]]))
@@ -202,27 +187,27 @@ def _judged(
         severity = "warning"
     if abs(error) >= ERROR or band >= antiresonance:
         severity = "error"
-    size = "beyond all bounds" if not np.isfinite(at_edge) else f"by {at_edge:+.2g} %"
+    size = "without bound" if not np.isfinite(at_edge) else f"by {at_edge:+.2g} %"
     sentences = [
         f"the rigid model's inertia of {joint} is wrong by about {error:+.2g} % on this motion",
         f"95 % of the acceleration's power lies below {band:.3g} Hz, {band / antiresonance:.2g} of "
-        f"the locked-rotor frequency {antiresonance:.3g} Hz; the inertia seen at that edge "
-        f"alone is wrong {size}",
+        f"the locked-rotor frequency {antiresonance:.3g} Hz; the apparent inertia at that edge is "
+        f"wrong {size}",
     ]
     if error * at_edge < 0 and abs(error) > 0.1:
         sentences.append(
-            "its sign says that the error comes from beyond the antiresonance, where the load does "
-            "not follow: ripple of gear or torque, or noise of the encoder"
+            "by its sign the error comes from above the antiresonance, where the load does not "
+            "follow: ripple of gear or torque, or noise of the encoder"
         )
     if bandwidth is not None and bandwidth > REACH * antiresonance:
         sentences.append(
             f"the loop's bandwidth of {bandwidth:.3g} Hz is {bandwidth / antiresonance:.2g} of it: "
-            "a rigid simulation of the loop is not the loop; lower the bandwidth of the virtual law"
+            "a rigid simulation does not represent the loop; lower the bandwidth of the virtual law"
         )
         severity = "warning" if severity == "ok" else severity
     if cutoff > REACH * antiresonance and severity != "ok":
         sentences.append(
             f"signals up to {cutoff:.3g} Hz enter the fit; a cut-off below "
-            f"{REACH * antiresonance:.2g} Hz would keep the resonance out"
+            f"{REACH * antiresonance:.2g} Hz would exclude the resonance"
         )
     return severity, tuple(sentences)

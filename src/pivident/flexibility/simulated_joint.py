@@ -5,8 +5,7 @@
     T = k (q_m - q_l) + d (dq_m - dq_l),            s(dq) = (2/π) atan(γ dq)
 
 Everything is on the joint side: q_m is the motor's angle over the reduction, tau the motor's torque
-times the reduction. The spring is joined by backlash and by the gear's transmission error where
-they are asked for.
+times the reduction. Backlash and transmission error of the gear are optional.
 """
 
 from __future__ import annotations
@@ -57,7 +56,7 @@ class TwoMassJoint:
 
     @property
     def antiresonance(self) -> float:
-        """√(k/Jl)/2π [Hz]: the load swings against a motor that is held fast."""
+        """√(k/Jl)/2π [Hz]: the load swings against a locked motor."""
         return math.sqrt(self.stiffness / self.load_inertia) / (2 * math.pi)
 
     @property
@@ -78,19 +77,13 @@ class TwoMassJoint:
 
 @dataclass(frozen=True)
 class GearFaults:
-    """What a gear does besides being a spring.
+    """Backlash and transmission error of a gear."""
 
-    Attributes:
-        backlash: width of the gap without torque [rad].
-        error_amplitude: transmission error ε sin(order N q_m) that the gear adds to q_m [rad].
-        error_order: cycles per revolution of the motor.
-        reduction: N, motor revolutions per revolution of the joint.
-    """
-
-    backlash: float = 0.0
+    backlash: float = 0.0  # width of the gap without torque [rad]
+    # transmission error ε sin(order N q_m) that the gear adds to q_m [rad]
     error_amplitude: float = 0.0
-    error_order: float = 0.0
-    reduction: float = 1.0
+    error_order: float = 0.0  # cycles per revolution of the motor
+    reduction: float = 1.0  # N, motor revolutions per revolution of the joint
 
 
 @dataclass(frozen=True)
@@ -100,39 +93,24 @@ class MotorLoop:
         tau = kp (q_ref - q_m) + kd (dq_ref - dq_m) + feed_forward ddq_ref
 
     dq_m is the backward difference of the encoder through a first-order lag.
-
-    Attributes:
-        kp: [N m/rad].
-        kd: [N m s/rad].
-        feed_forward: inertia of the feed-forward [kg m²].
-        lag: time constant of the speed's filter [s].
     """
 
-    kp: float
-    kd: float
-    feed_forward: float = 0.0
-    lag: float = 0.0
+    kp: float  # [N m/rad]
+    kd: float  # [N m s/rad]
+    feed_forward: float = 0.0  # inertia of the feed-forward [kg m²]
+    lag: float = 0.0  # time constant of the speed's filter [s]
 
 
 @dataclass(frozen=True)
 class Sensors:
-    """What encoders and torque sensor add, standard deviations and steps.
+    """Noise (standard deviations) and steps of encoders and torque sensor."""
 
-    Attributes:
-        motor_step: step of the motor encoder, on the joint side [rad]; 0: none.
-        link_step: step of the link encoder [rad]; 0: none.
-        motor_noise: white noise of the motor encoder [rad].
-        link_noise: white noise of the link encoder [rad].
-        torque_noise: white noise of the logged torque [N m].
-        link_lag: how much later the link encoder is read, in whole samples.
-    """
-
-    motor_step: float = 0.0
-    link_step: float = 0.0
-    motor_noise: float = 0.0
-    link_noise: float = 0.0
-    torque_noise: float = 0.0
-    link_lag: int = 0
+    motor_step: float = 0.0  # step of the motor encoder, on the joint side [rad]; 0: none
+    link_step: float = 0.0  # step of the link encoder [rad]; 0: none
+    motor_noise: float = 0.0  # white noise of the motor encoder [rad]
+    link_noise: float = 0.0  # white noise of the link encoder [rad]
+    torque_noise: float = 0.0  # white noise of the logged torque [N m]
+    link_lag: int = 0  # delay of the link encoder in whole samples
 
 
 def simulate_joint(
@@ -207,23 +185,10 @@ def loop_motion(
     gear: GearFaults | None = None,
     steps: int = 4,
 ) -> np.ndarray:
-    """True motor and link positions, torque, and what the motor encoder read.
+    """True q_m, q_l [rad], torque [N m] and the encoder's q_m [rad], (4, samples).
 
-    Args:
-        joint: the parameters.
-        loop: the control law.
-        q_ref: reference, shape (samples,) [rad].
-        rate: sampling and control rate [Hz].
-        motor_noise: noise of the motor encoder, shape (samples,) [rad]; None: none.
-        motor_step: its step [rad]; 0: none.
-        gear: backlash and transmission error; None: neither.
-        steps: integration steps per sample.
-
-    Returns:
-        Rows q_m, q_l [rad], tau [N m] and the read q_m [rad], shape (4, samples).
-
-    Raises:
-        IdentificationError: the motion grows beyond all bounds.
+    ``motor_noise`` and ``motor_step`` are those of the motor encoder [rad], ``steps`` the
+    integration steps per sample.
     """
     gear = gear or GearFaults()
     noise = np.zeros(len(q_ref)) if motor_noise is None else motor_noise
@@ -258,13 +223,13 @@ def loop_motion(
 
 
 def _rest_deflection(joint: TwoMassJoint, q: float) -> float:
-    """Deflection that carries the load's weight at standstill [rad]."""
+    """Deflection under the load's weight at standstill [rad]."""
     weight = joint.gravity_sin * math.sin(q) + joint.gravity_cos * math.cos(q) + joint.load_offset
     return weight / joint.stiffness
 
 
 def _delayed(x: np.ndarray, samples: int) -> np.ndarray:
-    """A signal later by whole samples, its first value repeated."""
+    """A signal delayed by whole samples, its first value repeated."""
     return np.concatenate([np.full(samples, x[0]), x[: len(x) - samples]])
 
 

@@ -22,25 +22,15 @@ TAPER = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Spectra:
-    """Tapered spectra of one record.
+    """Tapered spectra of one record."""
 
-    Attributes:
-        frequency: shape (bins,) [Hz].
-        phi: regressors, shape (bins, equations, parameters).
-        y: left-hand sides, shape (bins, equations).
-    """
-
-    frequency: np.ndarray
-    phi: np.ndarray
-    y: np.ndarray
+    frequency: np.ndarray  # shape (bins,) [Hz]
+    phi: np.ndarray  # regressors, shape (bins, equations, parameters)
+    y: np.ndarray  # left-hand sides, shape (bins, equations)
 
 
 def taper(samples: int) -> np.ndarray:
-    """Tukey's window with unit mean square, shape (samples,).
-
-    Args:
-        samples: its length.
-    """
+    """Tukey's window with unit mean square, shape (samples,)."""
     from scipy.signal.windows import tukey
 
     window = tukey(samples, TAPER)
@@ -48,14 +38,7 @@ def taper(samples: int) -> np.ndarray:
 
 
 def tapered_spectra(columns: np.ndarray, rate: float, low: float, high: float) -> np.ndarray:
-    """Spectra of columns between two frequencies, shape (bins, columns).
-
-    Args:
-        columns: shape (samples, columns).
-        rate: sampling rate [Hz].
-        low: lowest frequency [Hz].
-        high: highest frequency [Hz].
-    """
+    """Spectra of columns between two frequencies, shape (bins, columns)."""
     frequency = np.fft.rfftfreq(len(columns), 1 / rate)
     kept = (frequency >= low) & (frequency <= high)
     window = taper(len(columns))[:, None]
@@ -63,11 +46,7 @@ def tapered_spectra(columns: np.ndarray, rate: float, low: float, high: float) -
 
 
 def residual_spectrum(e: np.ndarray) -> np.ndarray:
-    """Spectral matrices of residuals, averaged over neighbours, shape (bins, equations, equations).
-
-    Args:
-        e: residuals, shape (bins, equations).
-    """
+    """Spectral matrices (bins, equations, equations) of residuals, averaged over neighbours."""
     from scipy.ndimage import uniform_filter1d
 
     raw = e[:, :, None] * e[:, None, :].conj()
@@ -80,14 +59,8 @@ def residual_spectrum(e: np.ndarray) -> np.ndarray:
 
 
 def solve(spectra: Spectra, z: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """θ and its covariance.
-
-    Args:
-        spectra: the equations.
-        z: spectra of the instruments, shape (bins, equations, parameters).
-        weights: S⁻¹, shape (bins, equations, equations).
-    """
-    # The mean has one degree of freedom where a complex number has two.
+    """θ and its covariance from instruments Z and weights S⁻¹ (bins, equations, equations)."""
+    # The mean has one degree of freedom, a complex number two.
     weights = weights * np.where(spectra.frequency == 0.0, 0.5, 1.0)[:, None, None]
     weighted = np.einsum("fep,feg->fgp", z.conj(), weights)
     a = np.einsum("fgp,fgq->pq", weighted, spectra.phi).real
@@ -97,6 +70,6 @@ def solve(spectra: Spectra, z: np.ndarray, weights: np.ndarray) -> tuple[np.ndar
     inverse = np.linalg.inv(a * np.outer(scale, scale))
     theta = scale * (inverse @ (scale * b))
     covariance = 0.5 * inverse @ (meat * np.outer(scale, scale)) @ inverse.T
-    # Tapering makes neighbours depend on each other: fewer bins count.
+    # Tapering correlates neighbouring bins, so the effective number of bins is smaller.
     fewer = np.mean(taper(4096) ** 4)
     return theta, fewer * covariance * np.outer(scale, scale)

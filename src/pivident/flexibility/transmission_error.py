@@ -1,8 +1,8 @@
 """Transmission error of a gear: lines in the deflection that repeat with the motor's angle.
 
 A gear with ratio N turns the link by q_m + Σ a_i cos(o_i N q_m) + b_i sin(o_i N q_m), with o_i the
-order, cycles per revolution of the motor. Orders need not be whole: a cycloidal gear's own teeth
-repeat with parts of a revolution.
+order, cycles per revolution of the motor. Orders need not be integers: the teeth of a cycloidal
+gear repeat with fractions of a revolution.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from pivident.flexibility.measured import Measured
 
-#: Fewest periods of a line over the travel; slower ones cannot be told from the load's.
+#: Smallest number of periods of a line over the travel; fewer are indistinguishable from the load.
 MIN_PERIODS = 8
 
 #: Power of a line over the median of its neighbours. A χ² of two degrees of freedom exceeds this
@@ -25,45 +25,30 @@ LEAST_POWER = 16.0
 #: Half width of the neighbourhood, in orders of one period over the travel.
 NEIGHBOURS = 25
 
-#: Least distance of two lines, in periods over the travel: a line whose amplitude changes with the
-#: load has side lines, which are not lines of their own.
+#: Smallest distance of two lines, in periods over the travel: a line whose amplitude changes with
+#: the load has sidebands, which are not separate lines.
 SEPARATION = 6
 
-#: Most lines that are looked for.
+#: Maximum number of lines.
 MAX_LINES = 6
 
 
 @dataclass(frozen=True)
 class TransmissionLine:
-    """One periodic part of the transmission error.
+    """One periodic part of the transmission error."""
 
-    Attributes:
-        order: cycles per revolution of the motor.
-        amplitude: of the deflection [rad].
-    """
-
-    order: float
-    amplitude: Measured
+    order: float  # cycles per revolution of the motor
+    amplitude: Measured  # of the deflection [rad]
 
 
 def line_columns(angle: np.ndarray, orders: Sequence[float]) -> np.ndarray:
-    """Cosine and sine of each order, shape (samples, 2·orders).
-
-    Args:
-        angle: motor angle, shape (samples,) [rad].
-        orders: cycles per revolution.
-    """
+    """Cosine and sine of each order, shape (samples, 2·orders)."""
     columns = [f(order * angle) for order in orders for f in (np.cos, np.sin)]
     return np.column_stack(columns) if columns else np.empty((len(angle), 0))
 
 
 def largest_order(angle: np.ndarray, rate: float) -> float:
-    """Order whose frequency reaches 80 % of half the sampling rate at the highest speed.
-
-    Args:
-        angle: motor angle of consecutive samples, shape (samples,) [rad].
-        rate: sampling rate [Hz].
-    """
+    """Order whose frequency reaches 80 % of half the sampling rate at the highest speed."""
     fastest = float(np.abs(np.gradient(angle)).max()) * rate
     return 0.8 * math.pi * rate / max(fastest, 1e-12)
 
@@ -71,13 +56,8 @@ def largest_order(angle: np.ndarray, rate: float) -> float:
 def find_orders(residual: np.ndarray, angle: np.ndarray, highest: float) -> list[float]:
     """Orders of the lines in a residual, strongest first.
 
-    One line at a time is found in the spectrum over the motor's angle and taken off with all those
-    before it.
-
-    Args:
-        residual: deflection without its other terms, shape (samples,) [rad].
-        angle: motor angle at these samples, shape (samples,) [rad].
-        highest: highest order to look at.
+    One line at a time is found in the spectrum over the motor's angle and subtracted together with
+    all earlier ones.
     """
     period = 2 * math.pi / max(float(np.ptp(angle)), 1e-12)
     lowest, step = MIN_PERIODS * period, 0.5 * period

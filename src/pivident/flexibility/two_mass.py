@@ -9,8 +9,9 @@ the frequency domain (`spectral_equations`), weighted by the spectra of their re
 
 Encoder noise is in every column, and the loop feeds it back into the torque, so that least squares
 is biased. Instruments are the same columns from a simulated, noise-free joint that follows the
-recorded reference under a control law of its own, fitted to the torque: they need to move alike,
-not to be exact. The simulation takes the parameters of the last step, until these settle.
+recorded reference under a control law of its own, fitted to the torque: instruments need to be
+correlated with the motion, not exact. The simulation uses the parameters of the last step, until
+they converge.
 """
 
 from __future__ import annotations
@@ -42,12 +43,12 @@ UNITS = {
     "sin": "N m", "cos": "N m", "stiffness": "N m/rad", "damping": "N m s/rad",
 }  # fmt: skip
 
-#: Most steps, and the change at which they end, in standard deviations.
+#: Maximum number of steps, and the change at which they end, in standard errors.
 MAX_STEPS, SETTLED = 12, 0.05
 
 
 class _Signals(NamedTuple):
-    """Motion of one joint: positions, and speeds from which signs of friction are taken."""
+    """Motion of one joint: positions, and speeds for the signs of friction."""
 
     q_motor: np.ndarray
     q_link: np.ndarray
@@ -57,45 +58,28 @@ class _Signals(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TwoMassEstimate:
-    """An identified flexible joint.
+    """An identified flexible joint."""
 
-    Attributes:
-        recording: name of the run.
-        joint_name: name of the joint.
-        names: parameters, fields of `TwoMassJoint`.
-        theta: their values, in SI.
-        covariance: shape (parameters, parameters).
-        joint: the parameters as a joint that can be simulated.
-        band: lowest and highest frequency used [Hz].
-        steps: how many steps it took.
-        converged: whether the last one changed nothing any more.
-        instrumented: whether instruments came from a simulated joint; else from the record itself.
-        notes: what to know, in sentences.
-    """
-
-    recording: str
-    joint_name: str
-    names: tuple[str, ...]
-    theta: np.ndarray
-    covariance: np.ndarray = field(repr=False)
-    joint: TwoMassJoint
-    band: tuple[float, float]
-    steps: int
+    recording: str  # name of the run
+    joint_name: str  # name of the joint
+    names: tuple[str, ...]  # parameters, fields of `TwoMassJoint`
+    theta: np.ndarray  # their values, in SI
+    covariance: np.ndarray = field(repr=False)  # shape (parameters, parameters)
+    joint: TwoMassJoint  # the parameters as a joint that can be simulated
+    band: tuple[float, float]  # lowest and highest frequency used [Hz]
+    steps: int  # number of steps
     converged: bool
+    # whether instruments came from a simulated joint; else from the record itself
     instrumented: bool
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # reservations, sentences
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations, shape (parameters,)."""
+        """Standard errors, shape (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
 
     def measured(self, name: str) -> Measured:
-        """One parameter with its interval.
-
-        Args:
-            name: one of `names`.
-        """
+        """One parameter with its interval."""
         i = self.names.index(name)
         return Measured.around(self.theta[i], self.std[i], UNITS[name.rpartition("_")[2]], 1.96)
 
@@ -122,18 +106,18 @@ def identify_two_mass(
     """Identify a flexible joint from both encoders, reference and torque.
 
     Args:
-        recording: has ``q_link``; and ``q_ref``, without which noise biases the answer.
+        recording: has ``q_link``; and ``q_ref``, without which noise biases the estimate.
         joint: index of the joint; other joints should stand still.
         gravity: whether the load has a weight, g_s sin q_l + g_c cos q_l.
         gamma: slope of the smoothed sign of friction [s/rad].
-        lowest: lowest frequency that is used [Hz].
+        lowest: lowest frequency used [Hz].
         highest: highest frequency [Hz]; None: a tenth of the sampling rate.
 
     Returns:
-        The parameters of both sides and of the spring between them, with deviations.
+        The parameters of both sides and of the spring between them, with standard errors.
 
     Raises:
-        IdentificationError: there is no link encoder, or the record cannot tell the parameters.
+        IdentificationError: there is no link encoder, or the parameters are not identifiable.
     """
     if recording.q_link is None:
         raise IdentificationError(
@@ -178,7 +162,7 @@ def identify_two_mass(
 def _signals(
     q_motor: np.ndarray, q_link: np.ndarray, rate: float, cutoff: float | None
 ) -> _Signals:
-    """Positions and speeds; the speeds of measured ones are low-passed, for the sign's sake."""
+    """Positions and speeds; measured speeds are low-passed for the sign of friction."""
     from pivident.signals.bandpass import butterworth, central_difference
 
     smooth = [q if cutoff is None else butterworth(q, rate, cutoff) for q in (q_motor, q_link)]
@@ -253,15 +237,15 @@ def _weights(spectra: Spectra, theta: np.ndarray, plain: bool = False) -> np.nda
 def _solved(
     spectra: Spectra, z: np.ndarray, weights: np.ndarray, joint: str, recording: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`solve`, with an error that says whose equations are singular."""
+    """`solve`, with an error that names recording and joint of singular equations."""
     try:
         theta, covariance = solve(spectra, z, weights)
     except np.linalg.LinAlgError:
         theta, covariance = np.full(1, np.nan), np.zeros((1, 1))
     if not np.isfinite(theta).all():
         raise IdentificationError(
-            f"recording {recording!r} does not tell the parameters of the flexible joint {joint!r} "
-            "apart; it has to move in both directions and deflect"
+            f"the parameters of the flexible joint {joint!r} are not identifiable from recording "
+            f"{recording!r}; the joint has to move in both directions and deflect"
         )
     return theta, covariance
 
@@ -273,7 +257,7 @@ def _joint_of(names: Sequence[str], theta: np.ndarray, gamma: float) -> TwoMassJ
 def _simulated(
     recording: Recording, joint: int, names: Sequence[str], theta: np.ndarray, gamma: float
 ) -> np.ndarray | None:
-    """Positions of the noise-free joint in its loop, or None where it cannot be simulated."""
+    """Positions of the noise-free joint in its loop, or None if it cannot be simulated."""
     if recording.q_ref is None:
         return None
     made = _joint_of(names, theta, gamma)
@@ -281,7 +265,7 @@ def _simulated(
         return None
     reference, q = recording.q_ref[:, joint], recording.q[:, joint]
     loop = _fitted_law(reference, q, recording.tau[:, joint], recording.rate)
-    # Eight steps within a period of the resonance, and no fewer than two within a sample.
+    # Eight steps within a period of the resonance, and at least two within a sample.
     steps = int(np.clip(np.ceil(40 * made.resonance / recording.rate), 2, 20))
     try:
         return loop_motion(made, loop, reference, recording.rate, steps=steps)
@@ -314,12 +298,12 @@ def _notes(
     if not instrumented:
         notes.append(
             "no instruments from a simulated joint (no reference, or the fitted loop is unstable): "
-            "encoder noise biases the parameters, and the intervals do not say so"
+            "encoder noise biases the parameters, and the intervals do not include this bias"
         )
     if not converged:
-        notes.append(f"the parameters had not settled after {MAX_STEPS} steps")
+        notes.append(f"the parameters did not converge in {MAX_STEPS} steps")
     for name in ("motor_inertia", "load_inertia", "stiffness", "damping"):
         i = list(names).index(name)
         if theta[i] < 2 * std[i]:
-            notes.append(f"the record does not tell {name.replace('_', ' ')} from zero")
+            notes.append(f"{name.replace('_', ' ')} is not significantly different from zero")
     return tuple(notes)

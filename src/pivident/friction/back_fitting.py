@@ -1,8 +1,8 @@
-"""Back-fitting: one function after the other, each from what the others leave.
+"""Back-fitting: one function after the other, each from the residual of the others.
 
 The samples of one correlation length are replaced by a few means, each term's means are sorted by
 its own state, and the walk along the sorted state is smoothed, term by term, until the functions
-stand still.
+converge.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from pivident.friction.random_walk_regression import NARROWEST, nvr_by_likelihood, smooth_parameter
 
-#: Points at which a function is given: at least, and at most where it is rough.
+#: Points at which a function is given: minimum, and maximum where it is rough.
 POINTS = 61
 MAX_POINTS = 501
 
@@ -24,65 +24,47 @@ SETS = 8
 #: Rounds of back-fitting in which the noise-to-variance ratios are searched again.
 SEARCHES = 4
 
-#: Means per correlation length that are made of the samples; more would not tell more.
+#: Means per correlation length; more would add no information.
 DENSITY = 4
 
 #: Largest step of a state within such a mean, as a share of its range.
 STEP_OF_STATE = 0.004
 
-#: Fewest independent samples.
-FEWEST = 12
+#: Smallest number of independent samples.
+MIN_SAMPLES = 12
 
 
 @dataclass(frozen=True, eq=False)
 class StateDependence:
-    """One term p(x) z of the model.
+    """One term p(x) z of the model."""
 
-    Attributes:
-        name: of the parameter.
-        state: x, shape (samples,).
-        regressor: z, likewise; the parameter is not seen where it is zero.
-        order: 1: random walk; 2: integrated random walk, a straight line where the data ask for
-            nothing else.
-        nvr: noise-to-variance ratio per unit of the coordinate; None: by maximum likelihood.
-        centred: whether the function has mean zero over its samples, because another one has the
-            level.
-        points: how many points of the state the function is given at; more where it is rough.
-        narrowest: smallest bandwidth of the search, as a share of the state's range. A record that
-            repeats itself repeats its small errors too, and likelihood would follow them.
-    """
-
-    name: str
-    state: np.ndarray
-    regressor: np.ndarray
+    name: str  # of the parameter
+    state: np.ndarray  # x, shape (samples,)
+    regressor: np.ndarray  # z, likewise; zero where the samples carry no information
+    # 1: random walk; 2: integrated random walk, a straight line if the data support no more
     order: int = 2
+    # noise-to-variance ratio per unit of the coordinate; None: by maximum likelihood
     nvr: float | None = None
+    # whether the function has mean zero over its samples, because another one carries the level
     centred: bool = False
+    # number of points at which the function is given; more where it is rough
     points: int = POINTS
+    # smallest bandwidth of the search, as a share of the state's range. A record that repeats
+    # itself repeats its small errors too, and the likelihood would follow them
     narrowest: float = NARROWEST
 
 
 @dataclass(frozen=True, eq=False)
 class Sorted:
-    """A term's samples in the order of its state.
+    """A term's samples in the order of its state."""
 
-    Attributes:
-        term: the term, on averaged samples.
-        order: indices of the samples that are smoothed, by ascending state.
-        u: their coordinate, 0 to 1.
-        z: their regressor.
-        sets: for each set of samples D apart, where they are in ``order``.
-        low: smallest state.
-        width: range of the state.
-    """
-
-    term: StateDependence
-    order: np.ndarray
-    u: np.ndarray
-    z: np.ndarray
-    sets: tuple[np.ndarray, ...]
-    low: float
-    width: float
+    term: StateDependence  # the term, on averaged samples
+    order: np.ndarray  # indices of the samples that are smoothed, by ascending state
+    u: np.ndarray  # their coordinate, 0 to 1
+    z: np.ndarray  # their regressor
+    sets: tuple[np.ndarray, ...]  # for each set of samples D apart, where they are in ``order``
+    low: float  # smallest state
+    width: float  # range of the state
 
     def coordinate(self, state: np.ndarray) -> np.ndarray:
         """Coordinate of a state, held within 0 to 1."""
@@ -91,45 +73,29 @@ class Sorted:
 
 @dataclass(frozen=True, eq=False)
 class Averages:
-    """Means of consecutive samples, in the order of time.
+    """Means of consecutive samples, in the order of time."""
 
-    Attributes:
-        y: what is to be explained.
-        sorted: the terms on these means, each in the order of its state.
-    """
-
-    y: np.ndarray
-    sorted: tuple[Sorted, ...]
+    y: np.ndarray  # dependent variable
+    sorted: tuple[Sorted, ...]  # the terms on these means, each in the order of its state
 
 
 @dataclass(frozen=True, eq=False)
 class BackFitted:
-    """Functions that stand still, before their bands.
+    """Converged functions, before their bands."""
 
-    Attributes:
-        correlation: D in samples.
-        merged: D in means.
-        averages: the means.
-        courses: state and value of each function, ascending.
-        nvrs: noise-to-variance ratios.
-        straight: whether likelihood asks for no more than a line.
-        rounds: rounds of back-fitting.
-        converged: whether they stand still.
-    """
-
-    correlation: float
-    merged: float
-    averages: Averages
-    courses: list[tuple[np.ndarray, np.ndarray]]
-    nvrs: list[float]
-    straight: list[bool]
-    rounds: int
-    converged: bool
+    correlation: float  # D in samples
+    merged: float  # D in means
+    averages: Averages  # the means
+    courses: list[tuple[np.ndarray, np.ndarray]]  # state and value of each function, ascending
+    nvrs: list[float]  # noise-to-variance ratios
+    straight: list[bool]  # whether the likelihood supports no more than a straight line
+    rounds: int  # rounds of back-fitting
+    converged: bool  # whether the functions no longer change
 
     def residual(
         self, y: np.ndarray, terms: Sequence[StateDependence], used: np.ndarray
     ) -> np.ndarray:
-        """What the functions leave of all samples, NaN where they are not used."""
+        """Residual of all samples, NaN where they are not used."""
         return np.where(used, y - np.sum(contributions(terms, self.courses), axis=0), np.nan)
 
 
@@ -141,9 +107,9 @@ def contributions(
 
 
 def varies(term: StateDependence, used: np.ndarray) -> bool:
-    """Whether a term has enough samples, and two different states among them."""
+    """Whether a term has enough samples with at least two different states."""
     seen = term.state[used & (term.regressor != 0.0)]
-    return seen.size >= FEWEST and float(np.ptp(seen)) > 0.0
+    return seen.size >= MIN_SAMPLES and float(np.ptp(seen)) > 0.0
 
 
 def _sorted(term: StateDependence, every: int) -> Sorted:
@@ -153,7 +119,7 @@ def _sorted(term: StateDependence, every: int) -> Sorted:
     low, width = float(x[0]), float(x[-1] - x[0])
     starts = np.unique(np.linspace(0, every, SETS, endpoint=False).astype(int))
     sets = [np.flatnonzero(order % every == start) for start in starts]
-    enough = tuple(s for s in sets if s.size > FEWEST // 2)
+    enough = tuple(s for s in sets if s.size > MIN_SAMPLES // 2)
     return Sorted(term, order, (x - low) / width, term.regressor[order], enough, low, width)
 
 
@@ -164,13 +130,9 @@ def averages_of(
     record: np.ndarray,
     correlation: float,
 ) -> tuple[float, Averages]:
-    """Means of so few samples that neither states nor errors change much within.
+    """D in means, and means over so few samples that states and errors hardly change.
 
-    Means lose nothing of the slow errors, and average the fast ones, which leaves the sum of
-    information as it was: n/D.
-
-    Returns:
-        D in means, and the means.
+    Means keep the slow errors and average the fast ones, so the information n/D stays the same.
     """
     at = np.flatnonzero(used)
     travel = [
@@ -216,7 +178,7 @@ def back_fitted(
                     sets, own.term.order, near, own.term.narrowest
                 )
                 straight[i] = on_bound and nvrs[i] < 1.0
-            # The noise variance is D r, hence the ratio to it D times as small.
+            # The noise variance is D r, so the ratio to it is D times smaller.
             found = smooth_parameter(own.u, own.z, target, nvrs[i] / merged, own.term.order)
             means[i] = float(found.value.mean()) if own.term.centred else 0.0
             new = (found.value - means[i]) * own.z
@@ -229,8 +191,8 @@ def back_fitted(
             break
     courses = []
     for i, own in enumerate(data):
-        # An integrated walk is expected to go on as a line. A centred one is held: it is the
-        # correction of another function, of which nothing is known out there.
+        # An integrated walk is extrapolated as a line. A centred one is held constant: it corrects
+        # another function, and nothing is known about the correction outside the data.
         reach = 0.0 if own.term.centred else 0.5
         between = np.linspace(-reach, 1.0 + reach, MAX_POINTS)
         u = np.concatenate([own.u, between])

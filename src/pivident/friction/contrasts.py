@@ -1,10 +1,10 @@
-"""What is seen in the functions, as numbers with intervals: contrasts of the joint posterior.
+"""Contrasts of the joint posterior: features of the friction functions as numbers with intervals.
 
 The speed functions p₊(|dq|) and p₋(|dq|) are split into friction against the motion and offset,
 
     g(v) = (p₊(v) - p₋(v))/2,     o(v) = (p₊(v) + p₋(v))/2,
 
-and every number is a weighted sum of the functions' values, so that its deviation follows from
+and every number is a weighted sum of the functions' values, so its standard error follows from
 their joint covariance.
 """
 
@@ -18,14 +18,14 @@ Weights = dict[str, np.ndarray]
 
 
 def at(parameter: StateDependentParameter, state: float) -> np.ndarray:
-    """Weights that give a function at a state, linear between its points."""
+    """Weights of a function's value at a state, linear between its points."""
     return np.array(
         [np.interp(state, parameter.state, row) for row in np.eye(parameter.state.size)]
     )
 
 
 def common_speeds(fit: StateDependentFit) -> tuple[float, float]:
-    """Speeds that were seen in both directions, from and to."""
+    """Lowest and highest speed recorded in both directions."""
     forward, backward = fit["positive"].state, fit["negative"].state
     return max(forward[0], backward[0]), min(forward[-1], backward[-1])
 
@@ -53,7 +53,7 @@ def combined(parts: list[tuple[float, Weights]]) -> Weights:
 
 
 def slope_over_size(parameter: StateDependentParameter) -> np.ndarray:
-    """Weights of the slope of p against |x|, each point counted by its independent samples."""
+    """Weights of the slope of p against |x|, points weighted by their independent samples."""
     size, w = np.abs(parameter.state), parameter.density
     away = size - np.average(size, weights=w)
     squares = float(np.sum(w * away**2))

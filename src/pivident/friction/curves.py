@@ -1,4 +1,4 @@
-"""Functions and maps as tables, and everything that was found as files."""
+"""Functions and maps as tables, and the whole study as JSON."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 #: Number of the layout of ``friction.json``.
 SCHEMA = 1
 
-#: What each function is over, and the unit of its state: p position unit, t torque unit.
+#: State of each function and its unit: p position unit, t torque unit.
 STATES = {
     "positive": ("speed", "{p}/s"),
     "negative": ("speed", "{p}/s"),
@@ -35,9 +35,6 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
     Columns: joint, kind (``function`` or ``map``), name, state_name, state, state_unit, value,
     lower, upper (2σ), torque_unit, passes, effective (both of a map; independent samples of a
     function).
-
-    Args:
-        study: the friction of a record.
     """
     pl = require("polars", extra="tables", purpose="the table of friction curves")
     frames = [frame for joint in study.joints for frame in _joint_frames(joint)]
@@ -45,11 +42,7 @@ def curves_table(study: FrictionStudy) -> pl.DataFrame:
 
 
 def as_json(study: FrictionStudy) -> dict[str, Any]:
-    """What was found, as plain values; numbers that are not finite become null.
-
-    Args:
-        study: the friction of a record.
-    """
+    """The study as plain values; numbers that are not finite become null."""
     return {
         "schema": SCHEMA,
         "pivident": __version__,
@@ -63,7 +56,7 @@ def as_json(study: FrictionStudy) -> dict[str, Any]:
 
 
 def _ripple_json(ripple: Ripple) -> list[dict[str, Any]]:
-    """Lines of ripple, joint by joint."""
+    """Ripple lines, joint by joint."""
     return [
         {
             "joint": joint.name,

@@ -8,7 +8,6 @@ position, load or time must also predict motion that was not fitted.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -21,12 +20,10 @@ from pivident.friction.contrasts import (
     slope_over_size,
 )
 from pivident.friction.friction_torque import FrictionTorque
+from pivident.friction.held_out_friction import HeldOut
 from pivident.friction.state_dependent import StateDependentFit, StateDependentParameter
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import format_significant, plus_minus
-
-if TYPE_CHECKING:
-    from pivident.friction.friction_study import HeldOut
 
 #: Points at which a curve is searched.
 SEARCHED = 41

@@ -1,15 +1,15 @@
 """Binned maps: friction against one state or two, with intervals that count passes.
 
-A joint that creeps through a bin for a second has given thousands of samples and one observation:
-what makes friction differ from one pass to the next (load, grease, position) is the same within a
-pass. So a pass, a run of samples in the bin whose gaps are shorter than the correlation length D,
-counts as one, and a pass shorter than D as a part of one:
+A joint that creeps through a bin for a second gives thousands of samples but one observation:
+the causes of differences between passes (load, grease, position) are constant within a pass. So a
+pass, a run of samples in the bin whose gaps are shorter than the correlation length D, counts as
+one observation, and a pass shorter than D as a fraction of one:
 
     w_p = min(n_p, D)/D,   m = Σ w_p m_p / Σ w_p,   n = (Σ w_p)² / Σ w_p²,
     interval m ± t(n - 1) s/√n,   s² = Σ w_p (m_p - m)² / Σ w_p · n/(n - 1),
 
 or the weighted median with 1.4826 times the median absolute deviation for s and a factor √(π/2).
-t is the quantile of Student's distribution that contains as much as 2σ of a normal one.
+t is the quantile of Student's distribution with the coverage of ±2σ of a normal distribution.
 """
 
 from __future__ import annotations
@@ -22,58 +22,36 @@ import numpy as np
 #: Probability within 2σ of a normal distribution.
 TWO_SIGMA = 0.9545
 
-#: Fewest effective passes for an interval.
+#: Smallest number of effective passes for an interval.
 MIN_PASSES = 2.0
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionMap:
-    """Friction in the bins of one state; arrays (bins,).
+    """Friction in the bins of one state; arrays (bins,)."""
 
-    Attributes:
-        state: name of the state.
-        unit: of the state.
-        low: lower edge of each bin.
-        high: upper edge.
-        centre: mean state of its samples; NaN in an empty bin.
-        value: mean or median over the passes; NaN in an empty bin.
-        lower: lower end of its 2σ interval; NaN with fewer than two effective passes.
-        upper: upper end.
-        passes: number of passes.
-        effective: effective number of independent observations n.
-        samples: number of samples.
-    """
-
-    state: str
-    unit: str
-    low: np.ndarray
-    high: np.ndarray
-    centre: np.ndarray
-    value: np.ndarray
-    lower: np.ndarray
-    upper: np.ndarray
-    passes: np.ndarray
-    effective: np.ndarray
-    samples: np.ndarray
+    state: str  # name of the state
+    unit: str  # of the state
+    low: np.ndarray  # lower edge of each bin
+    high: np.ndarray  # upper edge
+    centre: np.ndarray  # mean state of its samples; NaN in an empty bin
+    value: np.ndarray  # mean or median over the passes; NaN in an empty bin
+    lower: np.ndarray  # lower end of its 2σ interval; NaN with fewer than two effective passes
+    upper: np.ndarray  # upper end
+    passes: np.ndarray  # number of passes
+    effective: np.ndarray  # effective number of independent observations n
+    samples: np.ndarray  # number of samples
 
 
 @dataclass(frozen=True, eq=False)
 class FrictionPlane:
-    """Friction in the cells of two states; arrays (bins of y, bins of x).
+    """Friction in the cells of two states; arrays (bins of y, bins of x)."""
 
-    Attributes:
-        x: centres of the bins of the first state.
-        y: centres of the bins of the second one.
-        value: mean over the passes; NaN where there are fewer than two effective ones.
-        spread: half of the 2σ interval.
-        effective: effective number of independent observations.
-    """
-
-    x: np.ndarray
-    y: np.ndarray
-    value: np.ndarray
-    spread: np.ndarray
-    effective: np.ndarray
+    x: np.ndarray  # centres of the bins of the first state
+    y: np.ndarray  # centres of the bins of the second one
+    value: np.ndarray  # mean over the passes; NaN for fewer than two effective passes
+    spread: np.ndarray  # half of the 2σ interval
+    effective: np.ndarray  # effective number of independent observations
 
 
 def friction_map(
@@ -89,20 +67,11 @@ def friction_map(
     statistic: Literal["mean", "median"] = "mean",
     whole_passes: bool = True,
 ) -> FrictionMap:
-    """Map values over one state.
+    """Average values (samples,) over their passes through ``bins`` of equal width of one state.
 
-    Args:
-        values: friction torque, or what is left of it, shape (samples,), in the order of time.
-        state: likewise.
-        name: of the state.
-        unit: of the state.
-        used: samples that count, shape (samples,).
-        record: number of the recording of each sample; a pass ends where it changes.
-        correlation: D, samples that count as one.
-        bins: how many, of equal width between the extreme states.
-        statistic: mean or median over the passes.
-        whole_passes: whether a pass counts as one however long it takes. Over time it does not:
-            stretches as long as D count, for a bin of time is passed but once.
+    Samples are in the order of time; a pass ends where the bin or the recording changes. With
+    ``whole_passes`` a pass counts as one however long it takes. Over time, where each bin is passed
+    only once, stretches of D samples (``correlation``) count instead.
     """
     edges = _edges(state[used], bins)
     cell = np.where(used, _bin(state, edges), -1)
@@ -127,17 +96,7 @@ def friction_plane(
     correlation: float = 1.0,
     bins: tuple[int, int] = (16, 12),
 ) -> FrictionPlane:
-    """Map values over two states; arguments as of :func:`friction_map`.
-
-    Args:
-        values: shape (samples,).
-        x: first state.
-        y: second state.
-        used: samples that count.
-        record: number of the recording of each sample.
-        correlation: D.
-        bins: how many of x and of y.
-    """
+    """Map values over two states; arguments as in :func:`friction_map`."""
     x_edges, y_edges = _edges(x[used], bins[0]), _edges(y[used], bins[1])
     cell = np.where(used, _bin(y, y_edges) * bins[0] + _bin(x, x_edges), -1)
     size = bins[0] * bins[1]
@@ -195,18 +154,18 @@ def _passes(
     total = np.bincount(place, weight, cells)
     with np.errstate(invalid="ignore", divide="ignore"):
         effective = np.nan_to_num(total**2 / np.bincount(place, weight**2, cells))
-        # Many short passes are not worth more than the time they took.
+        # Many short passes carry no more information than their duration.
         effective = np.minimum(effective, np.maximum(total, 1.0))
         if statistic == "mean":
             value = np.bincount(place, weight * mean, cells) / total
             squares = np.bincount(place, weight * (mean - value[place]) ** 2, cells) / total
-            deviation = np.sqrt(squares * effective / (effective - 1.0))
+            std = np.sqrt(squares * effective / (effective - 1.0))
         else:
             value = _weighted_medians(mean, weight, place, cells)
             away = _weighted_medians(np.abs(mean - value[place]), weight, place, cells)
-            deviation = np.sqrt(np.pi / 2.0) * 1.4826 * away
+            std = np.sqrt(np.pi / 2.0) * 1.4826 * away
         factor = student.ppf(0.5 + 0.5 * TWO_SIGMA, np.maximum(effective - 1.0, 1.0))
-        spread = np.where(effective >= MIN_PASSES, factor * deviation / np.sqrt(effective), np.nan)
+        spread = np.where(effective >= MIN_PASSES, factor * std / np.sqrt(effective), np.nan)
     passes = np.bincount(place, minlength=cells)
     return value, spread, passes, effective, samples
 

@@ -1,4 +1,4 @@
-"""The friction of all joints of a record: torque, functions, maps, and what is seen in them."""
+"""The friction of all joints of a record: torque, functions, maps and findings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pivident.estimation.problem import Problem
 from pivident.friction.friction_findings import FrictionFinding, findings
 from pivident.friction.friction_map import FrictionMap, FrictionPlane, friction_map, friction_plane
 from pivident.friction.friction_torque import FrictionTorque, friction_torques
-from pivident.friction.held_out_friction import HeldOutError, constant_law_error, held_out_error
+from pivident.friction.held_out_friction import HeldOut, constant_law_error, held_out_error
 from pivident.friction.ripple.ripple_lines import Ripple
 from pivident.friction.state_dependent import (
     StateDependence,
@@ -32,43 +32,17 @@ POINTS_OF_POSITION = 121
 
 
 @dataclass(frozen=True, eq=False)
-class HeldOut:
-    """Errors of the models of one joint on motion that was not fitted.
-
-    Attributes:
-        band: below which they are compared [Hz].
-        constant: viscous, Coulomb friction and offset as constants.
-        speed: functions of speed alone.
-        by_term: all functions but one, by the name of the one left out.
-        full: all functions.
-    """
-
-    band: float
-    constant: HeldOutError
-    speed: HeldOutError
-    by_term: dict[str, HeldOutError]
-    full: HeldOutError
-
-
-@dataclass(frozen=True, eq=False)
 class JointFriction:
-    """Everything about one joint.
+    """The friction of one joint."""
 
-    Attributes:
-        torque: its friction torque with states.
-        fit: functions of speed (``positive``, ``negative``), ``position``, ``load``, ``time``.
-        held_out: how they do on motion that was not fitted.
-        maps: binned maps by state; the friction against the motion and against each direction,
-            each less what the other functions explain.
-        plane: what the functions of speed leave, over speed and position.
-        findings: what is seen.
-    """
-
-    torque: FrictionTorque
+    torque: FrictionTorque  # its friction torque with states
+    # functions of speed (``positive``, ``negative``), ``position``, ``load``, ``time``
     fit: StateDependentFit
-    held_out: HeldOut
+    held_out: HeldOut  # their errors on held-out motion
+    # binned maps by state; friction against the motion and in each direction, after subtracting
+    # the other functions
     maps: dict[str, FrictionMap]
-    plane: FrictionPlane
+    plane: FrictionPlane  # residual of the functions of speed, over speed and position
     findings: tuple[FrictionFinding, ...]
 
     @property
@@ -79,23 +53,14 @@ class JointFriction:
 
 @dataclass(frozen=True, eq=False)
 class FrictionStudy:
-    """The friction of a record.
+    """The friction of a record."""
 
-    Attributes:
-        robot: name of the robot.
-        method: estimate whose rigid part was taken off.
-        recordings: names of the recordings.
-        joints: the joints that could be examined.
-        left_out: why others could not, by joint.
-        ripple: lines over position, where they were searched.
-    """
-
-    robot: str
-    method: str
-    recordings: tuple[str, ...]
-    joints: tuple[JointFriction, ...]
-    left_out: dict[str, str]
-    ripple: Ripple | None = None
+    robot: str  # name of the robot
+    method: str  # estimate whose rigid part was subtracted
+    recordings: tuple[str, ...]  # names of the recordings
+    joints: tuple[JointFriction, ...]  # joints with enough motion
+    left_out: dict[str, str]  # reason for each other joint
+    ripple: Ripple | None = None  # lines over position, if searched for
 
 
 def study_friction(
@@ -106,14 +71,14 @@ def study_friction(
     bins: int = 24,
     progress: Callable[[str], None] | None = None,
 ) -> FrictionStudy:
-    """See the friction of every joint before a law is chosen for it.
+    """Estimate the friction of every joint as functions, before a law is chosen for it.
 
     Args:
-        problem: what the estimate was made from.
-        identification: an estimate by any method; its rigid part is taken off.
-        standstill: share of the rated speed that passes for standstill; None: 1 %.
-        bins: of every map.
-        progress: called with one line at each joint.
+        problem: the problem that was identified.
+        identification: an estimate by any method; its rigid part is subtracted.
+        standstill: share of the rated speed that counts as standstill; None: 1 %.
+        bins: number of bins of every map.
+        progress: called with one line for each joint.
 
     Returns:
         Maps of friction over speed, position and load for each joint, with their findings.
@@ -131,7 +96,7 @@ def study_friction(
             left_out[torque.name] = str(error)
     if not joints:
         name, reason = next(iter(left_out.items()))
-        raise IdentificationError(f"no joint's friction can be seen; {name}: {reason}")
+        raise IdentificationError(f"no joint's friction can be estimated; {name}: {reason}")
     return FrictionStudy(
         robot=problem.robot.name,
         method=identification.method,
@@ -146,11 +111,8 @@ def friction_terms(torque: FrictionTorque) -> list[StateDependence]:
 
         τ_f = p₊(|dq|) [dq > 0] + p₋(|dq|) [dq < 0] + p₂(q) + p₃(load) sign(dq) + p₄(t) sign(dq)
 
-    with a straight line over time: a function of time would fit whatever is correlated in time.
-    Terms whose state does not vary, or directions in which the joint never moves, are left out.
-
-    Args:
-        torque: friction torque with its states.
+    with a straight line over time: a free function of time would fit any error correlated in time.
+    Terms whose state does not vary, and directions in which the joint never moves, are left out.
     """
     d, speed = torque.direction, np.abs(torque.dq)
     one = np.where(torque.moving, 1.0, 0.0)
@@ -167,15 +129,7 @@ def friction_terms(torque: FrictionTorque) -> list[StateDependence]:
 
 
 def joint_friction(torque: FrictionTorque, bins: int = 24) -> JointFriction:
-    """Examine one joint.
-
-    Args:
-        torque: its friction torque.
-        bins: of every map.
-
-    Raises:
-        IdentificationError: it does not move enough in both directions.
-    """
+    """Functions, maps and findings of one joint."""
     for sign, words in ((1.0, "forwards"), (-1.0, "backwards")):
         if not (torque.direction == sign).any():
             raise IdentificationError(
@@ -255,7 +209,7 @@ def _maps(
 
 
 def _plane(torque: FrictionTorque, fit: StateDependentFit, residual: np.ndarray) -> FrictionPlane:
-    """What the functions of speed leave, over signed speed and position."""
+    """Residual of the functions of speed, over signed speed and position."""
     position = fit["position"].contribution if "position" in fit else 0.0
     return friction_plane(
         residual + position, torque.dq, torque.q, used=torque.moving, record=torque.record,
@@ -264,11 +218,7 @@ def _plane(torque: FrictionTorque, fit: StateDependentFit, residual: np.ndarray)
 
 
 def elapsed(torque: FrictionTorque) -> np.ndarray:
-    """Time over all recordings, one behind the other [s], shape (samples,).
-
-    Args:
-        torque: friction torque with its states.
-    """
+    """Time over all recordings, one after the other [s], shape (samples,)."""
     ends = [torque.t[torque.record == k].max() for k in np.unique(torque.record)]
     starts = np.concatenate([[0.0], np.cumsum(ends)[:-1]])
     return torque.t + starts[torque.record]

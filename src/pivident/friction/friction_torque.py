@@ -1,19 +1,19 @@
-"""What of a record's torque is friction: τ less the rigid part of an estimate.
+"""The friction torque of a record: τ minus the rigid part of an estimate.
 
 An estimate splits the torque into rigid part, friction and residual,
 
     τ = Φ_rigid θ_rigid + Φ_friction θ_friction + ε,     τ_f = τ - Φ_rigid θ_rigid,
 
-so the friction torque is what the estimate's own law gives *plus* the residual: where the law was
-wrong, the residual is what it missed. The friction of a coupling between motors depends on two
-speeds; it is taken off with the rigid part, so that what is left belongs to one joint.
+so the friction torque is that of the estimate's own law *plus* the residual: where the law is
+wrong, the residual is the part it misses. The friction of a coupling between motors depends on two
+speeds; it is subtracted with the rigid part, so that the rest belongs to one joint.
 
-The load as a *state* is smoothed: noise of the acceleration faster than the motion is in the load
-and, with the opposite sign, in τ_f, and would look like friction that depends on load.
+The load as a *state* is smoothed: acceleration noise faster than the motion enters the load and,
+with the opposite sign, τ_f, and would look like friction that depends on load.
 
-The rigid parameters were estimated beside a law that may be wrong and may have taken up some of
-its error. How well the estimate knows the rigid torque is kept as ``load_std``; what depends on
-position alone cannot be told from gravity in any case.
+The rigid parameters were estimated together with a law that may be wrong and may have absorbed some
+of its error. The standard error of the rigid torque is kept as ``load_std``; a torque that depends
+on position alone is indistinguishable from gravity in any case.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import LOW_SPEED, Problem
 from pivident.validation.held_out.prediction import motion_band
 
-#: Samples on which the deviation of the rigid torque is computed.
-SAMPLES_OF_DEVIATION = 500
+#: Samples on which the standard error of the rigid torque is computed.
+STANDARD_ERROR_SAMPLES = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,43 +38,25 @@ class FrictionTorque:
     """Friction torque of one joint with its states, at the full rate; arrays (samples,).
 
     Recordings follow each other; ``record`` tells them apart.
-
-    Attributes:
-        name: name of the joint.
-        torque_unit: N m or N.
-        position_unit: rad or m.
-        rate: sampling rate [Hz].
-        t: time since the first sample of its recording [s].
-        q: position [rad or m].
-        dq: speed [rad/s or m/s].
-        ddq: acceleration, smoothed like the load [rad/s² or m/s²].
-        load: torque of the rigid part: inertia, gravity, couplings of inertia, smoothed
-            [torque_unit].
-        tau: friction torque, own friction of the estimate plus residual [torque_unit].
-        law: own friction of the estimate alone [torque_unit].
-        record: number of the recording.
-        moving: whether the joint is faster than ``standstill``.
-        standstill: speed that passes for standstill [rad/s or m/s].
-        band: half-power frequency of load and acceleration [Hz].
-        load_std: rms standard deviation of ``load`` by the estimate's covariance [torque_unit].
     """
 
-    name: str
-    torque_unit: str
-    position_unit: str
-    rate: float
-    t: np.ndarray
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
+    name: str  # name of the joint
+    torque_unit: str  # N m or N
+    position_unit: str  # rad or m
+    rate: float  # sampling rate [Hz]
+    t: np.ndarray  # time since the first sample of its recording [s]
+    q: np.ndarray  # position [rad or m]
+    dq: np.ndarray  # speed [rad/s or m/s]
+    ddq: np.ndarray  # acceleration, smoothed like the load [rad/s² or m/s²]
+    # torque of the rigid part: inertia, gravity, couplings of inertia, smoothed [torque_unit]
     load: np.ndarray
-    tau: np.ndarray
-    law: np.ndarray
-    record: np.ndarray
-    moving: np.ndarray
-    standstill: float
-    band: float
-    load_std: float
+    tau: np.ndarray  # friction torque, own friction of the estimate plus residual [torque_unit]
+    law: np.ndarray  # own friction of the estimate alone [torque_unit]
+    record: np.ndarray  # number of the recording
+    moving: np.ndarray  # whether the joint is faster than ``standstill``
+    standstill: float  # speed below which the joint counts as standing still [rad/s or m/s]
+    band: float  # half-power frequency of load and acceleration [Hz]
+    load_std: float  # rms standard error of ``load`` by the estimate's covariance [torque_unit]
 
     @property
     def direction(self) -> np.ndarray:
@@ -83,15 +65,11 @@ class FrictionTorque:
 
     @property
     def level(self) -> float:
-        """Mean of |τ_f| in motion [torque_unit], the scale of what is reported in percent."""
+        """Mean of |τ_f| in motion [torque_unit], the scale of all percentages."""
         return float(np.mean(np.abs(self.tau[self.moving]))) if self.moving.any() else 0.0
 
     def pieces(self, values: np.ndarray) -> tuple[np.ndarray, ...]:
-        """A signal by recording, NaN where the joint stands still.
-
-        Args:
-            values: shape (samples,).
-        """
+        """A signal split by recording, NaN where the joint stands still."""
         values = np.where(self.moving, values, np.nan)
         return tuple(values[self.record == k] for k in np.unique(self.record))
 
@@ -102,18 +80,10 @@ def friction_torques(
     standstill: float | None = None,
     band: float | None = None,
 ) -> tuple[FrictionTorque, ...]:
-    """Friction torque of every joint on all recordings.
+    """Friction torque of every joint on all recordings, motion smoothed at the full rate.
 
-    Args:
-        problem: what the estimate was made from.
-        identification: an estimate by any method. The motion is smoothed at the full rate, as
-            the estimate did it or, after a decimated one, anew.
-        standstill: share of the rated speed that passes for standstill; None: 1 %.
-        band: half-power frequency of load and acceleration [Hz]; None: the highest frequency of
-            the motion, 20 Hz.
-
-    Returns:
-        One friction torque for each joint.
+    ``standstill`` is a share of the rated speed (None: 1 %), ``band`` the half-power frequency of
+    load and acceleration [Hz] (None: the highest frequency of the motion, 20 Hz).
     """
     rigid = _rigid_theta(identification)
     regressor = Regressor.build(identification.robot, identification.parameters)
@@ -134,7 +104,7 @@ def friction_torques(
     lengths = [k.stop - k.start for k in records]
     record = np.repeat(np.arange(len(records)), lengths)
     t = np.concatenate([np.arange(k.start, k.stop) / k.recording.rate for k in records])
-    deviation = _rigid_deviation(identification, regressor, q, dq, ddq)
+    load_std = _rigid_standard_error(identification, regressor, q, dq, ddq)
     friction = []
     for j, joint in enumerate(problem.robot.joints):
         revolute = joint.kind == "revolute"
@@ -155,14 +125,14 @@ def friction_torques(
                 moving=np.abs(dq[:, j]) > slow[j],
                 standstill=float(slow[j]),
                 band=band,
-                load_std=float(deviation[j]),
+                load_std=float(load_std[j]),
             )
         )
     return tuple(friction)
 
 
 def _smoothed(x: np.ndarray, rate: float, band: float) -> np.ndarray:
-    """Along time with a normal window of which the power is halved at ``band`` [Hz]."""
+    """Smoothed along time by a Gaussian window with half power at ``band`` [Hz]."""
     from scipy.ndimage import gaussian_filter1d
 
     width = np.sqrt(np.log(2.0)) / (2.0 * np.pi * band) * rate
@@ -189,16 +159,16 @@ def _kinematics(problem: Problem, found: Identification) -> list[Kinematics]:
 
 
 def _standstill(problem: Problem, share: float | None) -> np.ndarray:
-    """Speeds that pass for standstill, the largest over the recordings, shape (joints,)."""
+    """Speeds that count as standstill, the largest over the recordings, shape (joints,)."""
     slow = np.max([problem.low_speeds(r) for r in problem.recordings], axis=0)
     return slow if share is None else slow * (share / LOW_SPEED)
 
 
-def _rigid_deviation(
+def _rigid_standard_error(
     found: Identification, regressor: Regressor, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray
 ) -> np.ndarray:
-    """Rms standard deviation of the rigid torque of each joint, on samples spread evenly."""
-    at = np.unique(np.linspace(0, len(q) - 1, SAMPLES_OF_DEVIATION).astype(int))
+    """Rms standard error of the rigid torque of each joint, on evenly spaced samples."""
+    at = np.unique(np.linspace(0, len(q) - 1, STANDARD_ERROR_SAMPLES).astype(int))
     phi = regressor.matrix(q[at], dq[at], ddq[at])
     phi[:, :, [not p.carries_load for p in found.parameters]] = 0.0
     covariance = found.robust_covariance

@@ -1,4 +1,4 @@
-"""Does a state-dependent model describe motion that it has not seen, and what does each term gain?
+"""Errors of a state-dependent model on held-out motion, and the gain of each of its terms.
 
 The record is cut into blocks of time. Each block is predicted from the others, with a correlation
 length left out on both sides, and the errors are compared below the motion's highest frequency:
@@ -24,15 +24,10 @@ BLOCKS = 10
 
 @dataclass(frozen=True, eq=False)
 class HeldOutError:
-    """Errors on motion that was not fitted, block by block.
+    """Errors on held-out motion, block by block."""
 
-    Attributes:
-        squares: mean square of the error in each block [torque_unit²], shape (blocks,).
-        samples: samples of each block, likewise.
-    """
-
-    squares: np.ndarray
-    samples: np.ndarray
+    squares: np.ndarray  # mean square of the error in each block [torque_unit²], shape (blocks,)
+    samples: np.ndarray  # samples of each block, likewise
 
     @property
     def rms(self) -> float:
@@ -40,11 +35,7 @@ class HeldOutError:
         return float(np.sqrt(np.average(self.squares, weights=self.samples)))
 
     def gain(self, other: HeldOutError) -> tuple[float, float]:
-        """By how much this error is smaller than another one, and the jackknife's deviation [%].
-
-        Args:
-            other: on the same blocks.
-        """
+        """Reduction of the error against another on the same blocks, and its standard error [%]."""
         own, base, n = self.squares, other.squares, self.samples
         every = np.arange(len(own))
 
@@ -57,6 +48,17 @@ class HeldOutError:
         return of(every), float(spread)
 
 
+@dataclass(frozen=True, eq=False)
+class HeldOut:
+    """Errors of the models of one joint on held-out motion."""
+
+    band: float  # below which they are compared [Hz]
+    constant: HeldOutError  # viscous, Coulomb friction and offset as constants
+    speed: HeldOutError  # functions of speed alone
+    by_term: dict[str, HeldOutError]  # all functions but one, by the name of the one left out
+    full: HeldOutError  # all functions
+
+
 def held_out_error(
     friction: FrictionTorque,
     terms: Sequence[StateDependence],
@@ -64,15 +66,7 @@ def held_out_error(
     band: float,
     blocks: int = BLOCKS,
 ) -> HeldOutError:
-    """Error of a state-dependent model on blocks that it has not seen.
-
-    Args:
-        friction: of the joint.
-        terms: the model, or some of its terms.
-        fit: of the whole model on the whole record: gives smoothness and correlation.
-        band: highest frequency of the motion [Hz].
-        blocks: how many.
-    """
+    """Error of a model on blocks that were left out, smoothness and correlation from ``fit``."""
     gap = int(np.ceil(fit.correlation))
     error = np.zeros(friction.tau.size)
     for block in _blocks(friction.tau.size, blocks):
@@ -87,14 +81,7 @@ def held_out_error(
 def constant_law_error(
     friction: FrictionTorque, correlation: float, band: float, blocks: int = BLOCKS
 ) -> HeldOutError:
-    """Error of fv dq + fc sign(dq) + off with constants fitted to the other blocks.
-
-    Args:
-        friction: of the joint.
-        correlation: D, samples left out on both sides of a block.
-        band: highest frequency of the motion [Hz].
-        blocks: how many.
-    """
+    """Error of fv dq + fc sign(dq) + off, fitted without the block and D samples on both sides."""
     columns = np.column_stack([friction.dq, friction.direction, np.ones(friction.dq.size)])
     gap = int(np.ceil(correlation))
     error = np.zeros(friction.tau.size)

@@ -1,13 +1,13 @@
-"""All functions of a state-dependent model at once: their joint posterior by one linear system.
+"""Joint posterior of all functions of a state-dependent model, by one linear system.
 
-Back-fitting gives the functions, but each one's smoother takes the others for known. Here every
-function is written by its knots, level and slope of an integrated random walk, between which the
-expected course is the cubic that both ends determine; white increments w with Var(w) = NVR r Q(Δ)
-lead from knot to knot:
+Back-fitting gives the functions, but the smoother of each treats the others as known. Here every
+function is described by its knots, level and slope of an integrated random walk; the expected
+course between two knots is the cubic that they determine, and white increments w with
+Var(w) = NVR r Q(Δ) lead from knot to knot:
 
     y = Σ A_i w_i + e,     Cov(w | y) = r (AᵀA + P)⁻¹,     P = 1 for increments, 0 for the start.
 
-A centred function has the mean of its level over its samples held at zero.
+The mean level of a centred function over its samples is held at zero.
 """
 
 from __future__ import annotations
@@ -29,47 +29,27 @@ FIRM = 1e6
 
 @dataclass(frozen=True, eq=False)
 class WalkColumns:
-    """One function of the model.
+    """One function of the model."""
 
-    Attributes:
-        u: coordinate of each sample, 0 to 1, shape (samples,).
-        z: regressor, likewise.
-        nvr: noise-to-variance ratio per unit of u.
-        order: 1 or 2.
-        centred: whether its mean over its samples is zero.
-        points: number of knots, evenly spaced.
-    """
-
-    u: np.ndarray
-    z: np.ndarray
-    nvr: float
-    order: int
-    centred: bool
-    points: int
+    u: np.ndarray  # coordinate of each sample, 0 to 1, shape (samples,)
+    z: np.ndarray  # regressor, likewise
+    nvr: float  # noise-to-variance ratio per unit of u
+    order: int  # 1 or 2
+    centred: bool  # whether its mean over its samples is zero
+    points: int  # number of knots, evenly spaced
 
 
 @dataclass(frozen=True, eq=False)
 class JointPosterior:
-    """Levels of all functions at their knots.
+    """Levels of all functions at their knots."""
 
-    Attributes:
-        value: posterior means, shape (all knots,).
-        covariance: in units of the noise variance r, shape (all knots, all knots).
-        freedom: degrees of freedom that the functions use, tr AᵀA (AᵀA + P)⁻¹.
-    """
-
-    value: np.ndarray
-    covariance: np.ndarray
-    freedom: float
+    value: np.ndarray  # posterior means, shape (all knots,)
+    covariance: np.ndarray  # in units of the noise variance r, shape (all knots, all knots)
+    freedom: float  # degrees of freedom that the functions use, tr AᵀA (AᵀA + P)⁻¹
 
 
 def joint_posterior(y: np.ndarray, functions: Sequence[WalkColumns]) -> JointPosterior:
-    """Solve for all functions together.
-
-    Args:
-        y: observations, shape (samples,).
-        functions: the model.
-    """
+    """Solve for all functions together."""
     from scipy.linalg import block_diag, cho_factor, cho_solve
     from scipy.sparse import hstack
 
@@ -101,11 +81,7 @@ def joint_posterior(y: np.ndarray, functions: Sequence[WalkColumns]) -> JointPos
 
 
 def _walk(f: WalkColumns) -> np.ndarray:
-    """Levels, then slopes, at the knots from start and unit increments.
-
-    Returns:
-        Shape (order points, order points).
-    """
+    """Levels, then slopes, at the knots from start and unit increments, (order points)²."""
     d = 1.0 / (f.points - 1)
     size = f.order * f.points
     level, slope = np.zeros((f.points, size)), np.zeros((f.points, size))
@@ -125,7 +101,7 @@ def _walk(f: WalkColumns) -> np.ndarray:
 
 
 def _between(f: WalkColumns) -> csr_array:
-    """What the walk is expected to be at the samples, between two knots: a line, or a cubic."""
+    """Expected value of the walk at the samples, between two knots: a line, or a cubic."""
     from scipy.sparse import csr_array
 
     d = 1.0 / (f.points - 1)

@@ -7,9 +7,9 @@ On data sorted by a state x, with the coordinate u that runs from 0 to 1 over it
     order 2:  dp = s du, ds = dw                               (integrated random walk)
 
 between *uneven* steps of u, hence (Wahba 1978) the smoothing spline of degree 1 or 3. Young's
-sorted-data walk takes one step per sample whatever the states are; with the rank as coordinate it
-is the same recursion. The start is diffuse up to `START`; backwards runs the recursion of
-de Jong (1989), which inverts no matrix, so ties in the state do no harm. All variances are in
+sorted-data walk takes one step per sample regardless of the states; with the rank as coordinate it
+is the same recursion. The start is diffuse up to `START`. The backward pass is the recursion of
+de Jong (1989), which inverts no matrix, so ties in the state are harmless. All variances are in
 units of r.
 """
 
@@ -34,19 +34,12 @@ _GOLDEN = (math.sqrt(5) - 1) / 2
 
 @dataclass(frozen=True, eq=False)
 class SmoothedParameter:
-    """A parameter along its sorted state.
+    """A parameter along its sorted state."""
 
-    Attributes:
-        value: p at each coordinate, shape (samples,).
-        variance: its variance in units of the noise variance r, likewise.
-        log_likelihood: with r concentrated out.
-        noise_variance: r̂ of the one-step-ahead errors.
-    """
-
-    value: np.ndarray
-    variance: np.ndarray
-    log_likelihood: float
-    noise_variance: float
+    value: np.ndarray  # p at each coordinate, shape (samples,)
+    variance: np.ndarray  # its variance in units of the noise variance r, likewise
+    log_likelihood: float  # with r concentrated out
+    noise_variance: float  # r̂ of the one-step-ahead errors
 
 
 @njit(cache=True, nogil=True)
@@ -119,15 +112,7 @@ def _smooth(u, z, store, value, variance):
 def smooth_parameter(
     u: np.ndarray, z: np.ndarray, y: np.ndarray, nvr: float, order: int = 2
 ) -> SmoothedParameter:
-    """Smooth one parameter on sorted data.
-
-    Args:
-        u: coordinate, ascending, shape (samples,).
-        z: regressor; zero where there is no observation, so that points can be asked for.
-        y: observation.
-        nvr: noise-to-variance ratio, per unit of u.
-        order: 1 or 2.
-    """
+    """Smooth one parameter on data sorted by u; z is zero at points without an observation."""
     u, z, y = (np.ascontiguousarray(x, dtype=float) for x in (u, z, y))
     store = np.empty((u.size, 9))
     log_f, squares, count = _filter(u, z, y, float(nvr), order, store)
@@ -145,18 +130,12 @@ def nvr_by_likelihood(
     near: float | None = None,
     narrowest: float = NARROWEST,
 ) -> tuple[float, bool]:
-    """NVR of largest likelihood, the noise variance concentrated out.
+    """NVR of maximum likelihood, noise variance concentrated out, and whether it lies on a bound.
 
-    Args:
-        parts: sorted (u, z, y) of one set of samples or several that do not share samples. The
-            likelihoods of several are added: each is right, together they are a composite one.
-        order: 1 or 2.
-        near: search within a decade of this ratio alone; None: everywhere.
-        narrowest: smallest bandwidth, as a share of the state's range.
-
-    Returns:
-        The optimum and whether it lies on a bound of the search. On the lower one the parameter is
-        a constant (order 1) or a straight line (order 2) of its state.
+    ``parts`` are sorted (u, z, y) of sets of samples; several likelihoods are added to a composite
+    one. On the lower bound the parameter is a constant (order 1) or a straight line (order 2).
+    ``near`` limits the search to a decade, ``narrowest`` is the smallest bandwidth as a share of
+    the state's range.
     """
     count = max(int(np.count_nonzero(part[1])) for part in parts)
     power = 2.0 * order

@@ -3,20 +3,20 @@
     y_k = Σ_i p_i(x_{i,k}) z_{i,k} + e_k                                                        (1)
 
 Young's approach (Young, McKenna and Bruun 2001; for friction Janot, Young and Gautier 2017): sort
-the data by x_i, let p_i walk along the sorted state, smooth by the fixed-interval smoother, and go
-round the parameters with what the others leave (back-fitting) until the functions stand still.
-The noise-to-variance ratios are those of largest likelihood.
+the data by x_i, model p_i as a random walk along the sorted state, apply the fixed-interval
+smoother, and iterate over the parameters, each on the residual of the others (back-fitting), until
+the functions converge. The noise-to-variance ratios are maximum-likelihood estimates.
 
-Samples that are neighbours in the sorted order are not neighbours in time, and the residual of a
-friction model is correlated over many samples in time. With D, the number of samples that count as
-one (:func:`correlation_length`),
+Neighbours in the sorted order are not neighbours in time, and the residual of a friction model is
+correlated over many samples in time. With D, the number of samples per independent observation
+(:func:`correlation_length`),
 
-* the likelihood is made of samples D apart in time, whose errors are nearly independent, several
-  such sets with different first samples added;
+* the likelihood uses samples D apart in time, whose errors are nearly independent; the likelihoods
+  of several such sets with different first samples are added;
 * the functions are smoothed from all samples, with a noise variance D times as large;
 * the bands come from the joint covariance of all functions with the same variance D r, so that
-  one function's band contains what the others may take from it. They are those of the smoothing
-  spline as a Bayesian estimate, which cover the truth on average along the state (Nychka 1988).
+  the band of one function includes the uncertainty of the others. They are Bayesian bands of the
+  smoothing spline, which cover the truth on average along the state (Nychka 1988).
 
 D is found twice: from the residual that the caller expects, and again from that of the first fit.
 """
@@ -30,8 +30,8 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.friction.back_fitting import (
-    FEWEST,
     MAX_POINTS,
+    MIN_SAMPLES,
     BackFitted,
     StateDependence,
     averages_of,
@@ -41,33 +41,24 @@ from pivident.friction.back_fitting import (
 )
 from pivident.friction.joint_covariance import WalkColumns, joint_posterior
 
-#: Means of which the correlation is told, fewest.
+#: Smallest number of means from which the correlation is estimated.
 MIN_MEANS = 30
 
 
 @dataclass(frozen=True, eq=False)
 class StateDependentParameter:
-    """One estimated function.
+    """One estimated function."""
 
-    Attributes:
-        name: of the parameter.
-        state: points of the state, ascending, shape (points,).
-        value: p at these points, shape (points,).
-        std: its standard deviation, likewise; 2 std is the band.
-        nvr: noise-to-variance ratio.
-        is_straight: whether likelihood asks for no more than a line (order 2) or constant (1).
-        contribution: p(x_k) z_k at all samples, shape (samples,).
-        density: independent samples near each point, shape (points,).
-    """
-
-    name: str
-    state: np.ndarray
-    value: np.ndarray
-    std: np.ndarray
-    nvr: float
-    is_straight: bool
-    contribution: np.ndarray = field(repr=False)
-    density: np.ndarray = field(repr=False)
+    name: str  # of the parameter
+    state: np.ndarray  # points of the state, ascending, shape (points,)
+    value: np.ndarray  # p at these points, shape (points,)
+    std: np.ndarray  # its standard error, likewise; the band is ±2 std
+    nvr: float  # noise-to-variance ratio
+    is_straight: (
+        bool  # whether the likelihood supports no more than a line (order 2) or constant (1)
+    )
+    contribution: np.ndarray = field(repr=False)  # p(x_k) z_k at all samples, shape (samples,)
+    density: np.ndarray = field(repr=False)  # independent samples near each point, shape (points,)
 
     def at(self, state: np.ndarray) -> np.ndarray:
         """The function at other states, linear between its points and constant outside."""
@@ -76,26 +67,17 @@ class StateDependentParameter:
 
 @dataclass(frozen=True, eq=False)
 class StateDependentFit:
-    """All functions of the model together.
+    """All functions of the model together."""
 
-    Attributes:
-        parameters: one for each term.
-        covariance: joint covariance of all values, in the order of the terms.
-        noise_std: standard deviation of the residual, in the unit of y.
-        correlation: D, samples that count as one.
-        effective: number of independent samples.
-        rounds: rounds of back-fitting.
-        converged: whether the functions stand still.
-        residual: y less all contributions, shape (samples,); NaN on samples that were not used.
-    """
-
-    parameters: tuple[StateDependentParameter, ...]
+    parameters: tuple[StateDependentParameter, ...]  # one for each term
+    # joint covariance of all values, in the order of the terms
     covariance: np.ndarray = field(repr=False)
-    noise_std: float
-    correlation: float
-    effective: float
-    rounds: int
-    converged: bool
+    noise_std: float  # standard deviation of the residual, in the unit of y
+    correlation: float  # D, samples that count as one
+    effective: float  # number of independent samples
+    rounds: int  # rounds of back-fitting
+    converged: bool  # whether the functions no longer change
+    # y minus all contributions, shape (samples,); NaN on samples that were not used
     residual: np.ndarray = field(repr=False)
 
     def __getitem__(self, name: str) -> StateDependentParameter:
@@ -106,11 +88,7 @@ class StateDependentFit:
         return any(p.name == name for p in self.parameters)
 
     def contrast(self, weights: dict[str, np.ndarray]) -> tuple[float, float]:
-        """A weighted sum of values of the functions, and its standard deviation.
-
-        Args:
-            weights: by parameter, one number for each of its points.
-        """
+        """Weighted sum of values of the functions, weights by parameter, and its standard error."""
         stacked = np.concatenate(
             [weights.get(p.name, np.zeros(p.state.size)) for p in self.parameters]
         )
@@ -119,16 +97,13 @@ class StateDependentFit:
 
 
 def correlation_length(pieces: Sequence[np.ndarray]) -> float:
-    """Samples that count as one: by how much means vary more than those of white noise would.
+    """Samples per independent observation, from the variance of means relative to white noise.
 
         D = max over m of  m Var(mean of m consecutive samples) / Var(sample)
 
-    It tends to 1 + 2 Σ ρ_k for long m. The largest value over all lengths is taken: a slow model
-    error under loud white noise is invisible in the correlations at short lags and rules the
-    means all the same.
-
-    Args:
-        pieces: residual of each recording, NaN where there is none.
+    It tends to 1 + 2 Σ ρ_k for long m. The maximum over all lengths is used: a slow model error
+    below strong white noise is invisible in the correlations at short lags and still dominates the
+    means.
     """
     pieces = [p[np.isfinite(p)] for p in pieces]
     total = sum(p.size for p in pieces)
@@ -158,20 +133,10 @@ def fit_state_dependent(
 ) -> StateDependentFit:
     """Estimate the functions of (1) by back-fitting, with their joint bands.
 
-    Args:
-        y: what is to be explained, shape (samples,), in the order of time.
-        terms: the model.
-        used: samples that count, shape (samples,); None: all.
-        record: number of the recording of each sample; correlation ends where it changes.
-        expected: residual from which D is found first; None: y less a straight line in all
-            states.
-        correlation: D, where it is known.
-        rounds: most rounds of back-fitting.
-        tolerance: largest rms change of a contribution in a round that counts as standing still,
-            as a share of the deviation of y.
-
-    Raises:
-        IdentificationError: too few independent samples, or a state that does not vary.
+    Samples are in the order of time; correlation ends where ``record`` changes. D
+    (``correlation``) is found from the ``expected`` residual, None: y less a straight line in all
+    states. A round that changes no contribution by more than ``tolerance`` standard deviations of y
+    (rms) is the last.
     """
     y = np.asarray(y, dtype=float)
     used = np.ones(y.size, dtype=bool) if used is None else np.asarray(used, dtype=bool)
@@ -179,18 +144,18 @@ def fit_state_dependent(
     for term in terms:
         if not varies(term, used):
             raise IdentificationError(
-                f"the state of {term.name!r} does not vary over the samples that count; leave the "
-                "term out or use a record that varies it"
+                f"the state of {term.name!r} does not vary over the samples in use; leave the term "
+                "out or use a record that varies it"
             )
     if correlation is not None:
         return _with_bands(
             y, terms, used, _fit(y, terms, used, record, correlation, rounds, tolerance)
         )
     first = _straight_residual(y, terms, used) if expected is None else expected
-    guess = _correlation(first, used, record)
-    found = _fit(y, terms, used, record, guess, rounds, tolerance)
+    initial = _correlation(first, used, record)
+    found = _fit(y, terms, used, record, initial, rounds, tolerance)
     fresh = _correlation(found.residual(y, terms, used), used, record)
-    if not 0.8 < fresh / guess < 1.25:
+    if not 0.8 < fresh / initial < 1.25:
         found = _fit(y, terms, used, record, fresh, rounds, tolerance)
     return _with_bands(y, terms, used, found)
 
@@ -207,17 +172,8 @@ def contributions_without(
 ) -> np.ndarray:
     """Sum of all terms at *all* samples, estimated from those in ``used`` alone.
 
-    The noise-to-variance ratios and D of a fit are kept. Outside the states that were seen a
-    function goes on as a line, a centred one as a constant.
-
-    Args:
-        y: what is to be explained, shape (samples,).
-        terms: the model, terms of the fit or some of them.
-        fit: where the ratios come from.
-        used: samples to estimate from, shape (samples,).
-        record: number of the recording of each sample.
-        rounds: most rounds of back-fitting.
-        tolerance: see :func:`fit_state_dependent`.
+    The noise-to-variance ratios and D of a fit are kept. Outside the sampled states a function is
+    extrapolated as a line, a centred one as a constant.
     """
     given = [replace(t, nvr=fit[t.name].nvr) for t in terms if varies(t, used)]
     merged, averages = averages_of(y, given, used, record, fit.correlation)
@@ -233,7 +189,7 @@ def _correlation(residual: np.ndarray, used: np.ndarray, record: np.ndarray) -> 
 def _straight_residual(
     y: np.ndarray, terms: Sequence[StateDependence], used: np.ndarray
 ) -> np.ndarray:
-    """What straight lines in all states leave."""
+    """Residual of straight lines in all states."""
     columns = np.column_stack([c for t in terms for c in (t.regressor, t.regressor * t.state)])
     theta = np.linalg.lstsq(columns[used], y[used], rcond=None)[0]
     return y - columns @ theta
@@ -250,11 +206,11 @@ def _fit(
 ) -> BackFitted:
     """Back-fitting at a given D."""
     count = int(used.sum())
-    if count / correlation < FEWEST:
+    if count / correlation < MIN_SAMPLES:
         raise IdentificationError(
-            f"{count} samples are worth {count / correlation:.0f} independent ones, since the "
-            f"residual is correlated over {correlation:.0f} samples; {FEWEST} are needed: use a "
-            "longer record"
+            f"{count} samples correspond to {count / correlation:.0f} independent ones, since the "
+            f"residual is correlated over {correlation:.0f} samples; {MIN_SAMPLES} are needed: use "
+            "a longer record"
         )
     merged, averages = averages_of(y, terms, used, record, correlation)
     found = back_fitted(averages, merged, rounds, tolerance)
@@ -286,7 +242,7 @@ def _with_bands(
     residual = found.residual(y, terms, used)
     freedom = max(effective - posterior.freedom, 1.0)
     r = float(np.nanmean(residual**2)) * effective / freedom
-    # The means are of the long run's variance D r, shared by as many samples as they have.
+    # Means have the long-run variance D r divided by their number of samples.
     covariance = r * merged * posterior.covariance
     std = np.split(np.sqrt(np.diag(covariance)), np.cumsum(points)[:-1])
     parameters = []

@@ -1,7 +1,7 @@
+from .fleet.conclusion import conclude_fleet as conclude_fleet
 from .fleet.identify_fleet import Fleet as Fleet
 from .fleet.identify_fleet import identify_fleet as identify_fleet
 from .fleet.judgement import Judgement as Judgement
-from .fleet.judgement import conclude_fleet as conclude_fleet
 from .study.bench import Bench as Bench
 from .study.conclusion import conclude_study as conclude_study
 from .study.monte_carlo import run_study as run_study

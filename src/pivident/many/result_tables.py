@@ -15,11 +15,7 @@ from pivident.tables.many_results import of_frame
 
 
 def study_parameters(summary: Summary) -> Table:
-    """One row for each method and parameter of a study.
-
-    Args:
-        summary: of a study with known truth.
-    """
+    """One row for each method and parameter of a study."""
     rows = []
     for method, found in summary.methods.items():
         for p in found.parameters:
@@ -28,18 +24,14 @@ def study_parameters(summary: Summary) -> Table:
             rows.append({"method": method} | own | {"coverage_low": low, "coverage_high": high})
     meanings = {
         "spread": "empirical standard deviation of the estimates",
-        "predicted": "mean of the reported deviations",
+        "predicted": "mean of the reported standard errors",
         "coverage": "share of runs whose truth lies within 2σ, with its 95 % interval",
     }
     return Table.of_rows("parameters", rows, meanings)
 
 
 def study_methods(summary: Summary) -> Table:
-    """One row for each method of a study.
-
-    Args:
-        summary: of a study with known truth.
-    """
+    """One row for each method of a study."""
     names = (
         "robust_coverage", "median_relative_error", "relative_spread",
         "predicted_over_empirical", "robust_over_empirical", "efficiency", "runs", "records",
@@ -55,31 +47,19 @@ def study_methods(summary: Summary) -> Table:
 
 
 def fleet_parameters(fleet: Fleet) -> Table:
-    """One row for each log and parameter, and one for each log that failed.
-
-    Args:
-        fleet: the estimates.
-    """
+    """One row for each log and parameter, and one for each log that failed."""
     from pivident.many.fleet.judgement import parameter_table
 
     return of_frame("parameters", parameter_table(fleet))
 
 
 def judgement_parameters(judgement: Judgement) -> Table:
-    """The estimates that a judgement is about.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """The estimates behind a judgement."""
     return fleet_parameters(judgement.fleet)
 
 
 def judgement_alarms(judgement: Judgement) -> Table:
-    """One row for each parameter of a robot that has changed.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """One row for each parameter of a robot that has changed."""
     from pivident.many.fleet.control_chart import Alarm
 
     names = [f.name for f in fields(Alarm)]
@@ -95,11 +75,7 @@ def judgement_alarms(judgement: Judgement) -> Table:
 
 
 def judgement_wear(judgement: Judgement) -> Table:
-    """One row for each robot and watched parameter whose slope over time is known.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """One row for each robot and watched parameter whose slope over time is known."""
     rows = [
         {
             "robot": robot,

@@ -1,16 +1,16 @@
-"""What the loaded record is asked for: the arm as it is known, its friction, and the load.
+"""The unknowns of the loaded record: the arm with its prior knowledge, its friction, and the load.
 
     θ_empty = M₁ x,      θ_loaded = M₂ x,      x = (θ, ΔF, ξ)
 
 θ are the base parameters of the arm, known from the record without load to θ̂₁ ± P₁; ΔF is the
-change of the friction under load (Khalil, Gautier and Lemoine 2007 take it for zero); ξ are
-coordinates of the ten parameters of the load, π = V ξ, that the torques of this arm can tell at
-all. What π adds to the base parameters of the arm is B π with the regrouping of Khalil and Gautier,
-so that M₂ = [1, F, B V].
+change of the friction under load (Khalil, Gautier and Lemoine 2007 assume zero); ξ are coordinates
+of the ten parameters of the load, π = V ξ, in the directions that affect the torques of this arm.
+The load adds B π to the base parameters of the arm, with the regrouping of Khalil and Gautier, so
+M₂ = [1, F, B V].
 
-The known arm enters as (θ - θ̂₁)ᵀ P₁⁻¹ (θ - θ̂₁). With it the estimate is that of both records at
-once: the first one's normal equations are all that the first record says of θ. An arm that was
-identified long before serves as well, and the loaded record need not be able to tell all of θ.
+The known arm enters as (θ - θ̂₁)ᵀ P₁⁻¹ (θ - θ̂₁). This gives the estimate from both records at once,
+because the normal equations of the first record contain all its information about θ. An arm that
+was identified long before can be used as well, and the loaded record need not excite all of θ.
 """
 
 from __future__ import annotations
@@ -30,98 +30,73 @@ from pivident.payload.known_parts import BEFORE_AN_ESTIMATE, KnownParts
 from pivident.payload.load_estimate import NATURAL, seen_from
 from pivident.robot.frames import Pose
 
-#: Weak knowledge that keeps what no torque tells finite: a load is below a thousand natural sizes
-#: (a tonne; 100 m kg), friction under load differs by less than ten times what it was.
+#: Weak priors that keep undetermined directions finite: a load is below a thousand natural sizes
+#: (a tonne; 100 m kg), friction under load changes by less than ten times its size.
 WEAK_LOAD, WEAK_FRICTION = 1e3, 10.0
 
 #: Relative length below which the torques of an arm do not depend on a direction of π.
 NO_TORQUE = 1e-9
 
-#: Smallest eigenvalue of a correlation matrix, over its largest, that is no rounding error.
+#: Smallest eigenvalue of a correlation matrix, over its largest, above rounding errors.
 SINGULAR = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
 class ArmAndLoad:
-    """The unknowns of a loaded record, and what is known of them.
+    """The unknowns of a loaded record, and the prior knowledge about them."""
 
-    Attributes:
-        problem: robot, loaded recordings and loop, with all parameters that θ_loaded needs.
-        selected: places of the arm's parameters among those of the problem, shape (arm,).
-        friction: places of the arm's parameters whose change under load is estimated.
-        basis: V, shape (10, r).
-        structural: directions of π that no torque of this arm depends on and nothing known tells,
-            shape (10, 10 - r).
-        loaded_map: M₂, shape (parameters of the problem, unknowns).
-        information: of what is known, shape (unknowns, unknowns): arm, known parts, weak knowledge.
-        right: information times the known values, shape (unknowns,).
-        arm_theta: θ̂₁, shape (arm,).
-        arm_information: P₁⁻¹ as the normal equations have it, shape (arm, arm).
-        arm_covariance: covariance of θ̂₁ as reported, shape (arm, arm).
-        known: what is known of the load.
-        known_rows: H V of its equations, shape (equations, r).
-        weak_load: information of the weak knowledge of ξ, shape (r, r).
-    """
-
-    problem: Problem
-    selected: np.ndarray
-    friction: np.ndarray
-    basis: np.ndarray
+    problem: Problem  # robot, loaded recordings and loop, with all parameters that θ_loaded needs
+    selected: np.ndarray  # indices of the arm's parameters in those of the problem, shape (arm,)
+    friction: np.ndarray  # indices of the arm's parameters whose change under load is estimated
+    basis: np.ndarray  # V, shape (10, r)
+    # directions of π that neither torques nor known parts determine, shape (10, 10 - r)
     structural: np.ndarray
-    loaded_map: np.ndarray
+    loaded_map: np.ndarray  # M₂, shape (parameters of the problem, unknowns)
+    # information of arm, known parts and weak priors, shape (unknowns, unknowns)
     information: np.ndarray
-    right: np.ndarray
-    arm_theta: np.ndarray
-    arm_information: np.ndarray
-    arm_covariance: np.ndarray
-    known: KnownParts
-    known_rows: np.ndarray
-    weak_load: np.ndarray
+    right: np.ndarray  # information times the known values, shape (unknowns,)
+    arm_theta: np.ndarray  # θ̂₁, shape (arm,)
+    arm_information: np.ndarray  # P₁⁻¹ as the normal equations have it, shape (arm, arm)
+    arm_covariance: np.ndarray  # covariance of θ̂₁ as reported, shape (arm, arm)
+    known: KnownParts  # known parts of the load
+    known_rows: np.ndarray  # H V of its equations, shape (equations, r)
+    weak_load: np.ndarray  # information of the weak prior of ξ, shape (r, r)
 
     @property
     def arm_part(self) -> slice:
-        """Where θ is in x."""
+        """Indices of θ in x."""
         return slice(0, self.arm_theta.size)
 
     @property
     def friction_part(self) -> slice:
-        """Where ΔF is in x."""
+        """Indices of ΔF in x."""
         return slice(self.arm_theta.size, self.arm_theta.size + self.friction.size)
 
     @property
     def load_part(self) -> slice:
-        """Where ξ is in x."""
+        """Indices of ξ in x."""
         return slice(self.arm_theta.size + self.friction.size, self.loaded_map.shape[1])
 
     @property
     def empty_theta(self) -> np.ndarray:
-        """The arm as it is known, among the parameters of the problem."""
+        """The arm without load, in the parameters of the problem."""
         theta = np.zeros(self.loaded_map.shape[0])
         theta[self.selected] = self.arm_theta
         return theta
 
     def mass_size(self, x: np.ndarray, covariance: np.ndarray) -> float:
-        """Root mean square of the load's mass by an estimate [kg].
-
-        Args:
-            x: the estimate, shape (unknowns,).
-            covariance: its covariance, shape (unknowns, unknowns).
-        """
+        """Root mean square of the load's mass by an estimate and its covariance [kg]."""
         own, row = self.load_part, self.basis[9]
         return float(np.sqrt((row @ x[own]) ** 2 + row @ covariance[own, own] @ row))
 
     def at_mass(self, mass: float) -> ArmAndLoad:
-        """The same with the deviations of the known parts for a mass of this size.
-
-        Args:
-            mass: as `mass_size` has it [kg].
-        """
+        """The same with the standard errors of the known parts for a mass of this size [kg]."""
         own = self.load_part
-        _, values, deviations = self.known.equations(mass)
+        _, values, std = self.known.equations(mass)
         information, right = self.information.copy(), self.right.copy()
-        weighted = self.known_rows / deviations[:, None]
+        weighted = self.known_rows / std[:, None]
         information[own, own] = weighted.T @ weighted + self.weak_load
-        right[own] = weighted.T @ (values / deviations)
+        right[own] = weighted.T @ (values / std)
         return replace(self, information=information, right=right)
 
 
@@ -133,25 +108,17 @@ def arm_and_load(
     frame: Pose,
     friction_under_load: bool,
 ) -> ArmAndLoad:
-    """Sort what is known from what is not.
+    """Separate known from unknown parameters of the loaded arm.
 
-    Args:
-        arm: the arm identified without load.
-        problem: the loaded recordings; its parameters are those that `widened` names.
-        link: index of the link that carries the load.
-        known: what is known of the load.
-        frame: frame of the known parts in that of the link.
-        friction_under_load: whether friction may be another one with the load.
-
-    Raises:
-        IdentificationError: the covariance of the arm is singular.
+    ``frame``: frame of the known parts in that of the link. ``friction_under_load``: friction may
+    be different with the load.
     """
     base = problem.base
     names = [p.name for p in problem.regressor.parameters]
     selected = np.array([names.index(p.name) for p in arm.parameters])
     columns = load_columns(base, link)[list(problem.selection)]
     rows = known.equations()[0] @ seen_from(frame)
-    basis, structural = _told_directions(columns, rows)
+    basis, structural = _determined_directions(columns, rows)
     movable = [
         k for k, p in enumerate(arm.parameters) if friction_under_load and not p.carries_load
     ]
@@ -177,35 +144,19 @@ def arm_and_load(
 
 
 def load_columns(base: BaseParameters, link: int) -> np.ndarray:
-    """B: change of all base parameters per parameter of the load, shape (base, 10).
-
-    Args:
-        base: base parameters of the robot.
-        link: index of the link.
-    """
+    """B: change of all base parameters per parameter of the load, shape (base, 10)."""
     return Payload(mass=1.0, link=link).base_columns(base)
 
 
 def widened(arm: Identification, base: BaseParameters, link: int) -> tuple[str, ...]:
-    """Names of the parameters that a loaded record needs: the arm's, and those a load changes.
-
-    Args:
-        arm: the arm identified without load.
-        base: base parameters of the robot.
-        link: index of the link.
-    """
+    """Names of the parameters that a loaded record needs: the arm's, and those a load changes."""
     touched = np.abs(load_columns(base, link)).sum(axis=1) > 0
     estimated = {p.name for p in arm.parameters}
     return tuple(p.name for k, p in enumerate(base.parameters) if touched[k] or p.name in estimated)
 
 
 def reduced(sums: Sequence[JointSums], unknowns: ArmAndLoad) -> list[JointSums]:
-    """Normal equations in x, from those in θ_loaded = M₂ x.
-
-    Args:
-        sums: one per joint, on its own columns of the problem.
-        unknowns: gives M₂.
-    """
+    """Normal equations in x, from those in θ_loaded = M₂ x."""
     every = np.arange(unknowns.loaded_map.shape[1])
     made = []
     for own in sums:
@@ -228,8 +179,8 @@ def reduced(sums: Sequence[JointSums], unknowns: ArmAndLoad) -> list[JointSums]:
     return made
 
 
-def _told_directions(columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Directions of π that torques or knowledge tell, and the rest, orthogonal in natural sizes."""
+def _determined_directions(columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Directions of π determined by torques or known parts, and the rest, in natural sizes."""
     stack = np.vstack([columns * NATURAL, rows * NATURAL])
     length = np.linalg.norm(stack, axis=1, keepdims=True)
     _, values, right = np.linalg.svd(stack / np.where(length > 0, length, 1.0))
@@ -238,7 +189,7 @@ def _told_directions(columns: np.ndarray, rows: np.ndarray) -> tuple[np.ndarray,
 
 
 def _reported(arm: Identification) -> np.ndarray:
-    """Covariance that holds for residuals of any colour, where the arm has one."""
+    """Covariance for residuals of any colour, if the arm has one."""
     robust = arm.robust_covariance
     return robust if np.isfinite(robust).all() else arm.covariance
 
@@ -252,17 +203,13 @@ def _friction_sizes(arm: Identification) -> np.ndarray:
 
 
 def _information(arm: Identification) -> np.ndarray:
-    """Inverse of the covariance of parameters that differ by orders of magnitude.
-
-    Raises:
-        IdentificationError: there is none; names the parameters that go together.
-    """
+    """Inverse of the covariance of parameters that differ by orders of magnitude."""
     scale = np.sqrt(np.maximum(np.diag(arm.formula_covariance), 0.0))
     exact = [name for name, one in zip(arm.names, scale, strict=True) if not 0.0 < one < np.inf]
     if exact:
         raise IdentificationError(
-            f"the arm without load has no standard deviation of {', '.join(exact[:4])}; "
-            "identify it again, or give its record beside the one with the load"
+            f"the arm without load has no standard error of {', '.join(exact[:4])}; "
+            "identify it again, or give its record together with the one with the load"
         )
     correlation = arm.formula_covariance / np.outer(scale, scale)
     variances, directions = np.linalg.eigh(0.5 * (correlation + correlation.T))
@@ -271,8 +218,8 @@ def _information(arm: Identification) -> np.ndarray:
         together = [arm.names[k] for k in np.argsort(-share)[:4] if share[k] > 0.1]
         raise IdentificationError(
             "the covariance of the arm without load is singular: it gives a combination of "
-            f"{', '.join(together)} without any deviation, which no record does. Identify the arm "
-            "again, or give its record beside the one with the load"
+            f"{', '.join(together)} a standard error of zero, which no record can. Identify the "
+            "arm again, or give its record together with the one with the load"
         )
     inverse = np.linalg.inv(correlation) / np.outer(scale, scale)
     return 0.5 * (inverse + inverse.T)

@@ -1,4 +1,4 @@
-"""What does not belong together: arms, mountings, links and recordings."""
+"""Checks that arms, mountings, links and recordings match."""
 
 from __future__ import annotations
 
@@ -16,15 +16,7 @@ from pivident.robot.naming import nearest
 
 
 def link_index(robot: Robot, name: str | None) -> int:
-    """Index of a link by its own name or by that of the joint that moves it.
-
-    Args:
-        robot: the robot.
-        name: a name, or the number of the joint counted from 1; None: the last link.
-
-    Raises:
-        ExperimentError: there is no such link; names the nearest ones.
-    """
+    """Index of a link by its name, its joint's name or number (from 1); None: the last link."""
     if name is None:
         return robot.size - 1
     try:
@@ -37,15 +29,7 @@ def link_index(robot: Robot, name: str | None) -> int:
 
 
 def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> None:
-    """Refuse a record that is given for both states, and none.
-
-    Args:
-        empty: the problem without load.
-        loaded: problem or recordings with it.
-
-    Raises:
-        ExperimentError: names the recording.
-    """
+    """Refuse a recording that is given for both states, and an empty list."""
     runs = loaded.recordings if isinstance(loaded, Problem) else tuple(loaded)
     if not runs:
         raise ExperimentError("no recording with the load is given; at least one is needed")
@@ -57,15 +41,7 @@ def check_recordings(empty: Problem, loaded: Problem | Sequence[Recording]) -> N
 
 
 def check_same_arm(arm: Identification, loaded: Problem) -> None:
-    """Refuse an arm with other joints, geometry, friction law or mounting.
-
-    Args:
-        arm: the arm without load.
-        loaded: the problem with load.
-
-    Raises:
-        ExperimentError: says what differs.
-    """
+    """Refuse an arm with other joints, geometry, friction law or mounting."""
     base = loaded.base
     groups = dict(zip((p.name for p in base.parameters), base.expressions, strict=True))
     laws = {p.name: p.friction for p in base.parameters}
@@ -79,8 +55,8 @@ def check_same_arm(arm: Identification, loaded: Problem) -> None:
         raise ExperimentError(
             f"the empty arm was identified with gravity {_vector(arm.robot.gravity)} m/s² in its "
             f"base frame, the loaded one has {_vector(loaded.robot.gravity)} m/s²: another "
-            "mounting shows other parameters. Take the record without load in the mounting of "
-            "the loaded one, or correct gravity under [robot]"
+            "mounting has other identifiable parameters. Use a record without load in the mounting "
+            "of the loaded one, or correct gravity under [robot]"
         )
     for parameter, expression in zip(arm.parameters, arm.expressions, strict=True):
         if groups.get(parameter.name) != expression:
@@ -98,13 +74,7 @@ def check_same_arm(arm: Identification, loaded: Problem) -> None:
 
 
 def tool_frame(robot: Robot, link: int, frame: Pose) -> str:
-    """A tool's frame in words.
-
-    Args:
-        robot: the robot.
-        link: index of the link that carries the tool.
-        frame: pose of the tool in the frame of that link.
-    """
+    """A tool's pose in the frame of its link, as text."""
     rotation = np.array2string(frame.rotation, precision=4, suppress_small=True, separator=", ")
     return (
         f"tool with origin {_vector(frame.translation)} m and axes {' '.join(rotation.split())} "

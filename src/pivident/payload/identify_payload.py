@@ -2,16 +2,15 @@
 
     θ_loaded = θ + ΔF + B π
 
-(Khalil, Gautier and Lemoine 2007). With recordings of both states first the arm is identified, and
-then arm, friction and load together from the loaded record and what the first one said of the arm;
-that is the estimate from both records at once. An arm known from before does as well.
+(Khalil, Gautier and Lemoine 2007). With recordings of both states, the arm is identified first, and
+then arm, friction and load together from the loaded record and the first estimate of the arm; this
+equals the estimate from both records at once. An arm identified earlier can be used instead.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 
 import numpy as np
 
@@ -40,7 +39,7 @@ from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.payload.loaded_record import LoadedRecords
 from pivident.payload.payload_findings import refuse_negative, warnings_about, worse_explained
-from pivident.payload.possible_load import PossibleLoad, possible_load
+from pivident.payload.payload_identification import PayloadIdentification
 from pivident.payload.restricted_solution import (
     RestrictedSolution,
     noise_by_scores,
@@ -52,76 +51,18 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.frames import Pose
 from pivident.simulation.control_loop import Loop
-from pivident.text.finding import Finding
 
-#: Directions of the load that are told no better than this many natural sizes (1 kg, 0.1 m) are
-#: called undetermined.
+#: Standard error, in natural sizes (1 kg, 0.1 m), above which a direction of the load counts as
+#: undetermined.
 UNDETERMINED = 100.0
 
-#: Fewest estimates of an iterative method; see `pivident.estimation.prefiltered_iv`.
+#: Smallest number of estimates of an iterative method; see `pivident.estimation.prefiltered_iv`.
 MIN_ESTIMATES = 3
 
-#: Share by which the mass that gives known parts their deviations may still change, and how often
-#: it is taken anew. Twice is usual; where only a known centre of mass tells it, more.
+#: Relative change of the mass that scales the standard errors of the known parts below which it is
+#: kept, and the maximum number of updates. Two are usual, more if only a known centre of mass
+#: determines it.
 SAME_MASS, MASS_ROUNDS = 0.01, 20
-
-
-@dataclass(frozen=True, eq=False)
-class PayloadIdentification:
-    """The load with what is needed to doubt it.
-
-    Attributes:
-        load: mass, centre of mass and inertia, in the frame that was asked for.
-        link: name of the link that carries it.
-        joint: name of the joint that moves the link.
-        method: name of the method.
-        arm: the arm without load, as it was known.
-        arm_change: for each of its parameters, the distance of the common estimate from the first
-            one over the deviation of that distance, shape (arm,).
-        friction_names: friction parameters that may change with the load.
-        friction_change: their change ΔF, shape (friction,).
-        friction_std: its standard deviations, likewise.
-        joints: names of the joints.
-        relative_errors: ‖τ - Φθ‖/‖τ‖ of each joint on the loaded recordings, shape (joints,).
-        rms_errors: rms of τ - Φθ of each joint on them [N m or N], shape (joints,).
-        recordings: names of the loaded recordings.
-        converged: whether the iteration stood still.
-        iterations: number of estimates.
-        known: what was known of the load.
-        warnings: what was noticed.
-        sources: SHA-256 of the loaded recordings' files by name.
-        version: version of pivident.
-    """
-
-    load: LoadEstimate
-    link: str
-    joint: str
-    method: str
-    arm: Identification
-    arm_change: np.ndarray
-    friction_names: tuple[str, ...]
-    friction_change: np.ndarray
-    friction_std: np.ndarray
-    joints: tuple[str, ...]
-    relative_errors: np.ndarray
-    rms_errors: np.ndarray
-    recordings: tuple[str, ...]
-    converged: bool
-    iterations: int
-    known: KnownParts
-    warnings: tuple[Finding, ...]
-    sources: dict[str, str]
-    version: str
-
-    @cached_property
-    def possible(self) -> PossibleLoad | None:
-        """The nearest load that a real body can be; None without a positive mass."""
-        return possible_load(self.load) if self.load.mass > 0 else None
-
-    def __str__(self) -> str:
-        from pivident.payload.payload_text import payload_text
-
-        return payload_text(self)
 
 
 def identify_payload(
@@ -138,25 +79,25 @@ def identify_payload(
     """Mass, centre of mass and inertia of a load.
 
     Args:
-        empty: robot and recordings without load, or the arm identified from them before.
-        loaded: recordings with the load, taken in the same loop as those without; with an arm
-            known from before a problem with robot, loaded recordings and loop.
+        empty: robot and recordings without load, or the arm identified from them earlier.
+        loaded: recordings with the load, in the same control loop as those without; with an arm
+            identified earlier, a problem with robot, loaded recordings and loop.
         method: ``ls``, ``iv-full-rate``, ``piv`` or a method object; band-pass and decimation of
             ``ls`` and ``iv`` are replaced by the smoother at full rate.
         link: link, or joint that moves it; None: the last one.
-        known: what is known of the load, in ``frame``.
+        known: known parts of the load, in ``frame``.
         frame: frame of a tool, its pose in the frame of the link; None: the link's frame.
-        friction_under_load: whether friction may be another one with the load.
+        friction_under_load: whether friction may change with the load.
         progress: called with one line at each stage.
 
     Returns:
         The load with covariance, in ``frame``.
 
     Raises:
-        ExperimentError: arms that do not match, a link that does not exist, a method that does
-            not fit.
-        NegativePayload: the load weighs less than nothing: the records are swapped.
-        IdentificationError: the arm cannot be identified, or the loaded loop not be simulated.
+        ExperimentError: arms that do not match, a link that does not exist, a method without a
+            payload variant.
+        NegativePayload: the mass is negative: the records are swapped.
+        IdentificationError: the arm cannot be identified, or the loaded loop cannot be simulated.
     """
     say = progress or (lambda line: None)
     chosen, known = _full_rate(method), known or KnownParts()
@@ -168,7 +109,7 @@ def identify_payload(
     else:
         if not isinstance(loaded, Problem):
             raise ExperimentError(
-                "with an arm known from before, give the loaded recordings as a Problem: robot, "
+                "with an arm identified earlier, give the loaded recordings as a Problem: robot, "
                 "recordings and loop"
             )
         carrier = link_index(loaded.robot, link)
@@ -191,7 +132,7 @@ def identify_payload(
     change = _arm_change(unknowns, solution, moved)
     relative_errors, rms_errors = records.errors(solution.theta)
     warnings = warnings_about(load, arm, change, converged, iterations)
-    if isinstance(empty, Problem):  # another method's error would be of other samples
+    if isinstance(empty, Problem):  # another method's error would refer to other samples
         warnings += worse_explained(arm, rms_errors)
     from pivident.version import __version__
 
@@ -228,7 +169,7 @@ def _full_rate(
             f"{made.label} has no payload variant; use piv, iv-full-rate or ls for the load"
         )
     if isinstance(made, LeastSquares) and not made.weighted:
-        raise ExperimentError("ols does not weigh the joints; use ls for the load")
+        raise ExperimentError("ols does not weight the joints; use ls for the load")
     if not isinstance(made.signals, RandomWalk):
         made = replace(made, signals=RandomWalk())
     return made
@@ -240,7 +181,7 @@ def _loaded_problem(empty: Problem, loaded: Sequence[Recording]) -> Problem:
 
 
 def _without_reconstruction(loop: Loop | None) -> Loop | None:
-    """The loop without what belongs to single recordings of the empty arm."""
+    """The loop without the parts of single recordings of the empty arm."""
     return loop if loop is None else replace(loop, reconstructed=())
 
 
@@ -250,7 +191,7 @@ def _estimate(
     method: LeastSquares | InstrumentalVariables | PrefilteredIV,
     say: Callable[[str], None],
 ) -> tuple[list[JointSums], ArmAndLoad, RestrictedSolution, int, bool]:
-    """Least squares, and with instruments repeated until the estimate stands still."""
+    """Least squares, or with instruments an iteration to convergence."""
     simulated = unknowns.empty_theta
     sums = records.least_squares(simulated)
     unknowns, solution = _solved(sums, unknowns, simulated)
@@ -265,7 +206,7 @@ def _estimate(
         unknowns, solution = _solved(sums, unknowns, solution.theta)
         std = np.sqrt(np.abs(np.diag(solution.inverse)))
         change = float((np.abs(solution.x - before.x) / std).max())
-        say(f"with load: estimate {k + 1}, changes by {change:.2g} standard deviations")
+        say(f"with load: estimate {k + 1}, changes by {change:.2g} standard errors")
         if k + 1 >= MIN_ESTIMATES and change < max(0.05, method.tolerance):
             return sums, unknowns, solution, k + 1, True
     return sums, unknowns, solution, method.max_iterations + 1, False
@@ -274,7 +215,7 @@ def _estimate(
 def _solved(
     sums: Sequence[JointSums], unknowns: ArmAndLoad, start: np.ndarray
 ) -> tuple[ArmAndLoad, RestrictedSolution]:
-    """The solution, its known parts with the deviations that they have at its mass."""
+    """The solution, with the standard errors of the known parts at its mass."""
     solution = solve_restricted(sums, unknowns, start)
     if not unknowns.known.needs_mass:
         return unknowns, solution
@@ -296,7 +237,7 @@ def _noise(
     unknowns: ArmAndLoad,
     method: LeastSquares | InstrumentalVariables | PrefilteredIV,
 ) -> np.ndarray:
-    """Covariance by the loaded record's noise: stationary on simulated records, else windows."""
+    """Covariance from the loaded record's noise: stationary on simulated records, else windows."""
     asked = method.covariance if isinstance(method, PrefilteredIV) else "auto"
     simulated = all(r.simulated for r in unknowns.problem.recordings)
     if asked == "sandwich" or (asked == "auto" and not simulated):
@@ -337,8 +278,8 @@ def _load(
 def _arm_change(
     unknowns: ArmAndLoad, solution: RestrictedSolution, moved: np.ndarray
 ) -> np.ndarray:
-    """(θ - θ̂₁) over its deviation; zero where the loaded record says nothing of a parameter."""
+    """(θ - θ̂₁) over its standard error; zero for parameters the loaded data do not support."""
     step = solution.x[unknowns.arm_part] - unknowns.arm_theta
     variance, own = np.diag(moved), np.diag(unknowns.arm_covariance)
-    told = variance > 1e-4 * own
-    return np.where(told, step / np.sqrt(np.where(told, variance, 1.0)), 0.0)
+    informed = variance > 1e-4 * own
+    return np.where(informed, step / np.sqrt(np.where(informed, variance, 1.0)), 0.0)

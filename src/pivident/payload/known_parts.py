@@ -1,13 +1,13 @@
-"""What is known of a load before it is moved: its mass from a scale, its shape from a drawing.
+"""Known parts of a load: its mass from a scale, its shape from a drawing.
 
 Each known number is one linear equation in the ten inertial parameters. With m₀, c₀ and I₀ known,
 
     m = m₀ ± σ,      h - c₀ m = 0 ± σ_c m,      J - 2 S(c₀, h) + m S(c₀, c₀) = I₀ ± σ_I.
 
 The last one is J = I + S(h, h)/m to first order in δ = h/m - c₀. The true centre of mass is not c₀,
-but c₀ + δ with δ = 0 ± σ_c, and the inertia is known about the true one; what is left is m S(δ, δ),
-in the root mean square √8 m σ_c² for moments and m σ_c² for products, and is added to σ_I. The mass
-that multiplies σ_c is that of an estimate where it is not known.
+but c₀ + δ with δ = 0 ± σ_c, and the inertia is known about the true one; the remainder m S(δ, δ),
+with a root mean square of √8 m σ_c² for moments and m σ_c² for products, is added to σ_I. If the
+mass is unknown, σ_c is multiplied by the mass of an estimate.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from pivident.drives.known_payload import check_body
 from pivident.errors import ExperimentError
 from pivident.robot.inertia import elements, steiner
 
-#: Share of a number's natural size that stands for the deviation of one that is exact.
+#: Standard deviation assigned to an exact number, as a share of its natural size.
 EXACT = 1e-6
 
-#: Mass [kg] that an unknown one is taken for before there is an estimate: a known centre of mass
-#: is weak then, and the torques tell the mass.
+#: Mass [kg] assumed for an unknown one before there is an estimate: a known centre of mass is then
+#: weak, and the torques determine the mass.
 BEFORE_AN_ESTIMATE = 1e3
 
-#: Root mean square of the elements xx xy xz yy yz zz of S(δ, δ) for δ of unit deviation.
+#: Root mean square of the elements xx xy xz yy yz zz of S(δ, δ) for δ of unit variance.
 SECOND_ORDER = np.sqrt([8.0, 1.0, 1.0, 8.0, 1.0, 8.0])
 
 
@@ -63,7 +63,7 @@ class KnownParts:
 
     @property
     def needs_mass(self) -> bool:
-        """Whether the deviations of the equations depend on a mass that is not known."""
+        """Whether the standard deviations of the equations depend on an unknown mass."""
         return self.mass is None and self.center_of_mass is not None
 
     def equations(
@@ -72,7 +72,7 @@ class KnownParts:
         """H π = y ± σ.
 
         Args:
-            estimated_mass: root mean square of the mass [kg] where it is not known.
+            estimated_mass: root mean square of the mass [kg] if it is unknown.
 
         Returns:
             H, shape (equations, 10); y and σ, shape (equations,).

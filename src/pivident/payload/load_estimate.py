@@ -1,17 +1,17 @@
 """Mass, centre of mass and inertia of a load, from its ten inertial parameters with covariance.
 
-The ten parameters π = (xx xy xz yy yz zz mx my mz m) are linear in the torque, what people ask for
-is not:
+The torque is linear in the ten parameters π = (xx xy xz yy yz zz mx my mz m), but the usual
+quantities are not:
 
     c = h/m,      J_c = J - m S(c, c) = J - S(h, h)/m,      S(a, a) = (aᵀa) 1 - a aᵀ
 
-with h the first moments and J the inertia at the frame's origin. Deviations go through the
-derivatives (delta method). That supposes a mass which is known well; where it is not, the interval
-of the centre of mass is Fieller's: all c at which h - c m cannot be told from zero,
+with h the first moments and J the inertia at the frame's origin. Standard errors follow from the
+derivatives (delta method). This assumes a well-determined mass; otherwise the interval of the
+centre of mass is Fieller's: all c for which h - c m is not significantly different from zero,
 
     (h - c m)² <= z² (σ_h² - 2 c σ_hm + c² σ_m²),
 
-which is unbounded where the mass itself cannot be told from zero.
+which is unbounded if the mass itself is not significantly different from zero.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ NATURAL = np.array([1e-2] * 6 + [1e-1] * 3 + [1.0])
 #: Component along an undetermined direction, in natural sizes, that makes a number undetermined.
 TOUCHES = 1e-6
 
-#: Deviations of a 95 % interval.
+#: Half width of a 95 % interval in standard errors.
 TWO_SIDED_95 = 1.959964
 
 
@@ -43,9 +43,9 @@ class LoadEstimate:
     Attributes:
         values: xx xy xz yy yz zz [kg m²], mx my mz [kg m], m [kg], shape (10,).
         covariance: of the values, shape (10, 10).
-        undetermined: directions of the parameter space that no torque of the records tells,
-            shape (10, k); k = 0 where all are told.
-        frame: what the numbers refer to, in words.
+        undetermined: directions of the parameter space that the torques do not determine, shape
+            (10, k); k = 0 if all are determined.
+        frame: description of the frame.
     """
 
     values: np.ndarray
@@ -55,8 +55,8 @@ class LoadEstimate:
 
     @cached_property
     def std(self) -> np.ndarray:
-        """Standard deviations of the ten parameters, infinite where not determined, (10,)."""
-        return self._deviations(np.eye(len(INERTIAL)))
+        """Standard errors of the ten parameters, infinite where not determined, (10,)."""
+        return self._standard_errors(np.eye(len(INERTIAL)))
 
     @property
     def determined(self) -> np.ndarray:
@@ -75,12 +75,12 @@ class LoadEstimate:
 
     @property
     def mass_std(self) -> float:
-        """Its standard deviation [kg]."""
+        """Its standard error [kg]."""
         return float(self.std[9])
 
     @property
     def is_seen(self) -> bool:
-        """Whether the mass is told from zero (2σ), without which there is no centre of mass."""
+        """Whether the mass is significantly positive (2σ); else there is no centre of mass."""
         return self.mass > 2.0 * self.mass_std
 
     @property
@@ -92,13 +92,13 @@ class LoadEstimate:
 
     @cached_property
     def center_of_mass_std(self) -> np.ndarray:
-        """Standard deviations of c by the delta method [m], shape (3,)."""
+        """Standard errors of c by the delta method [m], shape (3,)."""
         if not self.mass > 0:
             return np.full(3, np.inf)
         gradient = np.zeros((3, 10))
         gradient[:, 6:9] = np.eye(3) / self.mass
         gradient[:, 9] = -self.center_of_mass / self.mass
-        return self._deviations(gradient)
+        return self._standard_errors(gradient)
 
     @property
     def inertia(self) -> np.ndarray:
@@ -110,7 +110,7 @@ class LoadEstimate:
 
     @cached_property
     def inertia_std(self) -> np.ndarray:
-        """Standard deviations of J_c by the delta method [kg m²], shape (6,)."""
+        """Standard errors of J_c by the delta method [kg m²], shape (6,)."""
         if not self.mass > 0:
             return np.full(6, np.inf)
         h = self.values[6:9]
@@ -120,27 +120,28 @@ class LoadEstimate:
             # S is bilinear and symmetric: dS(h, h) = 2 S(dh, h)
             gradient[:, 6 + k] = -2.0 * elements(steiner(np.eye(3)[k], h)) / self.mass
         gradient[:, 9] = elements(steiner(h, h)) / self.mass**2
-        return self._deviations(gradient)
+        return self._standard_errors(gradient)
 
-    def fieller_interval(self, deviations: float = TWO_SIDED_95) -> np.ndarray:
+    def fieller_interval(self, z: float = TWO_SIDED_95) -> np.ndarray:
         """Fieller's intervals of the centre of mass [m], shape (3, 2).
 
-        Infinite where the mass cannot be told from zero: any centre of mass is possible then.
+        Infinite if the mass is not significantly different from zero: the centre of mass is then
+        unbounded.
 
         Args:
-            deviations: z, half width in standard deviations; 1.96 for 95 %.
+            z: half width in standard errors; 1.96 for 95 %.
         """
         made = np.tile([-np.inf, np.inf], (3, 1))
         m, variance = self.mass, self.mass_std**2
-        leading = m**2 - deviations**2 * variance
+        leading = m**2 - z**2 * variance
         if not (np.isfinite(variance) and leading > 0 and m > 0):
             return made
         for k in range(3):
             if not self.determined[6 + k]:
                 continue
             h, spread = self.values[6 + k], self.covariance[6 + k, 6 + k]
-            half = h * m - deviations**2 * self.covariance[6 + k, 9]
-            rest = h**2 - deviations**2 * spread
+            half = h * m - z**2 * self.covariance[6 + k, 9]
+            rest = h**2 - z**2 * spread
             root = np.sqrt(max(half**2 - leading * rest, 0.0))
             made[k] = (half - root) / leading, (half + root) / leading
         return made
@@ -166,8 +167,8 @@ class LoadEstimate:
             lost = left * NATURAL[:, None]
         return LoadEstimate(linear @ self.values, linear @ self.covariance @ linear.T, lost, frame)
 
-    def _deviations(self, gradient: np.ndarray) -> np.ndarray:
-        """Deviations of linear functions, infinite where they need an undetermined direction."""
+    def _standard_errors(self, gradient: np.ndarray) -> np.ndarray:
+        """Standard errors of linear functions, infinite along undetermined directions."""
         std = np.sqrt(np.maximum(np.einsum("ij,jk,ik->i", gradient, self.covariance, gradient), 0))
         if self.undetermined.size:
             length = np.linalg.norm(gradient * NATURAL, axis=1)
@@ -177,10 +178,6 @@ class LoadEstimate:
 
 
 def seen_from(pose: Pose) -> np.ndarray:
-    """Ten parameters in another frame of the same body, per parameter in the present one, (10, 10).
-
-    Args:
-        pose: of the other frame in the present one.
-    """
+    """Ten parameters in another frame of the same body, per present parameter, (10, 10)."""
     back = pose.rotation.T
     return np.column_stack([moved(unit, back, -back @ pose.translation) for unit in np.eye(10)])

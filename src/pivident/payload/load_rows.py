@@ -1,4 +1,4 @@
-"""A load as rows for tables and files: name, value, deviation, interval, unit."""
+"""A load as rows for tables and files: name, value, standard error, interval, unit."""
 
 from __future__ import annotations
 
@@ -12,42 +12,27 @@ from pivident.robot.description import INERTIAL
 
 Kind = Literal["mass", "center_of_mass", "inertia", "parameter"]
 
-#: Share of its half width by which an interval may differ from value ± 1.96 σ without mention.
-LOPSIDED = 0.05
+#: Difference between an interval and value ± 1.96 σ that is shown, as a share of the half width.
+ASYMMETRIC = 0.05
 
 
 @dataclass(frozen=True)
 class LoadRow:
-    """One quantity of a load.
+    """One quantity of a load."""
 
-    Attributes:
-        name: short name: ``mass``, ``cx``, ``jxx`` (about the centre of mass), ``xx`` (at the
-            frame's origin).
-        label: name in words.
-        kind: ``mass``, ``center_of_mass``, ``inertia`` or ``parameter``.
-        value: estimate, NaN where it is not determined.
-        std: standard deviation, infinite where it is not determined.
-        interval: 95 % interval; Fieller's for the centre of mass.
-        unit: unit.
-        lopsided: whether the interval is another one than value ± 1.96 σ.
-    """
-
+    # ``mass``, ``cx``, ``jxx`` (about the centre of mass), ``xx`` (at the frame's origin)
     name: str
-    label: str
+    label: str  # name in words
     kind: Kind
-    value: float
-    std: float
-    interval: tuple[float, float]
+    value: float  # estimate, NaN if undetermined
+    std: float  # standard error, infinite if undetermined
+    interval: tuple[float, float]  # 95 % interval; Fieller's for the centre of mass
     unit: str
-    lopsided: bool = False
+    asymmetric: bool = False  # whether the interval differs from value ± 1.96 σ
 
 
 def load_rows(load: LoadEstimate) -> list[LoadRow]:
-    """Mass, centre of mass, inertia about it, and the ten parameters at the frame's origin.
-
-    Args:
-        load: the load.
-    """
+    """Mass, centre of mass, inertia about it, and the ten parameters at the frame's origin."""
     rows = [_row("mass", "mass", "mass", load.mass, load.mass_std, "kg")]
     fieller = load.fieller_interval()
     for k, axis in enumerate("xyz"):
@@ -82,4 +67,4 @@ def _row(name: str, label: str, kind: Kind, value: float, std: float, unit: str)
 def _with_interval(row: LoadRow, interval: tuple[float, float]) -> LoadRow:
     half = TWO_SIDED_95 * row.std
     away = np.abs(np.subtract(interval, row.interval)) if np.isfinite(half) else np.zeros(2)
-    return replace(row, interval=interval, lopsided=bool((~(away <= LOPSIDED * half)).any()))
+    return replace(row, interval=interval, asymmetric=bool((~(away <= ASYMMETRIC * half)).any()))

@@ -1,7 +1,7 @@
-"""Equations of the records taken with the load, made anew for each estimate.
+"""Equations of the loaded records, recomputed for each estimate.
 
 The same three estimators as without load, at the full sampling rate: least squares; instruments
-from the loop simulated with the loaded arm; the same behind prefilters from the identified noise.
+from the loop simulated with the loaded arm; the same after prefilters from the identified noise.
 """
 
 from __future__ import annotations
@@ -37,12 +37,7 @@ from pivident.signals.prefilter import Prefilter
 
 
 class LoadedRecords:
-    """The loaded recordings of a problem with their instruments and prefilters.
-
-    Args:
-        problem: robot, loaded recordings, loop, parameters.
-        method: how to estimate; its signals are a random walk smoother.
-    """
+    """The loaded recordings of a problem with their instruments and prefilters."""
 
     def __init__(
         self, problem: Problem, method: LeastSquares | InstrumentalVariables | PrefilteredIV
@@ -67,11 +62,7 @@ class LoadedRecords:
         return self.prefilters.filters
 
     def least_squares(self, theta: np.ndarray) -> list[JointSums]:
-        """Normal equations with Z = Φ: those of least squares, and the start of the others.
-
-        Args:
-            theta: parameters that make the load of load-dependent friction.
-        """
+        """Normal equations with Z = Φ: those of least squares, and the start of the others."""
         known = [with_inner(self.problem.regressor, k, theta) for k in self.kinematics]
         self.records = records_without_instruments(known, self.limits)
         return accumulate(self.problem.regressor, self.records, self.filters)
@@ -79,19 +70,9 @@ class LoadedRecords:
     def with_instruments(
         self, number: int, last: np.ndarray, theta: np.ndarray
     ) -> tuple[list[JointSums], np.ndarray]:
-        """Normal equations with instruments from the simulated loop.
+        """Normal equations with instruments from the simulated loop, and the parameters simulated.
 
-        Args:
-            number: of the estimate, counted from one.
-            last: parameters of the estimate before, which could be simulated.
-            theta: the estimate, shape (parameters,).
-
-        Returns:
-            The equations, and the parameters that were simulated.
-
-        Raises:
-            SimulationDiverged: the controller does not stabilise the loaded arm.
-            MassMatrixNotPositiveDefinite: the parameters make no physical mass matrix.
+        ``last`` are the parameters of the previous estimate, which could be simulated.
         """
         assert self.auxiliary is not None
         regressor = self.problem.regressor
@@ -115,11 +96,7 @@ class LoadedRecords:
         return [r.kinematics.tau - torque_of(regressor, r.kinematics, theta) for r in self.records]
 
     def errors(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Error of τ - Φθ of each joint over the samples in use.
-
-        Returns:
-            ‖τ - Φθ‖/‖τ‖, and its rms [N m or N], each (joints,).
-        """
+        """‖τ - Φθ‖/‖τ‖ and the rms of τ - Φθ [N m or N] of each joint over the samples in use."""
         left, total, rows = np.zeros((3, self.problem.robot.size))
         for record, residual in zip(self.records, self.residuals(theta), strict=True):
             left += np.sum(np.where(record.used, residual, 0.0) ** 2, axis=1)
@@ -132,15 +109,8 @@ class LoadedRecords:
     ) -> np.ndarray:
         """V = Var Σ Zᵀε/λ for a residual that is stationary noise of any colour.
 
-        Args:
-            theta: the estimate.
-            sums: its normal equations.
-            variance: λ of each joint, shape (joints,).
-            metric: covariance of θ_loaded by the weights, shape (parameters, parameters): gives
-                the share of the noise that the estimate took.
-
-        Returns:
-            V, shape (parameters, parameters).
+        ``metric``, the covariance of θ_loaded by the weights, gives the share of the noise that the
+        estimate absorbed.
         """
         filters, root = self.filters, np.sqrt(variance)[:, None]
         white = [filtered(residual, filters) / root for residual in self.residuals(theta)]

@@ -1,4 +1,4 @@
-"""A load as files: ``payload.json`` for programs, ``payload.csv`` for sheets, ``payload.txt``."""
+"""A load as files: ``payload.json``, ``payload.csv`` and ``payload.txt``."""
 
 from __future__ import annotations
 
@@ -9,47 +9,34 @@ from os import PathLike
 from typing import Any
 
 from pivident.files import atomic_folder
-from pivident.payload.identify_payload import PayloadIdentification
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
-from pivident.payload.payload_text import payload_text
+from pivident.payload.payload_identification import PayloadIdentification
 from pivident.robot.description import INERTIAL
 from pivident.text.plain_values import plain
 
 #: Version of the layout of ``payload.json``.
 SCHEMA = 1
 
-#: Columns of ``payload.csv``; deviations and intervals in the unit of their row.
+#: Columns of ``payload.csv``; standard errors and intervals in the unit of their row.
 CSV_COLUMNS = ("name", "value", "std", "lower", "upper", "unit")
 
 
 def save_payload(found: PayloadIdentification, folder: str | PathLike[str]) -> None:
-    """Write JSON, CSV and text into a folder, all or nothing.
-
-    Args:
-        found: the result.
-        folder: folder to create or to write into; its other files stay.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
+    """Write JSON, CSV and text into a folder, all or nothing."""
     content = json.dumps(payload_values(found), indent=2, allow_nan=False, ensure_ascii=False)
     with atomic_folder(folder) as build:
         for name, text in (
             ("payload.json", content + "\n"),
             ("payload.csv", payload_csv(found.load)),
-            ("payload.txt", payload_text(found) + "\n"),
+            ("payload.txt", str(found) + "\n"),
         ):
-            # File names may hold bytes that are no text; they become escapes.
+            # File names may contain bytes that are not text; they become escapes.
             (build / name).write_text(text, encoding="utf-8", errors="backslashreplace")
 
 
 def payload_values(found: PayloadIdentification) -> dict[str, Any]:
-    """The result as plain values; numbers that are not finite are null.
-
-    Args:
-        found: the result.
-    """
+    """The result as plain values; numbers that are not finite are null."""
     load = found.load
     nearest = found.possible
     possible = None
@@ -114,11 +101,7 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
 
 
 def payload_csv(load: LoadEstimate) -> str:
-    """The load as a table with a header; numbers that are not finite are left empty.
-
-    Args:
-        load: the load.
-    """
+    """The load as a table with a header; numbers that are not finite are left empty."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)

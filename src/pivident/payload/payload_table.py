@@ -1,7 +1,7 @@
-"""From the table ``[payload]`` to the load that a robot carries.
+"""The load of the table ``[payload]`` of an experiment file.
 
-The file has both records, that without load under ``[recording]`` and that with it under
-``[[payload.recording]]``; or the arm is known from before, and ``[recording]`` is that with load.
+The file has both records, the one without load under ``[recording]`` and the one with load under
+``[[payload.recording]]``; or the arm was identified earlier, and ``[recording]`` is the loaded one.
 """
 
 from __future__ import annotations
@@ -19,11 +19,12 @@ from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.schema import LoadEntry
 from pivident.experiment.toml_file import errors_name
-from pivident.payload.identify_payload import PayloadIdentification, identify_payload
+from pivident.payload.identify_payload import identify_payload
 from pivident.payload.known_parts import KnownParts
+from pivident.payload.payload_identification import PayloadIdentification
 from pivident.robot.frames import Pose, rotation_from_rpy
 
-#: Methods that an experiment's load is estimated by unless the file or the caller names one.
+#: Default methods for the load of an experiment with and without a control loop.
 WITH_LOOP, WITHOUT_LOOP = "piv", "ls"
 
 
@@ -37,14 +38,14 @@ def load_of(
 
     Args:
         experiment: the file.
-        arm: the arm identified before, without load; the file's recordings are those with load
-            then. None: the file has both.
+        arm: the arm identified earlier, without load; the file's recordings are then those with
+            load. None: the file has both.
         method: name of the method; default: that of ``[payload]``, or else ``piv`` with a
             controller and ``ls`` without.
         progress: called with one line at each stage.
 
     Raises:
-        PividentError: file, recordings and arm do not fit together, or the motion does not tell.
+        PividentError: file, recordings and arm do not match, or the motion is not sufficient.
     """
     given = experiment.content.payload or LoadEntry()
     with errors_name(experiment.path, "[payload]"):
@@ -55,8 +56,8 @@ def load_of(
             )
         if arm is not None and given.recording:
             raise ExperimentError(
-                "[[payload.recording]] is given beside an arm known from before; put the record "
-                "with the load under [recording]"
+                "[[payload.recording]] is given together with an arm identified earlier; put the "
+                "record with the load under [recording]"
             )
     every = _with_loaded_recordings(experiment, given)
     chosen = _method(every, method or given.method)
@@ -82,7 +83,7 @@ def load_of(
 
 
 def _with_loaded_recordings(experiment: Experiment, given: LoadEntry) -> Experiment:
-    """The file with the records under load behind those without."""
+    """The file with the loaded recordings appended to those without load."""
     content = experiment.content
     every = [*content.recording, *given.recording]
     return Experiment(experiment.path, content.model_copy(update={"recording": every}))
@@ -96,7 +97,7 @@ def _method(experiment: Experiment, name: str | None) -> Method:
 
 
 def _known(given: LoadEntry) -> KnownParts:
-    """What the table says of the load."""
+    """Known parts of the load in the table."""
     return KnownParts(
         given.mass,
         given.mass_std,
@@ -108,16 +109,12 @@ def _known(given: LoadEntry) -> KnownParts:
 
 
 def _frame(given: LoadEntry) -> Pose | None:
-    """Frame of the tool in that of the link, where the file names one."""
+    """Frame of the tool in that of the link, if the file has one."""
     if given.frame is None:
         return None
     return Pose(rotation_from_rpy(*given.frame.rpy), np.array(given.frame.xyz, dtype=float))
 
 
 def default_folder(path: Path) -> Path:
-    """Folder of the results: NAME-payload for NAME.toml.
-
-    Args:
-        path: the experiment file.
-    """
+    """Folder of the results: NAME-payload for NAME.toml."""
     return Path(f"{path.stem}-payload")

@@ -1,4 +1,4 @@
-"""The nearest load that a real body can be, and the range of loads that the records allow.
+"""The nearest physically possible load, and the range of possible loads that the records allow.
 
 The estimate is unconstrained: noise may give it a negative moment of inertia. Real bodies have a
 positive definite pseudo-inertia P(π) (Wensing, Kim and Slotine 2018). Nearest in the metric of the
@@ -6,13 +6,13 @@ estimate is
 
     π* = arg min (π - π̂)ᵀ C⁻¹ (π - π̂)    with P(π) - diag(e, e, e, 0) ⪰ 0,  m ≥ m_b,
 
-where m_b is the mass of the smallest load, a ball, and e its second moment. The two conditions are
-those of a body whose mass and second moments about its own centre of mass are not smaller,
-wherever it lies and in whichever frame (`pivident.consistency.pseudo_inertia.least_body`).
+where m_b is the mass of the smallest load, a ball, and e its second moment. The two conditions hold
+for a body whose mass and second moments about its own centre of mass are not smaller, wherever it
+lies and in any frame (`pivident.consistency.pseudo_inertia.least_body`).
 
 The interval of a parameter is its range over all real bodies with a squared distance of at most
-d*² + χ²₁(0.95). It is finite for parameters that no torque tells, where mass and the other moments
-bound them: a product of inertia cannot be larger than the moments allow.
+d*² + χ²₁(0.95). It is finite even for parameters that no torque determines if mass and the other
+moments bound them: a product of inertia cannot exceed what the moments allow.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ from pivident.robot.description import INERTIAL
 #: The smallest load: a steel ball of this diameter [m], half a gram.
 SMALLEST = 0.005
 
-#: Sizes of a body's coordinates (0.1 m) and of one, by which pseudo-inertias are scaled.
+#: Scales of pseudo-inertias: a body's coordinates (0.1 m) and 1.
 COORDINATES = np.array([0.1, 0.1, 0.1, 1.0])
 
-#: Accuracies of the solver: the usual one, and that which is asked for where it gets stuck.
+#: Accuracies of the solver: the usual one, and a fallback.
 GAPS = (1e-8, 1e-5)
 
-#: How far what no torque tells is searched, in natural sizes, and the growth of an end with this
-#: distance (derivative by its logarithm, relative) from which on there is no bound.
+#: Range of the search along undetermined directions, in natural sizes, and the relative growth of
+#: an end with the logarithm of this range above which the parameter is unbounded.
 SEARCHED, GROWS = 1e3, 0.1
 
 #: Squared distance [σ²] below which an estimate counts as possible itself.
@@ -45,53 +45,43 @@ AT_THE_ESTIMATE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class PossibleLoad:
-    """A load that a real body can be.
+    """A physically possible load."""
 
-    Attributes:
-        values: its ten parameters, shape (10,).
-        was_possible: whether the estimate itself is possible.
-        distance: from the estimate, in deviations (Mahalanobis).
-        p_value: probability of a larger distance from a true load that lies on the boundary, by
-            χ² with one degree of freedom; small: something is wrong with the records.
-        intervals: 95 % range of each parameter over possible loads, shape (10, 2); infinite where
-            there is no bound, NaN where the solver found no end.
-    """
-
-    values: np.ndarray
-    was_possible: bool
-    distance: float
+    values: np.ndarray  # its ten parameters, shape (10,)
+    was_possible: bool  # whether the estimate itself is possible
+    distance: float  # Mahalanobis distance from the estimate
+    # probability of a larger distance from a true load on the boundary, by χ² with one degree of
+    # freedom; a small value indicates an error in the records
     p_value: float
+    # 95 % range of each parameter over possible loads, shape (10, 2); infinite if unbounded, NaN
+    # if the solver found no end
     intervals: np.ndarray
 
     @property
     def not_found(self) -> tuple[str, ...]:
-        """Parameters whose range the solver has not found."""
+        """Parameters whose range the solver did not find."""
         missing = np.isnan(self.intervals).any(axis=1)
         return tuple(name for name, one in zip(INERTIAL, missing, strict=True) if one)
 
 
 def possible_load(load: LoadEstimate) -> PossibleLoad | None:
-    """Nearest possible load of an estimate.
-
-    Args:
-        load: the estimate.
-
-    Returns:
-        The load; None where the solver fails: some body is always near enough.
-    """
+    """Nearest possible load of an estimate; None where the solver fails."""
     from scipy.stats import chi2
 
-    centre, steps, told = load.values / NATURAL, *_whitened(load)
+    centre, steps, determined = load.values / NATURAL, *_whitened(load)
     body = _real_body(load, steps)
-    nearest = _solved(np.where(told, 1.0, 0.0), np.zeros(10), body)
+    nearest = _solved(np.where(determined, 1.0, 0.0), np.zeros(10), body)
     if not nearest.found:
         return None
-    squared = float(np.sum(nearest.u[told] ** 2))
-    near = [*body, _within(told, np.sqrt(squared + TWO_SIDED_95**2))]
-    if not told.all():
-        near.append(_within(~told, SEARCHED))
+    squared = float(np.sum(nearest.u[determined] ** 2))
+    near = [*body, _within(determined, np.sqrt(squared + TWO_SIDED_95**2))]
+    if not determined.all():
+        near.append(_within(~determined, SEARCHED))
     ends = centre[:, None] + np.array(
-        [[_least(steps[k], near, told), -_least(-steps[k], near, told)] for k in range(10)]
+        [
+            [_least(steps[k], near, determined), -_least(-steps[k], near, determined)]
+            for k in range(10)
+        ]
     )
     return PossibleLoad(
         (centre + steps @ nearest.u) * NATURAL,
@@ -103,11 +93,9 @@ def possible_load(load: LoadEstimate) -> PossibleLoad | None:
 
 
 def _whitened(load: LoadEstimate) -> tuple[np.ndarray, np.ndarray]:
-    """Coordinates w with π = π̂ + steps w, in natural sizes, whose covariance is the identity.
+    """Steps (10, 10) and determined coordinates (10,) of π = π̂ + steps w with Cov w = 1.
 
-    Returns:
-        Steps, shape (10, 10), those of undetermined directions of length one, and which
-        coordinates are determined, shape (10,).
+    In natural sizes; steps of undetermined directions have length one.
     """
     lost = load.undetermined / NATURAL[:, None]
     spread = load.covariance / np.outer(NATURAL, NATURAL)
@@ -117,11 +105,11 @@ def _whitened(load: LoadEstimate) -> tuple[np.ndarray, np.ndarray]:
         spread = keep @ spread @ keep
     variances, directions = np.linalg.eigh(spread)
     count = 10 - lost.shape[1]
-    told = np.arange(10) >= 10 - count
+    determined = np.arange(10) >= 10 - count
     if lost.size:
-        directions[:, ~told] = lost
-    lengths = np.where(told, np.sqrt(np.maximum(variances, 1e-20)), 1.0)
-    return directions * lengths, told
+        directions[:, ~determined] = lost
+    lengths = np.where(determined, np.sqrt(np.maximum(variances, 1e-20)), 1.0)
+    return directions * lengths, determined
 
 
 def _real_body(load: LoadEstimate, steps: np.ndarray) -> list[Requirement]:
@@ -145,13 +133,13 @@ def _real_body(load: LoadEstimate, steps: np.ndarray) -> list[Requirement]:
 
 
 def _within(which: np.ndarray, radius: float) -> Requirement:
-    """The coordinates of these places are within a ball."""
+    """The selected coordinates lie within a ball."""
     rows = np.vstack([np.zeros(10), np.eye(10)[which]])
     return Requirement("second_order", len(rows), rows, np.r_[radius, np.zeros(len(rows) - 1)])
 
 
 def _solved(quadratic: np.ndarray, linear: np.ndarray, requirements: list[Requirement]) -> Solved:
-    """The solution, of less accuracy where the solver gets stuck; not found where it fails."""
+    """The solution, at reduced accuracy if the solver does not converge."""
     for gap in GAPS:
         solved = solve_cone_program(quadratic, linear, requirements, gap)
         if solved.found or solved.unbounded:
@@ -159,18 +147,18 @@ def _solved(quadratic: np.ndarray, linear: np.ndarray, requirements: list[Requir
     return solved
 
 
-def _least(direction: np.ndarray, requirements: list[Requirement], told: np.ndarray) -> float:
-    """Smallest value of directionᵀ w; minus infinity where it has none, NaN where it is not found.
+def _least(direction: np.ndarray, requirements: list[Requirement], determined: np.ndarray) -> float:
+    """Minimum of directionᵀ w; minus infinity if unbounded, NaN if not found.
 
-    There is none where it goes on falling at the end of the search along what no torque tells;
-    that condition is the last one.
+    It is unbounded if it still falls at the end of the range along undetermined directions; that
+    condition is the last one.
     """
     solved = _solved(np.zeros(10), direction / np.linalg.norm(direction), requirements)
     if solved.unbounded:
         return -np.inf
     if not solved.found:
         return np.nan
-    if not told.all():
+    if not determined.all():
         growth = SEARCHED * float(solved.multipliers[-1][0])
         if growth > GROWS * max(abs(solved.value), 1.0):
             return -np.inf

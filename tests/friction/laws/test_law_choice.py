@@ -181,7 +181,7 @@ def test_errors_name_the_next_step():
     with pytest.raises(IdentificationError, match="DIDIM"):
         choose_laws(given, "didim")
     short = replace(given, recordings=(given.recordings[0].slice(0.0, 2.0),))
-    with pytest.raises(IdentificationError, match="ask for fewer"):
+    with pytest.raises(IdentificationError, match="use fewer"):
         choose_laws(short, folds=40, gap=0.2)
 
 

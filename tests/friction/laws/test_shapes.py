@@ -149,7 +149,7 @@ def test_errors_name_the_joint_and_the_next_step(problem):
     with pytest.raises(IdentificationError, match="DIDIM"):
         identify_shapes(problem, "didim")
     plain = FrictionLaw((viscous(), coulomb()))
-    with pytest.raises(ExperimentError, match="no friction law has a free constant"):
+    with pytest.raises(ExperimentError, match="no friction law has a free shape constant"):
         identify_shapes(replace(problem, robot=problem.robot.with_friction(plain)), LS)
     without = replace(problem, parameters=("zz1", "fv1", "fc1"))
     with pytest.raises(ExperimentError, match="not among the parameters"):

@@ -137,7 +137,7 @@ def test_a_line_in_time_is_taken_out_where_speed_hardly_varies():
     assert [line.frequency for line in joint.time_lines] == pytest.approx([30.0], abs=0.02)
     ripple = replace_error(made, noise + 0.1 * np.cos(62.0 * q))
     lines = found_in(ripple, lag=0.0).joints[0].lines
-    assert lines and lines[0].order == pytest.approx(62.0, abs=0.05) and lines[0].told_from_time
+    assert lines and lines[0].order == pytest.approx(62.0, abs=0.05) and lines[0].distinct_from_time
 
 
 def replace_error(made, error):
@@ -157,7 +157,7 @@ def test_constant_speed_cannot_tell():
         tau_model=np.full((t.size, 2), 5.0), used=np.ones((t.size, 2), bool),
     )  # fmt: skip
     (line,) = found_in(made, lag=0.0).joints[0].lines
-    assert not line.told_from_time
+    assert not line.distinct_from_time
     assert "constant frequency" in str(line)
 
 
@@ -317,4 +317,4 @@ def test_short_motion_says_that_it_shows_nothing():
         }
     )
     joint = found_in(short, lag=0.0).joints[0]
-    assert not joint.lines and "move it further" in joint.notes[0]
+    assert not joint.lines and "move the joint further" in joint.notes[0]

@@ -8,7 +8,7 @@ import pytest
 
 from pivident.many.batch.batch_errors import BatchError
 from pivident.many.batch.results_folder import ResultsFolder
-from pivident.many.batch.runner import HOPELESS, Runner
+from pivident.many.batch.runner import MAX_DEATHS, Runner
 
 
 class Squares(ResultsFolder):
@@ -73,8 +73,8 @@ def test_tasks_that_kill_their_workers_are_recorded_and_the_others_computed(tmp_
 
 def test_workers_that_always_die_end_it_and_keep_what_is_there(tmp_path):
     pool = Breaking(set(range(3, 100)))
-    with pytest.raises(BatchError, match=f"died {HOPELESS} times in a row.*__main__"):
+    with pytest.raises(BatchError, match=f"died {MAX_DEATHS} times in a row.*__main__"):
         run(tmp_path, pool, 100)
-    assert pool.made <= HOPELESS + 1
+    assert pool.made <= MAX_DEATHS + 1
     done = {r["number"]: r["square"] for r in Squares(tmp_path).read().iter_rows(named=True)}
     assert [done[k] for k in range(3)] == [0, 1, 4]

@@ -15,9 +15,10 @@ import pytest
 
 from pivident.errors import ExperimentError
 from pivident.many.fleet import identify_fleet as module
+from pivident.many.fleet.conclusion import ALARMS, PARAMETERS, conclude_fleet
 from pivident.many.fleet.fleet_errors import FleetError, OtherFleet
 from pivident.many.fleet.identify_fleet import identify_fleet
-from pivident.many.fleet.judgement import ALARMS, PARAMETERS, conclude_fleet, judge
+from pivident.many.fleet.judgement import judge
 from pivident.many.fleet.one_log import identify_log
 from pivident.report.drawing_library import DrawingLibrary
 from tests.many.fleet.planar_fleet import TEMPLATE, WARMTH, write_fleet
@@ -258,7 +259,7 @@ def test_robots_can_be_compared_with_each_other(folder):
         ),
         ('method = "ls"', "levl = 0.1", r"fleet\.toml: \[fleet\] unknown key 'levl'.*'level'"),
         ('method = "ls"', "level = 2", r"fleet\.toml: \[fleet\] key 'level' = 2"),
-        ('method = "ls"', "baseline_records = 1", r"baseline_records = 1 does not show"),
+        ('method = "ls"', "baseline_records = 1", r"baseline_records = 1 does not give"),
         ("[recording]", '[recording]\ndataset = "emps"', "dataset"),
         ("{robot}/{day}.npz", "{robot}_{day}.npz", r"fleet\.toml: .*arm_1/2026-03-01\.npz"),
         ('"celsius"', '["a", "b"]\ntogether = ["day"]', "different robots"),
@@ -282,5 +283,5 @@ def test_a_parameter_that_is_none_is_named(folder):
 def test_a_folder_without_template_says_what_to_write(tmp_path):
     with pytest.raises(ExperimentError, match=r"no fleet\.toml.*--experiment"):
         identify_fleet(tmp_path)
-    with pytest.raises(ExperimentError, match="is no folder"):
+    with pytest.raises(ExperimentError, match="is not a folder"):
         identify_fleet(tmp_path / "none")

@@ -91,7 +91,7 @@ def test_the_digest_follows_the_content(made):
 def test_one_day_that_is_none_is_a_fault_of_its_own(made):
     folder = made("a/2026-03-01.csv", "a/2026-03-02.csv", "a/old.csv")
     faults = {log.name: log.fault for log in find_logs(folder, "{robot}/{day}.csv")[0]}
-    assert "'old' is no date" in faults["a/old"]
+    assert "'old' is not a date" in faults["a/old"]
     assert not faults["a/2026-03-01"]
 
 
@@ -105,7 +105,7 @@ def test_the_results_folder_is_not_searched(made):
     ("pattern", "options", "said"),
     [
         ("{robot}{day}.csv", {}, "follows another part directly"),
-        ("{robot}/{no name}.csv", {}, "is no name"),
+        ("{robot}/{no name}.csv", {}, "is not a valid name"),
         ("{robot/x.csv", {}, "needs parts in braces"),
         ("x.csv", {}, "needs parts in braces"),
         ("{robot}/{day}.txt", {}, "there is no file that matches.*a/1.csv"),

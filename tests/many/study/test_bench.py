@@ -106,7 +106,7 @@ def test_all_pairs_of_record_and_start_are_met_once():
         assert len(pairs) == records * starts
 
 
-def test_starts_deviate_by_the_spread_and_stayis_physical():
+def test_starts_deviate_by_the_spread_and_stay_physical():
     bench = Bench(small(start={"inertia": 1.0, "friction": 1.0, "spread": 0.15, "count": 200}))
     starts = np.array([list(bench.start(k).values()) for k in range(200)])
     names = list(bench.truth)

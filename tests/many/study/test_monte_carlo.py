@@ -104,7 +104,7 @@ def test_a_cluster_whose_workers_die_at_the_start_is_started_again(
 def test_two_processes_give_the_same_numbers_even_if_one_is_killed(
     reference, tmp_path, monkeypatch
 ):
-    monkeypatch.setattr(runner, "TELLING", 0.05)
+    monkeypatch.setattr(runner, "REPORT_PERIOD", 0.05)
     monkeypatch.setattr(runner, "PORTION", 1)
     killed, said = [], []
 
@@ -214,7 +214,7 @@ def test_an_error_of_the_disk_ends_the_study_with_its_name(tmp_path, monkeypatch
 
 
 def test_an_interrupted_study_keeps_what_has_finished(tmp_path, monkeypatch, reference):
-    monkeypatch.setattr(runner, "TELLING", 0.01)
+    monkeypatch.setattr(runner, "REPORT_PERIOD", 0.01)
 
     def say(line: str) -> None:
         if " of " in line and not line.startswith("small: 0 "):

@@ -75,7 +75,7 @@ def test_more_runs_of_the_same_scenario_are_welcome(tmp_path):
 
 def test_a_folder_with_other_files_is_refused(tmp_path):
     (tmp_path / "thesis.tex").write_text("x")
-    with pytest.raises(StudyFolderError, match=r"holds other files and no manifest\.json"):
+    with pytest.raises(StudyFolderError, match=r"contains other files and no manifest\.json"):
         with Store(tmp_path).opened(small(), 6):
             pass
     assert [p.name for p in tmp_path.iterdir()] == ["thesis.tex"]

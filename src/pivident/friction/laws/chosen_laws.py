@@ -17,15 +17,10 @@ from pivident.text.plain_table import plain_table
 
 @dataclass(frozen=True)
 class Gain:
-    """What a law gains over the law that the joint had, on blocks that were not fitted.
+    """Gain of a law over the joint's original law, on held-out blocks."""
 
-    Attributes:
-        percent: fall of the mean square error, in percent of the old law's [%].
-        std: its standard error over the blocks [%].
-    """
-
-    percent: float
-    std: float
+    percent: float  # reduction of the mean square error, in percent of the original law's [%]
+    std: float  # its standard error over the blocks [%]
 
     def __str__(self) -> str:
         return f"{self.percent:+.1f} ± {2.0 * self.std:.1f}"
@@ -33,35 +28,26 @@ class Gain:
 
 @dataclass(frozen=True, eq=False)
 class JointLawChoice:
-    """Laws that were tried on one joint.
+    """Laws that were tried on one joint."""
 
-    Attributes:
-        joint: name of the joint.
-        unit: of the error.
-        scores: the law that the joint had first, then in the order tried.
-        chosen: the law to take.
-        rows: number of rows.
-        effective_rows: how many of them are independent.
-    """
-
-    joint: str
-    unit: str
-    scores: tuple[LawScore, ...]
+    joint: str  # name of the joint
+    unit: str  # of the error
+    scores: tuple[LawScore, ...]  # the joint's original law first, then in the order tried
     chosen: LawScore
-    rows: float
-    effective_rows: float
+    rows: float  # number of rows
+    effective_rows: float  # effective number of independent rows
 
     @property
     def base(self) -> LawScore:
-        """The law that the joint had."""
+        """The joint's original law."""
         return self.scores[0]
 
     def gain(self, score: LawScore) -> Gain:
-        """What a law gains over the joint's first one."""
+        """Gain of a law over the joint's original one."""
         return _gain(self.base, score)
 
     def rejected(self, score: LawScore) -> bool:
-        """Whether a law's held-out error is worse than the chosen one's by a standard error."""
+        """Whether a law's held-out error exceeds the chosen one's by more than a standard error."""
         worse, std = difference(score, self.chosen)
         return worse > std
 
@@ -88,10 +74,10 @@ class LawChoice:
 
     Attributes:
         problem: the problem with the chosen laws.
-        joints: what was tried on each joint.
+        joints: the laws tried on each joint.
         method: name of the estimator.
         folds: number of blocks.
-        gap: between a held-out block and what is fitted [s].
+        gap: gap between a held-out block and the fitted data [s].
     """
 
     problem: Problem
@@ -111,15 +97,15 @@ class LawChoice:
         return "\n".join(["[robot.joint_friction]", *lines]) if lines else ""
 
     def headline(self) -> str:
-        """What was done and chosen, in a sentence for each joint."""
+        """The method, and one sentence about each joint."""
         parts = [
-            f"{self.method}, {self.folds} held-out blocks, gaps of {self.gap:.2g} s. Gain: fall of "
-            "the mean square error on blocks that were not fitted. The rms holds all frequencies, "
-            "noise included."
+            f"{self.method}, {self.folds} held-out blocks, gaps of {self.gap:.2g} s. Gain: "
+            "reduction of the mean square error on held-out blocks. The rms covers all "
+            "frequencies, including noise."
         ]
         for j in self.joints:
             if j.chosen is j.base:
-                parts.append(f"{j.joint}: keeps its law; no other one predicts better.")
+                parts.append(f"{j.joint}: keeps its law; no other law predicts better.")
             else:
                 parts.append(f"{j.joint}: {j.chosen.name}, gain {j.gain(j.chosen)} %.")
         return "\n".join(parts)
@@ -130,20 +116,16 @@ class LawChoice:
 
 
 def chosen_law(scores: Sequence[LawScore]) -> LawScore:
-    """The simplest law within a standard error of the best, lucky ones left out.
-
-    Args:
-        scores: laws with their information criteria, on the same rows and blocks.
-    """
-    sound = [s for s in scores if s.physical] or [scores[0]]
-    fair = [
+    """The simplest law within a standard error of the best, by the rules of `law_choice`."""
+    physical = [s for s in scores if s.physical] or [scores[0]]
+    candidates = [
         s
-        for s in sound
-        if not any(other.unknowns <= s.unknowns and other.bic < s.bic for other in sound)
+        for s in physical
+        if not any(other.unknowns <= s.unknowns and other.bic < s.bic for other in physical)
     ]
-    best = min(fair, key=lambda s: s.rms)
+    best = min(candidates, key=lambda s: s.rms)
     near = []
-    for s in fair:
+    for s in candidates:
         worse, std = difference(s, best)
         if worse <= std:
             near.append(s)
@@ -151,13 +133,7 @@ def chosen_law(scores: Sequence[LawScore]) -> LawScore:
 
 
 def with_criteria(scores: Sequence[LawScore], rows: float, effective: float) -> list[LawScore]:
-    """Scores with their information criteria, the deviance scaled to the effective rows.
-
-    Args:
-        scores: laws on the same rows.
-        rows: number of rows.
-        effective: how many of them are independent.
-    """
+    """Scores with their information criteria, the deviance scaled to the effective rows."""
     made = []
     for s in scores:
         deviance = effective * np.log(max(s.squares, 1e-300) / rows)
@@ -172,12 +148,7 @@ def with_criteria(scores: Sequence[LawScore], rows: float, effective: float) -> 
 
 
 def difference(a: LawScore, b: LawScore) -> tuple[float, float]:
-    """Mean over the blocks of a's mean square error less b's, and its standard error.
-
-    Args:
-        a: a law.
-        b: another one, on the same blocks.
-    """
+    """Mean over the blocks of mean square error a minus b, and its standard error."""
     d = a.errors - b.errors
     return float(d.mean()), float(d.std(ddof=1) / np.sqrt(d.size))
 
@@ -189,7 +160,7 @@ def _gain(base: LawScore, score: LawScore) -> Gain:
 
 
 def _remarks(score: LawScore, torque_unit: str) -> str:
-    """Constants of shape that were chosen, and whether a friction level is negative."""
+    """The chosen shape constants, and whether a friction level is negative."""
     length = "rad" if torque_unit == "N m" else "m"
     units = {"speed": f" {length}/s", "position": f" {length}", "angle": " rad"}
     parts = [

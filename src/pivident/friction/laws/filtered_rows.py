@@ -1,8 +1,8 @@
-"""Rows of one joint as an estimator saw them, with columns that can be exchanged.
+"""Filtered rows of one joint from the last estimate, with exchangeable columns.
 
-Signals, filter or decimation, and the samples used are those of the last estimate. Columns that
-stay are filtered once and kept; others, of another friction law or with other constants, are made
-on demand and go the same way.
+Signals, filter or decimation, and valid samples are those of the last estimate. Unchanged columns
+are filtered once and kept; columns of another friction law or with other constants are computed
+on demand and filtered in the same way.
 """
 
 from __future__ import annotations
@@ -26,38 +26,25 @@ from pivident.signals.decimation import parallel_decimation
 
 @dataclass(frozen=True, eq=False)
 class KeptRows:
-    """Columns of one record, filtered, zero where a sample is not used; time last.
+    """Filtered columns of one record, zero where a sample is excluded; time is the last axis."""
 
-    Attributes:
-        phi: observation matrix, shape (columns, rows).
-        z: instruments, likewise; None: least squares.
-        tau: torque, shape (rows,).
-        used: 1 where a sample counts, 0 elsewhere, likewise.
-    """
-
-    phi: np.ndarray
-    z: np.ndarray | None
-    tau: np.ndarray
-    used: np.ndarray
+    phi: np.ndarray  # observation matrix, shape (columns, rows)
+    z: np.ndarray | None  # instruments, likewise; None: least squares
+    tau: np.ndarray  # torque, shape (rows,)
+    used: np.ndarray  # 1 where a sample is used, 0 elsewhere, likewise
 
 
 @dataclass(frozen=True, eq=False)
 class LastPass:
-    """Equations of an estimate with what is needed to change columns in them.
+    """Equations of an estimate in which columns can be changed."""
 
-    Attributes:
-        equations: as the estimate left them.
-        signals: recipe of a band-pass method; None at full rate.
-        motions: simulated motion of each record; None: least squares.
-    """
-
-    equations: Equations
-    signals: Bandpass | None
-    motions: tuple[Motion, ...] | None
+    equations: Equations  # of the last iteration
+    signals: Bandpass | None  # options of a band-pass method; None at full rate
+    motions: tuple[Motion, ...] | None  # simulated motion of each record; None: least squares
 
     @classmethod
     def of(cls, problem: Problem, method: Method, found: Identification) -> LastPass:
-        """Of an estimate; a decimated record has not kept its simulated motion: once more."""
+        """From an estimate; the motion of a decimated record is not kept and simulated again."""
         assert found.equations is not None
         equations, motions = found.equations, None
         signals = method.signals if isinstance(method.signals, Bandpass) else None
@@ -73,24 +60,13 @@ class LastPass:
         return accumulate(eq.regressor, eq.records, eq.filters)
 
     def rows_of(self, joint: int, keep: np.ndarray) -> list[KeptRows]:
-        """Filtered columns of one joint, for each record.
-
-        Args:
-            joint: index of the joint.
-            keep: which of the joint's columns, indices into ``columns_of(joint)``.
-        """
+        """Filtered columns of one joint for each record; ``keep`` indexes ``columns_of(joint)``."""
         return [self._kept(record, joint, keep) for record in self.equations.records]
 
     def changed(
         self, regressor: Regressor, joint: int, rows: Sequence[KeptRows]
     ) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        """Columns of another regressor, all on one joint, on these rows: of Φ and of Z.
-
-        Args:
-            regressor: with columns of that joint only.
-            joint: index of the joint.
-            rows: say which rows are used.
-        """
+        """Columns of Φ and of Z of another regressor of one joint, on these rows."""
         made = []
         for number, own in enumerate(rows):
             record = self.equations.records[number]
@@ -121,5 +97,5 @@ class LastPass:
 
 
 def _whole(regressor: Regressor, motion: Motion) -> np.ndarray:
-    """Packed columns on a whole record."""
+    """Packed columns of a whole record."""
     return regressor.packed(motion.q, motion.dq, motion.ddq)

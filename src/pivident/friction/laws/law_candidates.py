@@ -1,8 +1,8 @@
-"""Friction laws that are tried on a joint: changes of the law that it has.
+"""Candidate friction laws of a joint: changes of its present law.
 
-A change adds a term or puts one in another's place; a law that does not allow it (Dahl's friction
-has no Coulomb term to be replaced) is left as it is. Changes are applied one after the other, so a
-short list makes many laws.
+A change adds a term or replaces one; it is skipped for a law that does not allow it (Dahl friction
+has no Coulomb term to replace). Changes are applied one after the other, so a short list gives many
+laws.
 """
 
 from __future__ import annotations
@@ -32,30 +32,21 @@ Change = Callable[[FrictionLaw], FrictionLaw | None]
 
 @dataclass(frozen=True)
 class Reach:
-    """How far and how fast a joint moves in the records.
+    """Travel and largest speed of a joint in the records."""
 
-    Attributes:
-        travel: between its ends [rad or m].
-        fastest: largest speed [rad/s or m/s].
-    """
-
-    travel: float
-    fastest: float
+    travel: float  # between its ends [rad or m]
+    fastest: float  # largest speed [rad/s or m/s]
 
 
 def default_changes(reach: Reach) -> dict[str, Change]:
-    """The usual changes, with constants of shape to start from.
-
-    Args:
-        reach: of the joint.
-    """
+    """The usual changes, with initial shape constants."""
     dry = (FrictionColumn.COULOMB,)
     speed, distance = 0.05 * reach.fastest, 1e-3 * reach.travel
     slips = [float(d) for d in np.geomspace(1e-3, 1e-1, 3) * reach.travel]
 
     def asymmetric(law: FrictionLaw) -> FrictionLaw | None:
         old = _term(law, FrictionColumn.COULOMB)
-        # with an offset the law has two levels already: fc s + off
+        # with an offset the law already has two levels: fc s + off
         if old is None or _has(law, FrictionColumn.OFFSET):
             return None
         return _replaced(law, dry, asymmetric_coulomb(old.smoothing, old.gamma))
@@ -122,7 +113,7 @@ def adding(terms: tuple[FrictionTerm, ...]) -> Change:
 
 
 def in_place_of_coulomb(terms: tuple[FrictionTerm, ...]) -> Change:
-    """The change that puts terms with memory in the place of Coulomb and Stribeck friction."""
+    """The change that replaces Coulomb and Stribeck friction by terms with memory."""
 
     def change(law: FrictionLaw) -> FrictionLaw | None:
         if not _has(law, FrictionColumn.COULOMB):
@@ -135,13 +126,7 @@ def in_place_of_coulomb(terms: tuple[FrictionTerm, ...]) -> Change:
 def changed(
     law: FrictionLaw, changes: Mapping[str, Change], known: set[frozenset[str]]
 ) -> dict[str, FrictionLaw]:
-    """Laws one change away that were not tried yet; ``known`` learns their terms.
-
-    Args:
-        law: where to start.
-        changes: by name.
-        known: laws tried before, as sets of their terms' functions.
-    """
+    """Laws one change away that were not tried yet; adds their terms to ``known``."""
     found = {}
     for name, change in changes.items():
         try:
@@ -156,7 +141,7 @@ def changed(
 
 
 def key_of(law: FrictionLaw) -> frozenset[str]:
-    """What distinguishes laws: their terms, and whether presliding has a Stribeck curve."""
+    """Identity of a law: its terms, and whether presliding has a Stribeck curve."""
     return frozenset(f"{t.stem}{t.column.name}{len(t.shapes)}" for t in law.terms)
 
 

@@ -1,15 +1,15 @@
-"""Which friction law does a joint have? Held-out error and information criteria decide.
+"""Selection of a friction law for each joint by held-out error and information criteria.
 
-A larger law always fits better, so the fit says nothing. Each law is fitted to all blocks of the
-motion but one, and judged on that one. Of the laws tried
+A larger law always fits better, so goodness of fit cannot decide. Each law is fitted to all blocks
+of the motion but one, and evaluated on that one. Of the laws tried
 
-1. those with a negative friction level are left out: they fit, but cannot be simulated;
-2. one is left out if another has no more unknowns and a lower Schwarz criterion (with as many
-   rows as the residual's correlation leaves), for held-out errors of many laws have a lucky one;
-3. of the rest the simplest is chosen whose held-out error is within one standard error of the
-   best one's, the standard error being that of their difference from block to block.
+1. those with a negative friction level are excluded: they fit, but cannot be simulated;
+2. a law is excluded if another has no more unknowns and a lower Schwarz criterion (with the
+   effective number of rows), because the lowest of many held-out errors may be low by chance;
+3. of the rest, the simplest law is chosen whose held-out error is within one standard error of the
+   lowest one, the standard error being that of their difference over the blocks.
 
-Laws grow by one change at a time from the best law so far, as long as that gains more than its
+Laws grow by one change at a time from the best law so far, as long as the gain exceeds its
 standard error and the Schwarz criterion falls.
 """
 
@@ -49,7 +49,7 @@ from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.prediction import motion_band
 from pivident.validation.held_out.segment_sums import Segments, SegmentSums, effective_rows
 
-#: Changes that a law may collect.
+#: Maximum number of changes of a law.
 DEPTH = 3
 
 
@@ -68,20 +68,20 @@ def choose_laws(
     """Choose a friction law for each joint, beginning with the laws that the robot has.
 
     Args:
-        problem: what is given; usually with viscous and Coulomb friction.
+        problem: the identification problem, usually with viscous and Coulomb friction.
         method: estimator on whose equations the laws are compared; None: least squares at the
             full rate, which needs no control loop.
-        changes: what may be changed in a law; None: see ``law_candidates``.
+        changes: changes of a law by name; None: see ``law_candidates``.
         more: further changes by joint, such as ``{"joint1": {"ripple": adding(ripple(100))}}``.
         joints: which joints; None: all.
         folds: number of contiguous blocks.
-        gap: between a held-out block and what is fitted [s]; None: two periods of the highest
+        gap: gap between a held-out block and the fitted data [s]; None: two periods of the highest
             frequency of the motion.
-        depth: most changes of a law.
+        depth: maximum number of changes of a law.
         progress: called with one line at each stage.
 
     Returns:
-        The choice: candidates by joint with their scores, and the problem with the laws chosen.
+        The candidates of each joint with their scores, and the problem with the chosen laws.
 
     Raises:
         IdentificationError: unknown method, or one without a measured observation matrix.
@@ -112,11 +112,9 @@ def choose_laws(
 
 
 def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:
-    """The problem with other friction laws: their terms take the place of the joints' old ones.
+    """The problem with other friction laws, by joint name.
 
-    Args:
-        problem: what is given; chosen parameters and starting values of terms that go, go too.
-        laws: by the name of the joint.
+    Chosen parameters and starting values of terms that are replaced are removed.
     """
     robot = problem.robot.with_friction(laws)
     changed_joints = {find_joint(robot.joint_names, name) for name in laws}
@@ -141,8 +139,8 @@ def _method(method: Method | str | None) -> Method:
     method = method_named(method)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         raise IdentificationError(
-            "laws are compared on measured motion, and DIDIM has none in its observation matrix; "
-            "choose them with 'ls', 'iv' or 'piv'"
+            "laws are compared on the measured motion, which DIDIM's observation matrix does not "
+            "contain; choose the laws with 'ls', 'iv' or 'piv'"
         )
     return method
 
@@ -173,10 +171,10 @@ def _grown(
         scores += new
         scores = _compared(judge, scores)
         current = next(s for s in scores if s.name == current.name)
-        sound = [s for s in scores[-len(new) :] if s.physical]
-        if not sound:
+        physical = [s for s in scores[-len(new) :] if s.physical]
+        if not physical:
             break
-        best = min(sound, key=lambda s: s.rms)
+        best = min(physical, key=lambda s: s.rms)
         gained, std = difference(current, best)
         if gained <= std or best.bic >= current.bic:
             break
@@ -188,7 +186,7 @@ def _grown(
 
 
 def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:
-    """Scores with criteria, the residual of the best law telling how many rows are independent."""
+    """Scores with criteria, the effective number of rows from the residual of the best law."""
     best = min(scores, key=lambda s: s.rms)
     rows = float(sum(r.used.sum() for r in judge.rows))
     return with_criteria(scores, rows, effective_rows(judge.residual(best)))
@@ -202,7 +200,7 @@ def _own_sums(last: LastPass, joint: int, segments: Segments) -> SegmentSums:
 
 
 def _segments(problem: Problem, last: LastPass, folds: int, gap: float) -> Segments:
-    """Blocks of equal length of all recordings' motion, one after the other, and their gaps."""
+    """Consecutive blocks of equal length of all recordings' motion, and their gaps."""
     if folds < 3:
         raise IdentificationError(f"folds is {folds}; laws are compared on at least 3 blocks")
     records = last.equations.records
@@ -224,13 +222,13 @@ def _segments(problem: Problem, last: LastPass, folds: int, gap: float) -> Segme
         offset += stop - start
     if any(not any((own == 2 * fold).any() for own in labels) for fold in range(folds)):
         raise IdentificationError(
-            f"{folds} blocks with gaps of {gap:.2g} s leave nothing of some blocks; ask for fewer"
+            f"{folds} blocks with gaps of {gap:.2g} s leave no samples in some blocks; use fewer"
         )
     return Segments(tuple(labels), folds)
 
 
 def _reach(kinematics, joint: int) -> Reach:
-    """How far and fast a joint goes."""
+    """Travel and largest speed of a joint."""
     q = [k.q[joint, k.start : k.stop] for k in kinematics]
     dq = [k.dq[joint, k.start : k.stop] for k in kinematics]
     return Reach(max(float(np.ptp(x)) for x in q), max(float(np.abs(x).max()) for x in dq))

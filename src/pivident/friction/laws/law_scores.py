@@ -1,10 +1,10 @@
-"""How well a friction law of one joint predicts what it was not fitted to.
+"""Held-out error of a friction law of one joint.
 
 The motion is cut into contiguous blocks with gaps between them. Normal equations add over blocks,
 so one pass over the record gives the sums of all blocks, and every training set (all blocks but
-one) is a sum of sums: a law is fitted to each of them, and judged on the block left out, for the
-price of the columns of its terms. Constants of shape are chosen on each training set from the
-points that the search on the whole record went through.
+one) is a sum of sums: fitting a law to each training set and evaluating it on the block left out
+costs only the columns of its terms. Shape constants are chosen on each training set from the points
+that the search on the whole record evaluated.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.estimation.inner_signals import with_inner
 from pivident.friction.laws.filtered_rows import LastPass
 from pivident.friction.laws.shape_constants import ShapeConstant, shape_constants
+from pivident.friction.laws.variable_projection import least_norm_solution
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionColumn, FrictionLaw, FrictionTerm
 from pivident.validation.held_out.segment_sums import Segments, SegmentSums
@@ -34,31 +35,21 @@ _DRY = (FrictionColumn.COULOMB, FrictionColumn.COULOMB_POSITIVE, FrictionColumn.
 
 @dataclass(frozen=True, eq=False)
 class LawScore:
-    """One law on one joint.
+    """One law on one joint."""
 
-    Attributes:
-        name: what was changed, one change after the other.
-        law: with its constants of shape as the whole record has them.
-        unknowns: parameters of the law and constants of shape that were chosen.
-        errors: mean square of the error on each block that was not fitted, shape (folds,).
-        squares: sum of squares over all rows, fitted to all of them.
-        aic: Akaike's criterion with the effective number of rows; the difference counts.
-        bic: Schwarz's, likewise.
-        theta: estimates of the law's parameters on all rows, in the order of its terms.
-    """
-
-    name: str
-    law: FrictionLaw
-    unknowns: int
-    errors: np.ndarray
-    squares: float
-    theta: np.ndarray
+    name: str  # what was changed, one change after the other
+    law: FrictionLaw  # with its shape constants estimated on the whole record
+    unknowns: int  # parameters of the law and chosen shape constants
+    errors: np.ndarray  # mean square error on each held-out block, shape (folds,)
+    squares: float  # sum of squares over all rows, fitted to all of them
+    theta: np.ndarray  # estimates of the law's parameters on all rows, in the order of its terms
+    # Akaike's criterion with the effective number of rows; only differences matter
     aic: float = np.nan
-    bic: float = np.nan
+    bic: float = np.nan  # Schwarz's, likewise
 
     @property
     def physical(self) -> bool:
-        """Whether friction takes energy: no level or slope is negative, at rest neither."""
+        """Whether friction dissipates energy: no level or slope is negative, nor that at rest."""
         pairs = list(zip(self.law.terms, self.theta, strict=True))
         level = sum(x for t, x in pairs if t.column in _DRY)
         peak = sum(x for t, x in pairs if t.column in (*_DRY, FrictionColumn.STRIBECK))
@@ -68,20 +59,15 @@ class LawScore:
 
     @property
     def rms(self) -> float:
-        """Root of the mean square over all blocks that were not fitted."""
+        """Root of the mean square over all held-out blocks."""
         return float(np.sqrt(self.errors.mean()))
 
 
 class JointJudge:
-    """Fits and judges friction laws of one joint; the other joints keep theirs.
+    """Fits and evaluates friction laws of one joint; the other joints keep theirs.
 
-    Args:
-        last: equations of an estimate with the present laws.
-        robot: its robot.
-        joint: which joint.
-        segments: blocks and gaps.
-        by_joint: sums of each joint's rows on its own columns.
-        theta: the estimate, which makes the load.
+    ``last`` and ``theta`` are equations and estimate with the present laws, ``by_joint`` the sums
+    of each joint's rows on its own columns.
     """
 
     def __init__(
@@ -111,12 +97,7 @@ class JointJudge:
         self._columns: dict[FrictionTerm, list[tuple[np.ndarray, np.ndarray | None]]] = {}
 
     def score(self, name: str, law: FrictionLaw) -> LawScore:
-        """Fit a law and judge it.
-
-        Args:
-            name: of the result.
-            law: free constants of shape are chosen.
-        """
+        """Fit a law and evaluate it on each held-out block."""
         free = [s.name for s in law.shapes if s.free]
         points = self._points(law, free)
         lam = self._variance(min(points, key=lambda p: p[2])[1])
@@ -139,7 +120,7 @@ class JointJudge:
         )
 
     def residual(self, score: LawScore) -> list[np.ndarray]:
-        """Residual of a law fitted to all rows, for each record; rows not in use left out."""
+        """Residual of a law fitted to all valid rows, for each record."""
         sums = self._sums(score.law)
         theta = self._fit(sums, slice(None), self._variance(sums))[self._own(sums)]
         made = []
@@ -215,7 +196,7 @@ class JointJudge:
         )
 
     def _own(self, sums: SegmentSums) -> np.ndarray:
-        """Places of the joint's columns among the unknowns."""
+        """Indices of the joint's columns among the unknowns."""
         terms = sums.ft.shape[1] - self.columns.size
         return np.r_[self.columns, self.rest.size + np.arange(terms)]
 
@@ -236,10 +217,11 @@ class JointJudge:
     def _criterion(self, sums: SegmentSums, which, lam: float) -> float:
         gram, right = self._system(sums, which, lam, "ff")
         total = self.others.tt[which].sum() + sums.tt[which].sum() / lam
-        return float(total - right @ _solved(gram, right))
+        return float(total - right @ least_norm_solution(gram, right, _RCOND))
 
     def _fit(self, sums: SegmentSums, which, lam: float) -> np.ndarray:
-        return _solved(*self._system(sums, which, lam, "zf"))
+        gram, right = self._system(sums, which, lam, "zf")
+        return least_norm_solution(gram, right, _RCOND)
 
     def _variance(self, sums: SegmentSums) -> float:
         """λ of the joint with this law."""
@@ -269,7 +251,7 @@ class JointJudge:
         return made
 
     def _term(self, term: FrictionTerm) -> list[tuple[np.ndarray, np.ndarray | None]]:
-        """Columns of one term; kept where it has no constants that are sought."""
+        """Columns of one term; cached if it has no free constants."""
         if term in self._columns:
             return self._columns[term]
         name = self.robot.joint_names[self.joint]
@@ -312,7 +294,7 @@ def _others(
     rest: np.ndarray,
     by_joint: Sequence[SegmentSums],
 ) -> SegmentSums:
-    """Sums of all other joints on the parameters that stay, weighted."""
+    """Weighted sums of all other joints on the parameters that are kept."""
     eq, n, size = last.equations, segments.count, rest.size
     place = np.full(eq.size, -1)
     place[rest] = np.arange(size)
@@ -336,10 +318,3 @@ def _with(
     law: FrictionLaw, constants: Sequence[ShapeConstant], values: Sequence[float]
 ) -> FrictionLaw:
     return law.with_shapes({c.name: v for c, v in zip(constants, values, strict=True)})
-
-
-def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solution of normal equations; directions that nothing is known of stay at zero."""
-    scale = np.sqrt(np.abs(np.diag(gram)))
-    scale = np.where(scale > 0.0, scale, 1.0)
-    return np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=_RCOND)[0] / scale

@@ -1,9 +1,10 @@
-"""Constants of shape that are identified: where they are, in which coordinate, between what bounds.
+"""Shape constants to identify: their coordinate and bounds.
 
 A Stribeck speed or a presliding distance may be wrong by orders of magnitude, so positive constants
-are sought and bounded in their logarithm u = ln s; angles, excesses and orders stay as they are.
-The bounds are those of the law, narrowed to what the record can speak of: a Stribeck speed beyond
-the fastest motion is Coulomb friction, one far below the slowest is nothing.
+are searched and bounded in their logarithm u = ln s; angles, excesses and orders are not
+transformed. The bounds are those of the law, narrowed to the range covered by the record: a
+Stribeck speed above the fastest motion acts as Coulomb friction, one far below the slowest has no
+effect.
 """
 
 from __future__ import annotations
@@ -26,33 +27,22 @@ GAMMA = "gamma"
 #: Starting points along each constant.
 GRID = 11
 
-#: Share of the samples that must be slower than three Stribeck speeds for it to be told.
+#: Share of the samples that must be slower than three times an identifiable Stribeck speed.
 SLOWEST_SHARE = 2e-3
 
 
 @dataclass(frozen=True)
 class ShapeConstant:
-    """One constant of one joint's friction law.
+    """One constant of one joint's friction law."""
 
-    Attributes:
-        joint: index of the joint.
-        joint_name: its name.
-        name: as the law has it, ``stribeck_speed``, or ``gamma``.
-        value: where the search starts, or what it found.
-        unit: of the value, ``rad/s``; ``1`` without one.
-        low: smallest value that the record can tell from others.
-        high: largest one.
-        logarithmic: whether the coordinate is ln s.
-    """
-
-    joint: int
-    joint_name: str
-    name: str
-    value: float
-    unit: str
-    low: float
-    high: float
-    logarithmic: bool
+    joint: int  # index of the joint
+    joint_name: str  # its name
+    name: str  # as the law has it, ``stribeck_speed``, or ``gamma``
+    value: float  # start of the search, or its result
+    unit: str  # of the value, ``rad/s``; ``1`` without one
+    low: float  # smallest value that the record can distinguish
+    high: float  # largest one
+    logarithmic: bool  # whether the coordinate is ln s
 
     @property
     def label(self) -> str:
@@ -81,7 +71,7 @@ class ShapeConstant:
         """Values from which the search may start, shape (points,)."""
         if self.logarithmic:
             return np.geomspace(self.low, self.high, GRID)
-        if self.low == 0.0:  # an excess: small ones are likely, and none would hide its speed
+        if self.low == 0.0:  # an excess: small values are likely, zero would hide its speed
             return self.high * np.linspace(0.0, 1.0, GRID)[1:] ** 3
         return np.linspace(self.low, self.high, GRID)
 
@@ -91,12 +81,7 @@ def chosen_names(
 ) -> dict[int, tuple[str, ...]]:
     """Constants to identify, by joint.
 
-    Args:
-        robot: its joints' laws have the constants.
-        names: by joint name; a list: those of each joint that has them; None: all free ones.
-
-    Raises:
-        ExperimentError: a joint or a constant does not exist, or there is nothing to identify.
+    ``names`` by joint name; a list: those of each joint that has them; None: all free ones.
     """
     chosen: dict[int, tuple[str, ...]] = {}
     if isinstance(names, Mapping):
@@ -121,7 +106,7 @@ def chosen_names(
     chosen = {j: own for j, own in sorted(chosen.items()) if own}
     if not chosen:
         raise ExperimentError(
-            "no friction law has a free constant of shape; give a joint such a law (Stribeck, "
+            "no friction law has a free shape constant; give a joint such a law (Stribeck, "
             "power, presliding), or name the constants"
         )
     return chosen
@@ -130,14 +115,7 @@ def chosen_names(
 def shape_constants(
     robot: Robot, joint: int, names: Iterable[str], motions: Sequence[Kinematics]
 ) -> list[ShapeConstant]:
-    """The constants of one joint with the bounds that its motion allows.
-
-    Args:
-        robot: the robot.
-        joint: index of the joint.
-        names: of the constants.
-        motions: smoothed motion of all recordings.
-    """
+    """The constants of one joint with the bounds that its motion allows."""
     law, kind = robot.joints[joint].friction, robot.joints[joint].kind
     q = [k.q[joint, k.start : k.stop] for k in motions]
     dq = np.abs(np.concatenate([k.dq[joint, k.start : k.stop] for k in motions]))
@@ -153,7 +131,7 @@ def shape_constants(
         else:
             shape = next(s for s in law.shapes if s.name == name)
             value, unit = shape.value, _unit(shape.unit, kind)
-            bounds = _told_by_motion(shape, travel, step, slowest, fastest)
+            bounds = _bounds_from_motion(shape, travel, step, slowest, fastest)
             log = shape.low > 0.0 and shape.unit not in ("angle", "1/position")
         low, high = min(bounds), max(bounds)
         made.append(
@@ -184,15 +162,15 @@ def _known(law: FrictionLaw) -> list[str]:
     return [s.name for s in law.shapes] + [GAMMA] * bool(law.slopes)
 
 
-def _told_by_motion(
+def _bounds_from_motion(
     shape: Shape, travel: float, step: float, slowest: float, fastest: float
 ) -> tuple[float, float]:
-    """Bounds of a constant, those of its law narrowed to what the motion reaches."""
+    """Bounds of a constant: those of its law, narrowed to the range of the motion."""
     low, high = {
         "speed": (slowest, 2.0 * fastest),
         "position": (0.05 * step, travel),
         "1/speed": (1.0 / fastest, 10.0 / slowest),
-        # orders next to each other differ by one period over the whole travel
+        # adjacent orders differ by one period over the whole travel
         "1/position": (shape.value - 4.0 * np.pi / travel, shape.value + 4.0 * np.pi / travel),
         "angle": (shape.value - np.pi, shape.value + np.pi),
         "1": (shape.low, shape.high),

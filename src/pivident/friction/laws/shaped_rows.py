@@ -1,13 +1,13 @@
-"""Equations of one joint whose friction has constants of shape that are not known.
+"""Equations of one joint whose friction has unknown shape constants.
 
 Only the columns of the terms with such a constant change with it, and only on the rows of their own
-joint. The other columns, and all their sums, are made once; a trial of other constants costs
+joint. The other columns, and all their sums, are computed once; a trial of other constants costs
 the changed columns, their filter, and their products with the rest. In the unknowns (θ, δu), with
 u the coordinates of the constants, the equations are linear around a trial:
 
     τ = Φ(s) θ + D δu,    D = Σ_k θ_k ∂φ_k/∂u,    instruments (Z(s), D of the simulated motion)
 
-so that everything made for θ alone (normal equations, sandwich) serves for both.
+so everything written for θ alone (normal equations, sandwich covariance) applies to both.
 """
 
 from __future__ import annotations
@@ -31,13 +31,7 @@ STEP = 1e-3
 
 
 class ShapedRows:
-    """Filtered rows of one joint; columns of terms with an unknown constant are made on demand.
-
-    Args:
-        last: equations of the last estimate.
-        robot: the robot that they were made with.
-        constants: what is not known of this joint's law.
-    """
+    """Filtered rows of one joint; columns with unknown ``constants`` are computed on demand."""
 
     def __init__(self, last: LastPass, robot: Robot, constants: Sequence[ShapeConstant]) -> None:
         self.last, self.robot, self.constants = last, robot, tuple(constants)
@@ -50,7 +44,7 @@ class ShapedRows:
         if not self.shaped:
             raise ExperimentError(
                 f"the terms of joint {robot.joint_names[j]!r} with {', '.join(sorted(names))} are "
-                "not among the parameters to be estimated; add them, or do not identify it"
+                "not among the parameters to estimate; add them, or do not identify the constant"
             )
         self.columns = np.r_[own[~shaped], own[shaped]]
         keep = np.flatnonzero(~shaped)
@@ -70,10 +64,7 @@ class ShapedRows:
     def sums(self, coordinates: np.ndarray, theta: np.ndarray | None = None) -> JointSums:
         """Normal equations of the joint at coordinates u.
 
-        Args:
-            coordinates: u, shape (constants,).
-            theta: all parameters; with them δu of each constant is an unknown too, numbered after
-                the parameters in the order of ``constants``.
+        With ``theta``, δu of each constant is an unknown too, numbered after the parameters.
         """
         moving = self._moving(coordinates, theta)
         s, fixed = self._empty(theta), self._fixed_sums
@@ -99,12 +90,9 @@ class ShapedRows:
         return s
 
     def windowed_sums(self, coordinates: np.ndarray, theta: np.ndarray, others: int) -> JointSums:
-        """The same with the sums of each window of time, as the sandwich needs them.
+        """The same with the sums of each window of time, for the sandwich covariance.
 
-        Args:
-            coordinates: u, shape (constants,).
-            theta: all parameters.
-            others: constants of other joints that come before among the unknowns.
+        ``others`` constants of other joints come before these among the unknowns.
         """
         windows = windows_of(self.last.equations.lengths)
         s = self._empty(theta, sum(w.count for w in windows), others)

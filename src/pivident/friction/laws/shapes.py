@@ -1,10 +1,10 @@
-"""Identification with friction laws whose constants of shape are not known.
+"""Identification with friction laws whose shape constants are unknown.
 
-Around any estimator: the estimate is made with the constants of the last pass, the constants are
-then found on its own equations (signals, instruments, prefilters, samples and weights as they are),
-joint after joint, and so on until they stand still. The covariance is the sandwich of the equations
-in which parameters and constants are unknowns together, so that the interval of a friction level
-knows that its Stribeck speed is an estimate too.
+The iteration wraps any estimator: the parameters are estimated with the constants of the last pass,
+the constants are then estimated from the same equations (same signals, instruments, prefilters,
+valid samples and weights), joint by joint, until both converge. The sandwich covariance covers
+parameters and constants together, so the interval of a friction level accounts for the uncertainty
+of its Stribeck speed.
 """
 
 from __future__ import annotations
@@ -39,34 +39,24 @@ from pivident.friction.laws.variable_projection import (
 from pivident.text.finding import Finding
 from pivident.text.numbers import format_significant
 
-#: Passes of estimate and search before it is given up.
+#: Maximum number of passes of estimate and search.
 MAX_PASSES = 8
 
-#: A step smaller than this share of its deviation ends the passes.
+#: A step smaller than this share of its standard error ends the passes.
 SETTLED = 0.1
 
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedShape:
-    """One constant of shape and how well it is known.
+    """One shape constant and its uncertainty."""
 
-    Attributes:
-        constant: joint, name, unit, bounds, and the value that was found.
-        std: standard deviation [unit of the constant].
-        low: lower end of the 95 % interval [unit]; the bound where the record does not say.
-        high: upper end, likewise.
-        profile: the least-squares criterion along it.
-        open_low: whether the criterion does not rise down to the lower bound.
-        open_high: whether it does not rise up to the upper bound.
-    """
-
-    constant: ShapeConstant
-    std: float
-    low: float
-    high: float
-    profile: Profile
-    open_low: bool
-    open_high: bool
+    constant: ShapeConstant  # joint, name, unit, bounds and estimate
+    std: float  # standard error [unit of the constant]
+    low: float  # lower end of the 95 % interval [unit]; the bound if the data set none
+    high: float  # upper end, likewise
+    profile: Profile  # the least-squares criterion along it
+    open_low: bool  # whether the criterion does not rise down to the lower bound
+    open_high: bool  # whether it does not rise up to the upper bound
 
     @property
     def value(self) -> float:
@@ -85,7 +75,7 @@ class IdentifiedShape:
 
     @property
     def note(self) -> str:
-        """What has to be said where the record does not bound it; empty otherwise."""
+        """A warning if the record does not bound it, else empty."""
         if self.identifiable:
             return ""
         ends = {(True, False): "smaller", (False, True): "larger"}
@@ -113,28 +103,27 @@ class ShapedIdentification:
         converged: whether both stood still.
     """
 
+    # the estimate with these constants; its covariance includes their uncertainty
     identification: Identification
-    problem: Problem
-    shapes: tuple[IdentifiedShape, ...]
+    problem: Problem  # the problem with the estimated constants in the robot's friction laws
+    shapes: tuple[IdentifiedShape, ...]  # the constants
+    # sandwich covariance of parameters and constants, (parameters + constants,) squared, in their
+    # units
     covariance: np.ndarray
-    formula_covariance: np.ndarray
-    passes: int
+    formula_covariance: np.ndarray  # the same for white residuals
+    passes: int  # number of passes of estimate and search
     converged: bool
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What is to be known before the constants are used."""
+        """Warnings about constants that are not identifiable or have not converged."""
         notes = [s.note for s in self.shapes if s.note]
         if not self.converged:
-            notes.append(f"The constants of shape still moved after {self.passes} passes.")
+            notes.append(f"The shape constants did not converge in {self.passes} passes.")
         return tuple(notes)
 
     def shape(self, name: str, joint: str | None = None) -> IdentifiedShape:
-        """One constant by its name and, where several joints have it, its joint.
-
-        Raises:
-            KeyError: there is none, or there are several.
-        """
+        """One constant by its name and, where several joints have it, its joint."""
         found = [
             s
             for s in self.shapes
@@ -171,21 +160,21 @@ def identify_shapes(
     profiles: bool = True,
     progress: Callable[[str], None] | None = None,
 ) -> ShapedIdentification:
-    """Estimate a problem's parameters and the constants of shape of its friction laws.
+    """Estimate a problem's parameters and the shape constants of its friction laws.
 
     Args:
-        problem: what is given; the laws' constants are where the search starts.
+        problem: the identification problem; the search starts at the constants of its laws.
         method: a method or its name.
         names: constants by joint name, ``{"carriage": ["stribeck_speed"]}``; a list: those of
             every joint that has them; None: all that are free. ``gamma`` is the slope of the
             smoothed signs.
-        grid: whether the whole range of each constant is looked through for the start.
-        profiles: whether the criterion along each constant is kept, which tells what the record
-            does not bound.
+        grid: whether the start is searched over the whole range of each constant.
+        profiles: whether the criterion along each constant is kept, which shows whether the record
+            bounds it.
         progress: called with one line at each stage.
 
     Returns:
-        The constants with their deviations, the problem with them, and its estimate.
+        The constants with their standard errors, the problem with them, and its estimate.
 
     Raises:
         ExperimentError: an unknown joint or constant, or nothing to identify.
@@ -195,8 +184,8 @@ def identify_shapes(
     method = method_named(method)
     if isinstance(method, PrefilteredIV) and method.regressor == "simulated":
         raise IdentificationError(
-            "constants of shape need the measured motion in the observation matrix, and DIDIM has "
-            "none; identify them with 'piv' or 'iv-full-rate' and give them to DIDIM"
+            "shape constants need the measured motion in the observation matrix, which DIDIM does "
+            "not use; identify them with 'piv' or 'iv-full-rate' and use their values with DIDIM"
         )
     names_of = chosen_names(problem.robot, names)
     constants: dict[int, list[ShapeConstant]] = {}
@@ -204,7 +193,7 @@ def identify_shapes(
     converged = False
     for number in range(1, MAX_PASSES + 1):
         wide = grid and number == 1
-        # a prefilter made for the residual of wrong constants hides what tells the right ones
+        # a prefilter made for the residual of wrong constants removes the information about them
         used = LeastSquares(signals=method.signals) if wide else method
         found = identify(problem, used)
         state = _State(problem, used, found)
@@ -215,7 +204,7 @@ def identify_shapes(
             }
         searched = {j: state.search(own, wide) for j, own in constants.items()}
         moved = max(_moved(constants[j], s) for j, (_, s) in searched.items())
-        say(f"pass {number}: constants of shape move by {moved:.2g} of their steps")
+        say(f"pass {number}: shape constants change by {moved:.2g} of their smallest steps")
         if moved <= 1.0 and number > 1:
             converged = found.converged and all(s.converged for _, s in searched.values())
             break
@@ -242,7 +231,7 @@ class _State:
     def search(
         self, constants: Sequence[ShapeConstant], grid: bool
     ) -> tuple[SeparableSearch, Projection]:
-        """The constants of one joint, the other joints' sums as they are."""
+        """The constants of one joint, with the sums of the other joints fixed."""
         own = self.searcher(constants)
         u = np.array([c.coordinate(c.value) for c in constants])
         found = own.search(u, self.equations.has_instruments, grid)
@@ -260,7 +249,7 @@ class _State:
 
 
 def _moved(constants: Sequence[ShapeConstant], found: Projection) -> float:
-    """How far the constants went, in the smallest steps that matter."""
+    """Change of the constants in units of the smallest step that matters."""
     u = np.array([c.coordinate(c.value) for c in constants])
     scale = np.array([1.0 if c.logarithmic else 0.1 * c.span for c in constants])
     spread = np.where(np.isfinite(found.std), found.std, 10.0)
@@ -277,7 +266,7 @@ def _answer(
     converged: bool,
     profiles: bool,
 ) -> ShapedIdentification:
-    """Covariance of everything together, and intervals of the constants."""
+    """Joint covariance, and intervals of the constants."""
     eq, theta = state.equations, found.theta
     state.sums = state.last.sums()
     searchers = {j: state.searcher(own) for j, own in constants.items()}
@@ -293,8 +282,8 @@ def _answer(
     except np.linalg.LinAlgError as error:
         values = ", ".join(f"{c.label} = {c.value:.3g}" for c in listed)
         raise IdentificationError(
-            f"with {values} one of these constants has no effect any more, and the record cannot "
-            "give it an interval; give that one, or leave its term out of the law"
+            f"with {values} one of these constants has no effect, so its interval cannot be "
+            "computed; fix its value, or leave its term out of the law"
         ) from error
     formula = _formula(joint_sums, eq.variance, unknowns.size)
     slopes = np.r_[np.ones(theta.size), [c.slope(c.value) for c in listed]]

@@ -1,15 +1,15 @@
-"""Constants of shape of one joint by variable projection (Golub and Pereyra 1973).
+"""Shape constants of one joint by variable projection (Golub and Pereyra 1973).
 
-For given constants s the parameters follow linearly, so that only s is sought. With least squares
+For given constants s the parameters follow linearly, so only s is searched. With least squares
 it is the minimum of the concentrated criterion
 
     C(s) = min over θ of Σ_j ‖τ_j - Φ_j(s) θ‖²/λ_j
 
-With instruments there is no criterion to be minimised: (θ, s) solve the moment equations
+With instruments there is no criterion to minimise: (θ, s) solve the moment equations
 
     Σ_j Z̃_jᵀ (τ_j - Φ_j(s) θ)/λ_j = 0,    Z̃ = (Z(s), ∂Z/∂u θ) of the simulated motion
 
-and the minimum of C on the same equations is only where their Newton iteration starts. Both take
+and the minimum of C on the same equations is only the start of their Newton iteration. Both take
 the same step: the solution (θ, δu) of the equations linearised around s. C may have several minima,
 so the search starts from the best point of a grid along each constant.
 """
@@ -25,19 +25,19 @@ import numpy as np
 from pivident.estimation.normal_equations import JointSums
 from pivident.friction.laws.shaped_rows import ShapedRows
 
-#: The search ends where a step is smaller than this share of a standard deviation …
+#: The search ends where a step is smaller than this share of a standard error …
 SETTLED = 0.02
 
 #: … or than this in u: 0.01 % of a positive constant.
 STILL = 1e-4
 
 #: Largest step in u: a factor of e, or a tenth of the bounds' distance of other constants.
-LONGEST = 1.0
+MAX_STEP = 1.0
 
-#: Iterations before the search is given up.
+#: Maximum number of iterations.
 MAX_STEPS = 40
 
-#: Points of a coarse grid over several constants from which the search is begun.
+#: Number of points of a coarse grid over several constants from which the search starts.
 STARTS = 3
 
 #: χ² of one degree of freedom at 95 %.
@@ -48,48 +48,29 @@ _RCOND = 1e-13
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """The criterion along one constant, the others and θ at their best for each value.
+    """The criterion along one constant, the others and θ at their best for each value."""
 
-    Attributes:
-        values: of the constant, ascending, shape (points,).
-        increase: C(s) - C(ŝ), in variances of the residual, likewise.
-    """
-
-    values: np.ndarray
-    increase: np.ndarray
+    values: np.ndarray  # of the constant, ascending, shape (points,)
+    increase: np.ndarray  # C(s) - C(ŝ), in variances of the residual, likewise
 
 
 @dataclass(frozen=True, eq=False)
 class Projection:
-    """Constants of one joint at the solution.
+    """Constants of one joint at the solution."""
 
-    Attributes:
-        coordinates: u of each constant, shape (constants,).
-        theta: all parameters that go with them, shape (parameters,).
-        step: the last step δu, shape (constants,).
-        std: deviations of u by the formula for white residuals, likewise.
-        steps: how many were taken.
-        converged: whether they ended.
-    """
-
-    coordinates: np.ndarray
-    theta: np.ndarray
-    step: np.ndarray
-    std: np.ndarray
-    steps: int
+    coordinates: np.ndarray  # u of each constant, shape (constants,)
+    theta: np.ndarray  # all parameters at these constants, shape (parameters,)
+    step: np.ndarray  # the last step δu, shape (constants,)
+    std: np.ndarray  # standard errors of u by the formula for white residuals, likewise
+    steps: int  # number of steps
     converged: bool
 
 
 class SeparableSearch:
-    """Search for one joint's constants while the other joints' equations stay as they are.
+    """Search for one joint's constants with the equations of the other joints fixed.
 
-    Args:
-        rows: the joint's equations.
-        others: normal equations of the other joints.
-        variance: λ of each joint, shape (joints,), the order of the robot.
-        joints: index of each of ``others``.
-        size: number of parameters.
-        weight_power: power of λ in the weights, see ``solve``.
+    ``others`` are the normal equations of the joints numbered ``joints``, ``variance`` is λ of all
+    joints, ``size`` the number of parameters; for ``weight_power`` see ``solve``.
     """
 
     def __init__(
@@ -109,21 +90,19 @@ class SeparableSearch:
             self._rest.add(sums, float(variance[j]), weight_power)
 
     def search(self, u: np.ndarray, instruments: bool, grid: bool) -> Projection:
-        """The constants that solve the equations.
+        """The constants that solve the equations, from u.
 
-        Args:
-            u: coordinates to start from, shape (constants,).
-            instruments: whether the moment equations decide, not the criterion.
-            grid: whether the minimum of the criterion is sought from the best point of grids.
+        ``instruments``: the moment equations decide, not the criterion. ``grid``: search the
+        minimum of the criterion from the best point of grids.
         """
         if grid:
-            # instruments simulated with constants that may be far off lead astray: not yet
+            # instruments simulated with constants that may be far off would mislead: not yet
             ends = [self.minimise(start) for start in [u, self.start(u), *self._spread(u)]]
             return min(ends, key=lambda end: self.criterion(end.coordinates))
         return self.solve_moments(u) if instruments else self.minimise(u)
 
     def _spread(self, u: np.ndarray) -> list[np.ndarray]:
-        """The best points of a coarse grid over all constants together, where there are several."""
+        """Best points of a coarse grid over all constants, if there are several constants."""
         if u.size == 1:
             return []
         lines = [[c.coordinate(float(v)) for v in c.grid()[1::2]] for c in self.rows.constants]
@@ -133,11 +112,11 @@ class SeparableSearch:
     def criterion(self, u: np.ndarray) -> float:
         """C at coordinates u, θ being the least-squares solution."""
         total = self._rest.plus(self.rows.sums(u), self.lam, self.power)
-        theta = _solved(total.ff, total.ft)
+        theta = least_norm_solution(total.ff, total.ft)
         return float(total.tt - theta @ total.ft)
 
     def start(self, u: np.ndarray) -> np.ndarray:
-        """The best point of the grids, constant by constant, twice where there are several."""
+        """Best point of the grids, constant by constant, twice if there are several constants."""
         best, lowest = u.copy(), self.criterion(u)
         for _ in range(1 if u.size == 1 else 2):
             before = lowest
@@ -152,12 +131,7 @@ class SeparableSearch:
         return best
 
     def minimise(self, u: np.ndarray, free: Sequence[int] | None = None) -> Projection:
-        """Gauss–Newton steps down the concentrated criterion from u.
-
-        Args:
-            u: coordinates to start from, shape (constants,).
-            free: constants that move; None: all.
-        """
+        """Gauss–Newton steps down the concentrated criterion from u, ``free`` constants moving."""
         lowest = self.criterion(u)
         for k in range(MAX_STEPS):
             theta, step, std = self._linearised(u, False, free)
@@ -185,7 +159,7 @@ class SeparableSearch:
             if self._still(step, std):
                 return Projection(u, theta, step, std, k, True)
             if previous is not None and float(step @ previous) < 0.0:
-                shrink = max(0.5 * shrink, 1.0 / 64.0)  # steps to and fro: shorter ones
+                shrink = max(0.5 * shrink, 1.0 / 64.0)  # oscillating steps: shorten them
             trial = self._inside(u + shrink * self._limited(step))
             if np.array_equal(trial, u):  # at a bound that it would cross
                 return Projection(u, theta, step, std, k, True)
@@ -193,12 +167,7 @@ class SeparableSearch:
         return Projection(u, theta, step, std, MAX_STEPS, False)
 
     def profile(self, u: np.ndarray, i: int) -> Profile:
-        """Increase of C along constant i, from the minimum in both directions.
-
-        Args:
-            u: coordinates at the minimum, shape (constants,).
-            i: which constant.
-        """
+        """Increase of C along constant i, from the minimum in both directions."""
         constant, lowest = self.rows.constants[i], self.criterion(u)
         grid = np.array([constant.coordinate(float(v)) for v in constant.grid()])
         others = [k for k in range(u.size) if k != i]
@@ -219,17 +188,17 @@ class SeparableSearch:
     def _linearised(
         self, u: np.ndarray, instruments: bool, free: Sequence[int] | None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """θ at u, the step δu, and deviations of u."""
+        """θ at u, the step δu, and standard errors of u."""
         plain = self._rest.plus(self.rows.sums(u), self.lam, self.power)
         n = self.size
         gram, right = (plain.zf, plain.zt) if instruments else (plain.ff, plain.ft)
-        theta = _solved(gram[:n, :n], right[:n])
+        theta = least_norm_solution(gram[:n, :n], right[:n])
         full = self._rest.plus(self.rows.sums(u, theta), self.lam, self.power)
         gram, right = (full.zf, full.zt) if instruments else (full.ff, full.ft)
         active = np.r_[:n, n + np.array(range(u.size) if free is None else list(free), int)]
         solution = np.zeros(n + u.size)
-        solution[active] = _solved(gram[np.ix_(active, active)], right[active])
-        spread = _deviations(full.zz if instruments else full.ff)[n:]
+        solution[active] = least_norm_solution(gram[np.ix_(active, active)], right[active])
+        spread = _standard_errors(full.zz if instruments else full.ff)[n:]
         return theta, solution[n:], spread
 
     def _still(self, step: np.ndarray, std: np.ndarray) -> bool:
@@ -237,10 +206,10 @@ class SeparableSearch:
 
     def _scales(self) -> np.ndarray:
         """Size of a large step of each constant."""
-        return np.array([LONGEST if c.logarithmic else 0.1 * c.span for c in self.rows.constants])
+        return np.array([MAX_STEP if c.logarithmic else 0.1 * c.span for c in self.rows.constants])
 
     def _limited(self, step: np.ndarray) -> np.ndarray:
-        """The step, shortened as a whole where one constant would go too far."""
+        """The step, scaled down as a whole where one constant would move too far."""
         return step / max(1.0, float(np.max(np.abs(step) / self._scales())))
 
     def _inside(self, u: np.ndarray) -> np.ndarray:
@@ -283,15 +252,15 @@ class _Weighted:
         return total
 
 
-def _solved(gram: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Solution of normal equations; directions that nothing is known of stay at zero."""
+def least_norm_solution(gram: np.ndarray, right: np.ndarray, rcond: float = _RCOND) -> np.ndarray:
+    """Solution of normal equations; zero in directions without information."""
     scale = np.sqrt(np.abs(np.diag(gram)))
     scale = np.where(scale > 0.0, scale, 1.0)
-    return np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=_RCOND)[0] / scale
+    return np.linalg.lstsq(gram / np.outer(scale, scale), right / scale, rcond=rcond)[0] / scale
 
 
-def _deviations(gram: np.ndarray) -> np.ndarray:
-    """Roots of the diagonal of the inverse; infinite where nothing is known."""
+def _standard_errors(gram: np.ndarray) -> np.ndarray:
+    """Roots of the diagonal of the inverse; infinite for unknowns without information."""
     scale = np.sqrt(np.abs(np.diag(gram)))
     empty = scale <= 0.0
     scale = np.where(empty, 1.0, scale)

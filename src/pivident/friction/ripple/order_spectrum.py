@@ -1,17 +1,17 @@
-"""Order analysis: which waves over the position, not over time, does a residual contain?
+"""Order analysis: waves over the position, not over time, in a residual.
 
-A ripple a cos(nφ) + b sin(nφ) of an angle φ(t) has the momentary frequency ω = n dφ/dt. Behind the
-whitening filter A(z⁻¹) of an autoregressive noise model it is, as long as the speed changes little
-over the length of the filter,
+A ripple a cos(nφ) + b sin(nφ) of an angle φ(t) has the instantaneous frequency ω = n dφ/dt. After
+the whitening filter A(z⁻¹) of an autoregressive noise model it is, as long as the speed changes
+little over the length of the filter,
 
     A(e^-iω) e^inφ,   so that   A e = Re[(a - ib) A(e^-iω) e^inφ] + white noise
 
-is generalised least squares order by order, on positions visited at any pace. What two columns gain
-in log-likelihood, gain(n) = ½ bᵀM⁻¹b, is exponential with mean 1 where there is only noise. Model
-error is no such noise: the floor is the running median of the gain over neighbouring orders, and
-the ratio F to it has the tail (1 + F/K)⁻ᴷ, K being what the floor is made of. Over all orders tried
-the chance of a false alarm follows from the rate at which an envelope crosses a level (Rice 1945;
-Davies 1987; Baluev 2008 for periodograms),
+is generalised least squares order by order, on positions visited at any speed. The gain of two
+columns in log-likelihood, gain(n) = ½ bᵀM⁻¹b, is exponential with mean 1 if there is only noise.
+Model error is not such noise: the floor is the running median of the gain over neighbouring orders,
+and the ratio F to it has the tail (1 + F/K)⁻ᴷ, where K is the number of independent values behind
+the floor. Over all orders tried, the false-alarm probability follows from the rate at which an
+envelope crosses a level (Rice 1945; Davies 1987; Baluev 2008 for periodograms),
 
     P = 1 - exp[-(1 + √F ∫ √(var φ / π) dn) (1 + F/K')^-K'],   K' = 3.5 K.
 """
@@ -27,7 +27,8 @@ from numba import njit
 #: Orders per independent order.
 OVERSAMPLING = 4
 
-#: Highest momentary frequency at which a sample speaks of a ripple, as a share of half the rate.
+#: Highest instantaneous frequency of a ripple at which a sample is used, as a share of half the
+#: sampling rate.
 HIGHEST_FREQUENCY = 0.8
 
 #: Smallest share of the rows that must be slow enough for an order to be tried.
@@ -40,76 +41,57 @@ _SHARE, _FEWEST, _MOST = 0.5, 8.0, 60.0
 #: variance of a median of exponential variables is 1/ln²2 times that of their mean.
 _MEDIAN = math.log(2.0) ** 2
 
-#: Freedom of the tail over all orders, in K. The union over orders counts a low floor once for
-#: each order above it, so that (1 + F/K)⁻ᴷ would give 1 to 2 % for 5 %. Set by simulation: three
-#: kinds of record of coloured noise, 150 to 400 each: 3 to 7 % with 3 K, 4 to 9 % with 4 K.
+#: Degrees of freedom of the tail over all orders, in K. The union over orders counts a low floor
+#: once for each order above it, so (1 + F/K)⁻ᴷ would give 1 to 2 % for 5 %. Set by simulation of
+#: three kinds of records of coloured noise, 150 to 400 each: 3 to 7 % with 3 K, 4 to 9 % with 4 K.
 _TAIL = 3.5
 
 #: Points of the table of the whitening filter's frequency response.
 _TABLE = 4096
 
-#: Width of an independent order times the deviation of the positions, uniformly visited.
+#: Width of an independent order times the standard deviation of uniformly visited positions.
 _CELL = 2.0 * math.pi / math.sqrt(12.0)
 
 
 @dataclass(frozen=True, eq=False)
 class WhiteRows:
-    """Whitened residual of one joint on the rows in use, with the angle it is looked at over.
+    """Whitened residual of one joint on the rows in use, with the angle φ of the analysis."""
 
-    Attributes:
-        white: A e / s, of unit variance, shape (rows,).
-        angle: φ, shape (rows,) [rad or m].
-        step: its change per sample, shape (rows,) [rad or m].
-        filter: A / s, shape (order + 1,).
-    """
-
-    white: np.ndarray
-    angle: np.ndarray
-    step: np.ndarray
-    filter: np.ndarray
+    white: np.ndarray  # A e / s, of unit variance, shape (rows,)
+    angle: np.ndarray  # φ, shape (rows,) [rad or m]
+    step: np.ndarray  # its change per sample, shape (rows,) [rad or m]
+    filter: np.ndarray  # A / s, shape (order + 1,)
 
 
 @dataclass(frozen=True, eq=False)
 class OrderSpectrum:
-    """What each order would explain; arrays (orders,).
+    """Gain in log-likelihood of each order; arrays (orders,)."""
 
-    Attributes:
-        orders: n, phase per angle [rad/rad or rad/m].
-        gain: log-likelihood gained by a wave of that order.
-        floor: what noise and model error gain there on average.
-        freedom: K, independent values behind the floor.
-        information: Σ|A|²/s² over the rows used; a wave of amplitude a gains a²/4 of it.
-        spread: standard deviation of the angle over the rows used [rad or m].
-        share: share of the rows used: those slow enough for the sampling.
-        searched: orders of which enough cycles and rows were seen.
-        trials: ∫ √(var φ/π) dn over all orders searched, with this angle and others.
-    """
-
-    orders: np.ndarray
-    gain: np.ndarray
-    floor: np.ndarray
-    freedom: np.ndarray
-    information: np.ndarray
-    spread: np.ndarray
-    share: np.ndarray
-    searched: np.ndarray
-    trials: float
+    orders: np.ndarray  # n, phase per angle [rad/rad or rad/m]
+    gain: np.ndarray  # log-likelihood gained by a wave of that order
+    floor: np.ndarray  # average gain from noise and model error at that order
+    freedom: np.ndarray  # K, independent values behind the floor
+    information: np.ndarray  # Σ|A|²/s² over the rows used; a wave of amplitude a gains a²/4 of it
+    spread: np.ndarray  # standard deviation of the angle over the rows used [rad or m]
+    share: np.ndarray  # share of the rows used: those slow enough for the sampling
+    searched: np.ndarray  # orders with enough cycles and rows
+    trials: float  # ∫ √(var φ/π) dn over all orders searched, with this angle and others
 
     @property
     def amplitude(self) -> np.ndarray:
-        """Amplitude that belongs to the gain [N m or N]."""
+        """Amplitude with that gain [N m or N]."""
         return 2.0 * np.sqrt(self.gain / np.maximum(self.information, 1e-300))
 
     def false_alarm(self, k: int) -> float:
-        """Chance that noise makes such a line anywhere among the orders searched."""
+        """Probability that noise produces such a line anywhere among the orders searched."""
         return false_alarm(float(self.gain[k] / self.floor[k]), float(self.freedom[k]), self.trials)
 
-    def surprise(self, k: int) -> float:
-        """-log of the chance of such a gain at the most surprising order."""
-        return self.surprise_of(float(self.gain[k]), k)
+    def significance(self, k: int) -> float:
+        """-log of the probability of such a gain at this order."""
+        return self.significance_of(float(self.gain[k]), k)
 
-    def surprise_of(self, gain: float, k: int) -> float:
-        """-log of the chance of another gain at that order."""
+    def significance_of(self, gain: float, k: int) -> float:
+        """-log of the probability of another gain at this order."""
         freedom = _TAIL * float(self.freedom[k])
         return freedom * math.log1p(gain / float(self.floor[k]) / freedom)
 
@@ -118,16 +100,12 @@ class OrderSpectrum:
         return _CELL / max(float(self.spread[k]), 1e-12)
 
     def single(self, k: int) -> float:
-        """Chance of such a gain at an order that was named beforehand."""
+        """Probability of such a gain at an order named beforehand."""
         freedom = float(self.freedom[k])
         return math.exp(-freedom * math.log1p(float(self.gain[k] / self.floor[k]) / freedom))
 
     def smallest_visible(self, level: float = 0.05) -> np.ndarray:
-        """Amplitude from which on a line counts as found [N m or N]; NaN where not searched.
-
-        Args:
-            level: chance of a false alarm over all orders.
-        """
+        """Smallest amplitude that counts as a line at this false-alarm probability [N m or N]."""
         freedom = _TAIL * self.freedom
         low, high = np.zeros(self.orders.size), np.full(self.orders.size, 1e4)
         for _ in range(50):
@@ -141,7 +119,7 @@ class OrderSpectrum:
         return np.where(self.searched, size, np.nan)
 
     def best(self) -> int | None:
-        """Index of the most surprising order; None where none could be searched."""
+        """Index of the most significant order; None if none could be searched."""
         if not self.searched.any():
             return None
         freedom = _TAIL * self.freedom
@@ -150,26 +128,14 @@ class OrderSpectrum:
 
 
 def false_alarm(ratio: float, freedom: float, trials: float) -> float:
-    """P of the module's docstring.
-
-    Args:
-        ratio: F, gain over floor.
-        freedom: K.
-        trials: ∫ √(var φ/π) dn.
-    """
+    """P of the module's docstring: F = ratio, K = freedom, ∫ √(var φ/π) dn = trials."""
     freedom = _TAIL * freedom
     expected = (1.0 + trials * math.sqrt(ratio)) * math.exp(-freedom * math.log1p(ratio / freedom))
     return -math.expm1(-expected)
 
 
 def order_grid(angle: np.ndarray, highest: float, most: int = 24000) -> np.ndarray:
-    """Orders from one cycle over the range of the angle upwards, equally spaced.
-
-    Args:
-        angle: positions visited [rad or m].
-        highest: largest order.
-        most: largest number of orders; the highest is lowered to meet it.
-    """
+    """At most ``most`` equally spaced orders, from one cycle over the range of the angle up."""
     reach = float(np.ptp(angle))
     if reach <= 0.0:
         return np.empty(0)
@@ -179,13 +145,7 @@ def order_grid(angle: np.ndarray, highest: float, most: int = 24000) -> np.ndarr
 
 
 def order_spectrum(rows: WhiteRows, orders: np.ndarray, cycles: float) -> OrderSpectrum:
-    """Gain and floor of every order.
-
-    Args:
-        rows: whitened residual.
-        orders: equally spaced, see :func:`order_grid`.
-        cycles: fewest cycles over the visited positions for an order to be searched.
-    """
+    """Gain and floor of the orders with at least ``cycles`` over the visited positions."""
     if orders.size < 2 or rows.white.size == 0:
         empty = np.zeros(0)
         return OrderSpectrum(*(empty,) * 7, np.zeros(0, bool), 0.0)
@@ -216,7 +176,7 @@ def order_spectrum(rows: WhiteRows, orders: np.ndarray, cycles: float) -> OrderS
 def _floor(
     orders: np.ndarray, gain: np.ndarray, spread: np.ndarray, possible: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Running median of the gain, as a mean, and the independent values behind it."""
+    """Running median of the gain, scaled to a mean, and the number of independent values in it."""
     spacing = orders[1] - orders[0]
     cell = _CELL / np.maximum(spread, 1e-12)
     half = np.clip(_SHARE * orders / cell, _FEWEST, _MOST) * cell / spacing
@@ -239,7 +199,7 @@ def _floor(
 
 
 def _quadratic(b: np.ndarray, cc: np.ndarray, ss: np.ndarray, cs: np.ndarray) -> np.ndarray:
-    """bᵀM⁻¹b of the two columns of every order; zero where they are not independent."""
+    """bᵀM⁻¹b of the two columns of every order; zero if they are not independent."""
     determinant = cc * ss - cs**2
     good = determinant > 1e-9 * cc * ss
     value = ss * b[0] ** 2 - 2.0 * cs * b[0] * b[1] + cc * b[1] ** 2

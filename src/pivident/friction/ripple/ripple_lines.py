@@ -1,8 +1,8 @@
-"""Torque ripple as lines over the position: what was found, what it belongs to, how to remove it.
+"""Torque ripple as lines over the position: results, printing, and removal.
 
 A line is a torque a cos(nφ) + b sin(nφ) = A cos(nφ - ψ) of an angle φ. For most joints φ is the
 joint's own position, and n [rad/rad, which is cycles per revolution; rad/m for a sliding joint] is
-the number that the friction term ``ripple(order)`` wants. A motor that turns with several joints
+the argument of the friction term ``ripple(order)``. A motor that turns with several joints
 (TX40: motor 6 with q5 + q6) has ripple over its own angle, in the rows of all these joints.
 """
 
@@ -21,72 +21,50 @@ from pivident.recording.recording import Recording
 from pivident.signals.alignment import torque_shift
 from pivident.text.numbers import format_significant, plus_minus
 
-#: 95 % of a normal variable lie within so many deviations.
+#: 95 % of a normal variable lie within so many standard deviations.
 TWO_SIDED = 1.96
 
-#: Log-likelihood, in floors, by which a line in time must be likelier to be taken for the cause;
-#: and twice as much must be left of a ripple beside it for the two to be told apart.
-TOLD_APART = 3.0
+#: Log-likelihood, in floors, by which a line in time must exceed a ripple to replace it. The two
+#: are distinguishable if the ripple keeps twice as much beside the line in time.
+DISTINGUISHABLE = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class RippleLine:
-    """One line.
+    """One line of ripple."""
 
-    Attributes:
-        joint: name of the joint in whose torque it is.
-        index: its number.
-        angle: what it is periodic in.
-        order: n [rad/rad = cycles per revolution, or rad/m], as ``ripple(order)`` wants it.
-        order_std: its standard deviation.
-        lag: by how much the torque follows the positions, φ being that of ``lag`` before [s]: a
-            log of torque that is late, or the answer of the position loop where the ripple is
-            faster than the loop.
-        cosine: a [N m or N].
-        sine: b [N m or N].
-        covariance: of a and b, beside all other lines, order known, shape (2, 2).
-        unit: N m or N.
-        p_value: chance of such a line among all orders tried on this joint, without ripple.
-        beside_time: log-likelihood over noise that is left of it where the likeliest line of
-            constant frequency is taken out; nothing is, where the speed hardly varies.
-        frequencies: 5th and 95th percentile of n|dφ/dt| over the rows [Hz].
-        share: of the residual's variance, 0 to 1.
-        relation: the revolution it belongs to, or None.
-        beside: order of a stronger line within a few resolutions, or None: strength or phase of
-            that ripple change along the record, and this line makes up for it.
-        load_slope: relative change of amplitude per relative change of load; 0 constant,
-            1 proportional to the load |Φθ|.
-        load_slope_std: its standard deviation.
-        load_p: probability if the amplitude did not depend on load.
-        forward: amplitude at positive speed [unit].
-        backward: amplitude at negative speed [unit].
-        direction_p: probability if amplitude and phase did not depend on direction.
-        smoothed: share of the rows on which the ripple is faster than the position smoother lets
-            through; there the torque that moves the joint itself is missing from the amplitude.
-    """
-
-    joint: str
-    index: int
-    angle: Angle
-    order: float
-    order_std: float
+    joint: str  # name of the joint with this ripple in its torque
+    index: int  # its number
+    angle: Angle  # the ripple is periodic in this angle
+    order: float  # n [rad/rad = cycles per revolution, or rad/m], as in ``ripple(order)``
+    order_std: float  # its standard error
+    # delay of the torque relative to the positions [s]: torque logged late, or the response of the
+    # position loop to a ripple faster than the loop
     lag: float
-    cosine: float
-    sine: float
-    covariance: np.ndarray
-    unit: str
-    p_value: float
+    cosine: float  # a [N m or N]
+    sine: float  # b [N m or N]
+    covariance: np.ndarray  # of a and b, jointly with all other lines, order known, shape (2, 2)
+    unit: str  # N m or N
+    p_value: float  # probability of such a line without ripple, over all orders of this joint
+    # its gain in log-likelihood, in floors, after subtracting the likeliest line of constant
+    # frequency; zero if the speed hardly varies
     beside_time: float
-    frequencies: tuple[float, float]
-    share: float
-    relation: Relation | None
+    frequencies: tuple[float, float]  # 5th and 95th percentile of n|dφ/dt| over the rows [Hz]
+    share: float  # of the residual's variance, 0 to 1
+    relation: Relation | None  # the revolution it belongs to, or None
+    # order of a stronger line within a few resolutions, or None: amplitude or phase of that ripple
+    # change along the record, and this line compensates for it
     beside: float | None
+    # relative change of amplitude per relative change of load; 0 constant, 1 proportional to the
+    # load |Φθ|
     load_slope: float
-    load_slope_std: float
-    load_p: float
-    forward: float
-    backward: float
-    direction_p: float
+    load_slope_std: float  # its standard error
+    load_p: float  # probability if the amplitude did not depend on load
+    forward: float  # amplitude at positive speed [unit]
+    backward: float  # amplitude at negative speed [unit]
+    direction_p: float  # probability if amplitude and phase did not depend on direction
+    # share of the rows on which the ripple is faster than the passband of the position smoother;
+    # there the amplitude lacks the torque that moves the joint itself
     smoothed: float
 
     @property
@@ -96,7 +74,7 @@ class RippleLine:
 
     @property
     def amplitude_std(self) -> float:
-        """Standard deviation of A [unit]."""
+        """Standard error of A [unit]."""
         slope = np.array([self.cosine, self.sine]) / max(self.amplitude, 1e-300)
         return float(np.sqrt(slope @ self.covariance @ slope))
 
@@ -113,14 +91,14 @@ class RippleLine:
 
     @property
     def phase_std(self) -> float:
-        """Standard deviation of ψ, order known [rad]."""
+        """Standard error of ψ, order known [rad]."""
         slope = np.array([-self.sine, self.cosine]) / max(self.amplitude, 1e-300) ** 2
         return float(np.sqrt(slope @ self.covariance @ slope))
 
     @property
-    def told_from_time(self) -> bool:
-        """Whether the record tells it from a line of constant frequency."""
-        return self.beside_time > 2.0 * TOLD_APART
+    def distinct_from_time(self) -> bool:
+        """Whether the record distinguishes it from a line of constant frequency."""
+        return self.beside_time > 2.0 * DISTINGUISHABLE
 
     @property
     def depends_on_load(self) -> bool:
@@ -133,22 +111,18 @@ class RippleLine:
         return self.direction_p < 0.01
 
     def torque(self, q: np.ndarray) -> np.ndarray:
-        """A cos(nφ - ψ), shape (samples,) [unit].
-
-        Args:
-            q: positions of all joints, ``lag`` before, shape (samples, joints) [rad or m].
-        """
+        """A cos(nφ - ψ) [N m or N] from positions of all joints, ``lag`` earlier."""
         phase = self.order * (q @ self.angle.coefficients)
         return self.cosine * np.cos(phase) + self.sine * np.sin(phase)
 
     def __str__(self) -> str:
         relation = self.relation.text if self.relation else "unrelated to known revolutions"
         if self.beside is not None:
-            relation = f"beside {self.beside:.5g}, whose strength or phase changes"
+            relation = f"beside {self.beside:.5g}, whose amplitude or phase changes"
         p = "p < 0.001" if self.p_value < 1e-3 else f"p = {self.p_value:.2g}"
         remarks = []
-        if not self.told_from_time:
-            remarks.append("speed varies too little to tell it from a line of constant frequency")
+        if not self.distinct_from_time:
+            remarks.append("not distinguishable from a constant frequency: speed varies too little")
         if self.depends_on_load:
             reach = TWO_SIDED * self.load_slope_std
             remarks.append(f"depends on load (slope {plus_minus(self.load_slope, reach)})")
@@ -174,85 +148,54 @@ class RippleLine:
 
 @dataclass(frozen=True)
 class TimeLine:
-    """A line of constant frequency, which is no ripple.
+    """A line of constant frequency, which is not ripple."""
 
-    Attributes:
-        frequency: [Hz].
-        amplitude: largest of all recordings [N m or N].
-    """
-
-    frequency: float
-    amplitude: float
+    frequency: float  # [Hz]
+    amplitude: float  # largest of all recordings [N m or N]
 
 
 @dataclass(frozen=True)
 class NamedFinding:
-    """What the record says about an order that was asked for.
-
-    Attributes:
-        order: what was asked for.
-        value: n [rad/rad or rad/m].
-        amplitude: at that order [N m or N]; NaN where it cannot be seen.
-        smallest_visible: amplitude that would have been found [N m or N]; NaN likewise.
-        p_value: chance of this amplitude at this one order, without ripple; NaN likewise.
-        unseen: why it cannot be seen, empty where it can.
-    """
+    """Result for an order that was asked for."""
 
     order: NamedOrder
-    value: float
-    amplitude: float
-    smallest_visible: float
-    p_value: float
-    unseen: str
+    value: float  # n [rad/rad or rad/m]
+    amplitude: float  # at that order [N m or N]; NaN if it was not searched
+    smallest_visible: float  # smallest detectable amplitude [N m or N]; NaN likewise
+    p_value: float  # probability of this amplitude at this order, without ripple; NaN likewise
+    unseen: str  # why it was not searched, else empty
 
 
 @dataclass(frozen=True, eq=False)
 class JointRipple:
-    """Ripple of one joint.
+    """Ripple of one joint."""
 
-    Attributes:
-        name: joint.
-        unit: N m or N.
-        lines: found, the largest amplitude first.
-        time_lines: lines of constant frequency that were set apart.
-        angles: what was searched over.
-        spectra: of each angle, the lines still in the residual.
-        left: of each angle, without the lines; what the intervals and limits stand on.
-        named: what was asked for.
-        notes: what the record can and cannot show, whole sentences.
-    """
-
-    name: str
-    unit: str
-    lines: tuple[RippleLine, ...]
-    time_lines: tuple[TimeLine, ...]
-    angles: tuple[Angle, ...]
-    spectra: tuple[OrderSpectrum, ...]
-    left: tuple[OrderSpectrum, ...]
-    named: tuple[NamedFinding, ...]
-    notes: tuple[str, ...]
+    name: str  # joint
+    unit: str  # N m or N
+    lines: tuple[RippleLine, ...]  # largest amplitude first
+    time_lines: tuple[TimeLine, ...]  # lines of constant frequency
+    angles: tuple[Angle, ...]  # angles searched
+    spectra: tuple[OrderSpectrum, ...]  # of each angle, including the lines
+    left: tuple[OrderSpectrum, ...]  # of each angle, without the lines; basis of the intervals
+    named: tuple[NamedFinding, ...]  # orders asked for
+    notes: tuple[str, ...]  # range and limits of the search, whole sentences
 
     @property
     def orders(self) -> tuple[float, ...]:
         """Orders over the joint's own position, for the friction term ``ripple(order)``.
 
-        Lines beside a stronger one are left out: they describe how the ripple changed along this
-        record, and do not predict another one.
+        Lines beside a stronger one are excluded: they describe how the ripple changed along this
+        record and do not predict other motion.
         """
         return tuple(line.order for line in self.lines if line.angle.own and line.beside is None)
 
 
 @dataclass(frozen=True, eq=False)
 class Ripple:
-    """Ripple of all joints.
-
-    Attributes:
-        joints: one by one.
-        level: chance of a false alarm per joint that a line may have.
-    """
+    """Ripple of all joints."""
 
     joints: tuple[JointRipple, ...]
-    level: float
+    level: float  # largest false-alarm probability of a line, per joint
 
     @property
     def lines(self) -> tuple[RippleLine, ...]:
@@ -261,7 +204,7 @@ class Ripple:
 
     @property
     def main_lines(self) -> tuple[RippleLine, ...]:
-        """The lines that predict other motion: those beside a stronger one are left out."""
+        """The lines that predict other motion: those beside a stronger one are excluded."""
         return tuple(line for line in self.lines if line.beside is None)
 
     @property
@@ -276,7 +219,7 @@ class Ripple:
             out += [
                 f"{joint.name}: line at {line.frequency:.4g} Hz, "
                 f"{format_significant(line.amplitude)} "
-                f"{joint.unit}, constant in time, no ripple"
+                f"{joint.unit}, constant in time, not ripple"
                 for line in joint.time_lines
             ]
             out += [f"{joint.name}: {note}" for note in joint.notes]
@@ -288,11 +231,7 @@ def ripple_torque(
 ) -> np.ndarray:
     """Torque of some lines as a known signal, shape (samples, joints) [N m or N].
 
-    Args:
-        lines: found by ``find_ripple``.
-        q: positions of all joints at equal intervals, shape (samples, joints) [rad or m].
-        rate: sampling rate [Hz].
-        shift: how much later than the positions' the instants of the torque are [samples].
+    The torque is sampled ``shift`` samples later than the positions.
     """
     torque, samples = np.zeros(np.shape(q)), np.arange(len(q))
     for line in lines:
@@ -303,20 +242,20 @@ def ripple_torque(
 
 
 def remove_ripple(recording: Recording, lines: Sequence[RippleLine]) -> Recording:
-    """The recording without the ripple of some lines.
+    """Subtract the ripple of some lines from the torque of a recording.
 
-    The positions are taken at the instants of which the torque samples speak. Channels other than
-    the torque and the sources stay; the name says what was removed.
+    The positions are interpolated at the instants of the torque samples. All other channels stay;
+    the name of the recording lists what was removed.
 
     Args:
-        recording: the run.
-        lines: found by ``find_ripple``, from this run or another one of the same machine.
+        recording: the recording.
+        lines: found by ``find_ripple`` in this or another recording of the same machine.
 
     Returns:
         A new recording; the given one stays as it is.
 
     Raises:
-        ExperimentError: a line is of a joint that the recording does not have.
+        ExperimentError: a line belongs to a joint that the recording does not have.
     """
     for line in lines:
         own = recording.joint_names

@@ -1,4 +1,4 @@
-"""What is said about a line that was found: relation, load, direction, and what cannot be seen."""
+"""Properties of a ripple line: relation, load, direction; and the limits of the search."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from pivident.friction.ripple.ripple_series import (
 )
 from pivident.robot.description import Robot
 
-#: Cycles per motor revolution up to which ripple is searched unless told otherwise.
+#: Default for the largest number of cycles per motor revolution.
 PER_MOTOR_REVOLUTION = 16.0
 
-#: An order belongs to a revolution if it is so close, as a share of the record's resolution: a
-#: lag, or a strength that changes along the record, moves a line by as much.
+#: An order belongs to a revolution if it is this close, as a share of the record's resolution: a
+#: lag, or an amplitude that changes along the record, shifts a line by as much.
 RESOLVED = 0.15
 
-#: Lines so close to a stronger one belong to it, in independent orders.
+#: A line this close to a stronger one belongs to it [independent orders].
 BESIDE = 12.0
 
 
 @dataclass(frozen=True, eq=False)
 class _Modulation:
-    """A line's wave times something that changes, fitted beside it."""
+    """A line's wave times a varying factor, fitted beside it."""
 
     vector: np.ndarray
     covariance: np.ndarray
@@ -53,7 +53,7 @@ def measured_line(
     unit: str,
     lag: float,
 ) -> RippleLine:
-    """Everything about line ``n``. Its deviations are scaled to the floor at its order."""
+    """All properties of line ``n``, its standard errors scaled to the floor at its order."""
     wave, (a, b) = fit.waves[n], fit.coefficients[n]
     near = int(np.argmin(np.abs(left.orders - wave.order)))
     excess = max(float(left.floor[near]), 1.0)
@@ -121,15 +121,9 @@ def _modulation(
     factors: Sequence[np.ndarray],
     excess: float,
 ) -> _Modulation:
-    """Does the line change with a factor? Wald's test of two further columns, beside the line's.
+    """Wald test of two further columns: does the line change with a factor of mean zero?
 
-    Args:
-        series: residuals.
-        joint: whose.
-        fit: all waves, taken out.
-        wave: the line.
-        factors: of mean zero over the rows in use, per recording.
-        excess: floor over white noise.
+    ``excess`` is the floor over that of white noise.
     """
     from scipy.stats import chi2
 
@@ -176,11 +170,11 @@ def visibility_notes(
     cycles: float,
     unit: str,
 ) -> list[str]:
-    """What the record can show over an angle."""
+    """Range and limits of the search over an angle."""
     if not spectrum.searched.any():
         return [
-            f"the record shows no order of {angle.name}: it visits fewer than {cycles:g} cycles of "
-            f"any order below {top:.4g}; move it further"
+            f"no order of {angle.name} can be searched: the record covers fewer than {cycles:g} "
+            f"cycles of any order below {top:.4g}; move the joint further"
         ]
     where = np.flatnonzero(spectrum.searched)
     low, high = spectrum.orders[where[0]], spectrum.orders[where[-1]]
@@ -188,8 +182,8 @@ def visibility_notes(
     rate = series[0].rate
     bound = 0.5 * HIGHEST_FREQUENCY * rate
     notes = [
-        f"orders {low:.4g} to {high:.4g} of {angle.name} searched, from {visible:.2g} {unit} on "
-        f"half of them are found; below, the record has fewer than {cycles:g} cycles"
+        f"orders {low:.4g} to {high:.4g} of {angle.name} searched, median detection limit "
+        f"{visible:.2g} {unit}; lower orders have fewer than {cycles:g} cycles in the record"
     ]
     speed = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.used[:, joint]] for s in series])
     typical = float(np.median(speed))
@@ -198,16 +192,16 @@ def visibility_notes(
         shown = 2.0 * math.pi * bound / max(typical, 1e-300) / gear
         if shown < PER_MOTOR_REVOLUTION:
             notes.append(
-                f"rows come at {rate:g} Hz: at median speed, more than {shown:.2g} cycles per "
-                f"revolution of the {name} are beyond {bound:.4g} Hz, shown by slower rows only"
+                f"at {rate:g} Hz and median speed, more than {shown:.2g} cycles per revolution of "
+                f"the {name} exceed {bound:.4g} Hz and are visible in slower rows only"
             )
     f50 = series[0].f50[joint]
     if np.isfinite(f50):
         limit = 2.0 * math.pi * f50 / max(typical, 1e-300)
         if limit < high:
             notes.append(
-                f"the position smoother ends at {f50:.3g} Hz, order {limit:.3g} at median speed: "
-                "above it the amplitude is that of the logged torque alone"
+                f"the position smoother cuts off at {f50:.3g} Hz, order {limit:.3g} at median "
+                "speed: above it the amplitude is that of the logged torque alone"
             )
     return notes
 
@@ -220,7 +214,7 @@ def named_findings(
     named: Sequence[NamedOrder],
     cycles: float,
 ) -> list[NamedFinding]:
-    """Each named order by itself, tried once and not picked from many."""
+    """Test of each named order by itself, without a search over orders."""
     found = []
     revolute = robot.joints[joint].kind == "revolute"
     visible = spectrum.smallest_visible() if spectrum.orders.size else np.empty(0)

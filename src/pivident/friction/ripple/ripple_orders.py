@@ -1,4 +1,4 @@
-"""Angles that a torque may ripple over, and the revolutions that an order may belong to."""
+"""Angles over which a torque may ripple, and the revolutions to which an order may belong."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import numpy as np
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
 
-#: Chance of a match below which an order is said to belong to a revolution.
+#: An order belongs to a revolution if the probability of a chance match is below this.
 COINCIDENCE = 0.2
 
 #: Multiples of a named order that are recognised.
@@ -21,19 +21,12 @@ NAMED_MULTIPLES = 4
 
 @dataclass(frozen=True)
 class NamedOrder:
-    """An order that is expected, such as gear teeth or pole pairs.
+    """An order that is expected, such as gear teeth or pole pairs."""
 
-    Attributes:
-        name: in words, ``pole pairs``.
-        count: cycles per revolution.
-        of: revolution of the ``motor`` or of the ``joint``.
-        joint: the joint's name; None: all joints.
-    """
-
-    name: str
-    count: float
-    of: Literal["motor", "joint"] = "motor"
-    joint: str | None = None
+    name: str  # in words, ``pole pairs``
+    count: float  # cycles per revolution
+    of: Literal["motor", "joint"] = "motor"  # revolution of the ``motor`` or of the ``joint``
+    joint: str | None = None  # the joint's name; None: all joints
 
     def __post_init__(self) -> None:
         if not (math.isfinite(self.count) and self.count > 0):
@@ -49,44 +42,28 @@ class NamedOrder:
 
 @dataclass(frozen=True, eq=False)
 class Angle:
-    """The angle φ = c·q that a torque may ripple over.
+    """The angle φ = c·q over which a torque may ripple."""
 
-    Attributes:
-        name: ``joint_1`` or ``motor of joint_6``.
-        coefficients: c, shape (joints,).
-        motors: motor turns per unit of this angle, by the motor's name [rad/rad or rad/m].
-        own: whether it is the joint's own position, as the friction term wants it.
-    """
-
-    name: str
-    coefficients: np.ndarray
+    name: str  # ``joint_1`` or ``motor of joint_6``
+    coefficients: np.ndarray  # c, shape (joints,)
+    # motor turns per unit of this angle, by the motor's name [rad/rad or rad/m]
     motors: tuple[tuple[str, float], ...]
-    own: bool = True
+    own: bool = True  # whether it is the joint's own position, as in the friction term
 
 
 @dataclass(frozen=True)
 class Relation:
-    """What an order belongs to.
+    """The revolution to which an order belongs."""
 
-    Attributes:
-        text: in words, ``6 per revolution of the motor of joint_1``.
-        order: the exact order n.
-        coincidence: chance that an order drawn at random comes as close.
-    """
-
-    text: str
-    order: float
-    coincidence: float
+    text: str  # in words, ``6 per revolution of the motor of joint_1``
+    order: float  # the exact order n
+    coincidence: float  # probability that a random order comes as close
 
 
 def angles_of(robot: Robot, joint: int) -> tuple[Angle, ...]:
-    """What the torque of a joint may ripple over: its position, and coupled motors that act on it.
+    """Angles over which a joint's torque may ripple: its position, and coupled motors acting on it.
 
     A motor that turns with this joint alone has an angle proportional to its position.
-
-    Args:
-        robot: gives the reduction matrix.
-        joint: its number.
     """
     names = [j.name for j in robot.joints]
     reduction = robot.transmission.reduction
@@ -105,15 +82,7 @@ def angles_of(robot: Robot, joint: int) -> tuple[Angle, ...]:
 def relate(
     order: float, std: float, angle: Angle, revolute: bool, named: Sequence[NamedOrder]
 ) -> Relation | None:
-    """The revolution that an order belongs to; None where none is near, or too many are.
-
-    Args:
-        order: n.
-        std: its standard deviation.
-        angle: what it is periodic in.
-        revolute: whether the joint turns.
-        named: orders that were named for this joint.
-    """
+    """The revolution to which an order belongs; None if none is near, or too many are."""
     reach = max(2.0 * std, 1e-3 * order)
     found = []
     for wanted in named:

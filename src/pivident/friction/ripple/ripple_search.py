@@ -1,9 +1,9 @@
-"""The search for ripple in one joint's residual: lines over the position against lines in time.
+"""Search for ripple in one joint's residual: lines over the position against lines in time.
 
-The likeliest line is taken out, and what is left is searched again, until no line is left that
-noise would not make. At each step the best line over a position competes with the best line of
-constant frequency, such as mains or a resonance; where the speed varies, only one of them is
-narrow. A line in time that is likelier is taken out as such and is not called ripple.
+The likeliest line is subtracted and the rest is searched again, until the next line could be noise.
+At each step the best line over a position competes with the best line of constant frequency, such
+as mains hum or a resonance; if the speed varies, only one of them is narrow. A likelier line in
+time is subtracted as such and does not count as ripple.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from pivident.friction.ripple.order_spectrum import (
     HIGHEST_FREQUENCY,
     OrderSpectrum,
 )
-from pivident.friction.ripple.ripple_lines import TOLD_APART, JointRipple, Ripple, TimeLine
+from pivident.friction.ripple.ripple_lines import DISTINGUISHABLE, JointRipple, Ripple, TimeLine
 from pivident.friction.ripple.ripple_measures import (
     marked_beside,
     measured_line,
@@ -43,16 +43,16 @@ from pivident.friction.ripple.ripple_spectra import (
     best_lag,
     highest_order,
     joint_spectra,
-    most_surprising,
+    most_significant,
     visited_grid,
 )
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 
-#: Most lines of constant frequency that are taken out of a joint.
+#: Maximum number of lines of constant frequency subtracted from a joint.
 MAX_TIME_LINES = 8
 
-#: A line in time has at least so many periods in a recording.
+#: Smallest number of periods of a line in time in a recording.
 MIN_PERIODS = 8.0
 
 #: Half the neighbourhood of a frequency, in independent frequencies.
@@ -73,21 +73,21 @@ def find_ripple(
     most: int = 6,
     lag: float | None = None,
 ) -> Ripple:
-    """Search the residual τ - Φθ of every joint for ripple; joint by joint.
+    """Search the residual τ - Φθ of every joint for ripple, joint by joint.
 
     Args:
         identification: result of any method.
-        recordings: runs whose residual is searched at their full rate, with smoothed positions;
-            None: the rows that the estimator used, which some methods decimate.
-        named: orders that are expected.
+        recordings: recordings whose residual is searched at the full rate, with smoothed
+            positions; None: the rows that the estimator used, which some methods decimate.
+        named: expected orders.
         highest: largest order [cycles per revolution, or rad/m]; None: 16 per motor revolution,
-            or what the sampling shows where no gear is known.
-        cycles: fewest cycles over the visited positions that count as a line. Fewer cannot be
-            told from errors of the model, which vary with the posture.
-        level: chance of a false alarm per joint, over all orders tried.
-        most: largest number of lines per joint.
-        lag: by how much the torque follows the positions [s]; None: told from the strongest line
-            of each joint, up to three sampling periods.
+            or the limit of the sampling rate if no gear is known.
+        cycles: smallest number of cycles over the visited positions. Fewer cycles cannot be
+            distinguished from model errors, which vary with the posture.
+        level: false-alarm probability per joint, over all orders tried.
+        most: maximum number of lines per joint.
+        lag: delay of the torque relative to the positions [s]; None: estimated from the strongest
+            line of each joint, up to three sampling periods.
 
     Returns:
         The lines of each joint with their amplitudes, and what they belong to.
@@ -124,19 +124,7 @@ def search_joint(
     most: int,
     lag: float | None = None,
 ) -> JointRipple:
-    """All ripple lines of one joint; see ``find_ripple``.
-
-    Args:
-        robot: gives gears and couplings.
-        joint: its number.
-        series: residuals.
-        named: orders that are expected of this joint.
-        highest: largest order; None: see ``find_ripple``.
-        cycles: fewest cycles over the visited positions.
-        level: chance of a false alarm.
-        most: largest number of lines.
-        lag: by how much the torque follows the positions [s]; None: found.
-    """
+    """All ripple lines of one joint; see ``find_ripple``."""
     angles = angles_of(robot, joint)
     unit = "N m" if robot.joints[joint].kind == "revolute" else "N"
     tops = [highest_order(robot, series, joint, angle, highest) for angle in angles]
@@ -155,7 +143,7 @@ def search_joint(
         for n, o in enumerate(owners)
         if o >= 0
     ]  # fmt: skip
-    # what stood out alone may vanish beside the lines found after it
+    # a line that was significant alone may vanish beside the lines found after it
     lines = [line for line in lines if line.interval[0] > 0.0]
     lines.sort(key=lambda line: -line.amplitude)
     lines = [marked_beside(line, lines[:n], angles, spectra) for n, line in enumerate(lines)]
@@ -177,23 +165,15 @@ def search_joint(
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Waves taken out of a residual one after the other.
+    """Waves subtracted from a residual one after the other."""
 
-    Attributes:
-        fit: all of them together.
-        owners: index of the angle of each wave; -1: a line in time.
-        chances: of a false alarm, when it was found.
-        beside_time: what a line is likelier than noise, where the best line in time is out.
-        first: spectra before anything was taken out.
-        left: spectra of what is left.
-    """
-
-    fit: WaveFit
-    owners: list[int]
-    chances: list[float]
+    fit: WaveFit  # all of them together
+    owners: list[int]  # index of the angle of each wave; -1: a line in time
+    chances: list[float]  # false-alarm probability of each when it was found
+    # gain in log-likelihood, in floors, after subtracting the best line in time
     beside_time: list[float]
-    first: tuple[OrderSpectrum, ...]
-    left: tuple[OrderSpectrum, ...]
+    first: tuple[OrderSpectrum, ...]  # spectra of the residual
+    left: tuple[OrderSpectrum, ...]  # spectra without the lines
 
 
 def _taken_out(
@@ -203,7 +183,7 @@ def _taken_out(
     grids: Sequence[np.ndarray],
     limits: tuple[float, float, int, int],
 ) -> _Found:
-    """The likeliest line after the other, until noise would make the next one."""
+    """Subtract the likeliest line, one after the other, until the next one could be noise."""
     cycles, level, most, lags = limits
     waves: list[Wave] = []
     owners: list[int] = []
@@ -212,12 +192,12 @@ def _taken_out(
     first: tuple[OrderSpectrum, ...] | None = None
     while True:
         fit = fit_waves(series, joint, waves)
-        if waves:  # again, weighted by the noise without them
+        if waves:  # again, with the noise model of the residual without them
             fit = fit_waves(series, joint, fit.waves, (fit.noise, fit.scale))
         waves = list(fit.waves)
         spectra = joint_spectra(series, joint, angles, grids, fit, cycles, lags)
         first = first or spectra
-        best = most_surprising([_apart(s, a, waves) for s, a in zip(spectra, angles, strict=True)])
+        best = most_significant([_apart(s, a, waves) for s, a in zip(spectra, angles, strict=True)])
         if best is None or best[2] > level or sum(owner >= 0 for owner in owners) >= most:
             break
         which, k, chance = best
@@ -228,7 +208,7 @@ def _taken_out(
         line = Wave(angle, float(spectrum.orders[k]))
         over_position = _gained(series, joint, fit, [line])
         in_time = _gained(series, joint, fit, lines) - (len(lines) - 1) if frequency else 0.0
-        if in_time > over_position + TOLD_APART * max(float(spectrum.floor[k]), 1.0):
+        if in_time > over_position + DISTINGUISHABLE * max(float(spectrum.floor[k]), 1.0):
             if sum(owner < 0 for owner in owners) >= MAX_TIME_LINES * len(series):
                 break
             waves += lines
@@ -248,7 +228,7 @@ def _taken_out(
 def _gained(
     series: Sequence[ResidualSeries], joint: int, fit: WaveFit, more: Sequence[Wave]
 ) -> float:
-    """Log-likelihood gained by further waves, refined, with the noise model as it is."""
+    """Log-likelihood gained by further refined waves, with an unchanged noise model."""
     after = fit_waves(series, joint, [*fit.waves, *more], (fit.noise, fit.scale))
     rows = [
         sum(
@@ -264,7 +244,7 @@ def _gained(
 
 
 def _apart(spectrum: OrderSpectrum, angle: Angle, waves: Sequence[Wave]) -> OrderSpectrum:
-    """The spectrum without the orders that the record cannot tell from those taken out."""
+    """The spectrum without the orders that the record cannot distinguish from given waves."""
     searched = spectrum.searched.copy()
     for wave in waves:
         if wave.coefficients is angle.coefficients and spectrum.orders.size:
@@ -276,9 +256,9 @@ def _apart(spectrum: OrderSpectrum, angle: Angle, waves: Sequence[Wave]) -> Orde
 def _best_in_time(
     series: Sequence[ResidualSeries], joint: int, fit: WaveFit, band: tuple[float, float]
 ) -> float:
-    """Frequency of the line of constant frequency that stands out most [Hz]; zero: none may be.
+    """Frequency of the most significant line of constant frequency [Hz]; zero if there is none.
 
-    A line may have another phase in each recording, so that two columns belong to each.
+    A line may have another phase in each recording, so each recording has two columns.
     """
     from scipy.fft import next_fast_len, rfft
     from scipy.ndimage import median_filter
@@ -305,14 +285,14 @@ def _best_in_time(
 def _band(
     series: Sequence[ResidualSeries], joint: int, angle: np.ndarray, order: float
 ) -> tuple[float, float]:
-    """Frequencies that an order passes through [Hz]; only a line there can be taken for it."""
+    """Frequencies that an order passes through [Hz]; only a line there can be confused with it."""
     speed = np.concatenate([np.abs(s.dq @ angle)[s.used[:, joint]] for s in series])
     low, high = np.quantile(speed, [0.02, 0.98]) * order / (2.0 * math.pi)
     return 0.95 * float(low), 1.05 * float(high)
 
 
 def _time_lines(fit: WaveFit, owners: Sequence[int]) -> tuple[TimeLine, ...]:
-    """Lines of constant frequency; one for all recordings it was searched in together."""
+    """Lines of constant frequency; one for all recordings that were searched together."""
     found: list[TimeLine] = []
     count = 1 + max((w.record for w in fit.waves if w.record >= 0), default=0)
     alone = [n for n, owner in enumerate(owners) if owner < 0]

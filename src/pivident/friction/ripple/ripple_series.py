@@ -1,4 +1,4 @@
-"""Residuals in time with the motion they belong to, and waves fitted to them behind a whitener."""
+"""Residuals in time with their motion, and waves fitted to them after whitening."""
 
 from __future__ import annotations
 
@@ -16,60 +16,40 @@ from pivident.friction.ripple.order_spectrum import WhiteRows
 from pivident.recording.recording import Recording
 from pivident.signals.noise_models import ArModel, fit_ar, unmasked_stretches
 
-#: Largest order of the noise model: long ones would take the lines themselves for noise.
+#: Largest order of the noise model: a longer one would fit the lines themselves.
 MAX_NOISE_ORDER = 20
 
-#: Peaks of the spectrum above so many running medians over so many bins are cut before the noise
-#: is modelled; noise gets there once in a thousand bins.
+#: Peaks of the spectrum above this many running medians over this many bins are cut before the
+#: noise is modelled; noise exceeds this once in a thousand bins.
 _PEAK, _PEAK_NEIGHBOURS = 10.0, 121
 
-#: Steps in which orders and frequencies are refined.
+#: Maximum number of steps that refine orders and frequencies.
 _REFINEMENTS = 8
 
-#: A step that is smaller, in half resolutions, is the last one: the error falls with its square.
+#: A smaller step, in half resolutions, is the last one: the error falls with its square.
 _SETTLED = 0.01
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualSeries:
-    """Residual of one recording; arrays (samples, joints) at equal intervals.
+    """Residual of one recording; arrays (samples, joints) at equal intervals."""
 
-    Attributes:
-        name: of the recording.
-        t: time [s], shape (samples,).
-        rate: [Hz].
-        q: positions [rad or m].
-        dq: speeds [rad/s or m/s].
-        error: τ - Φθ [N m or N].
-        load: |Φθ| [N m or N].
-        used: rows that count.
-        f50: half-power frequency of the position smoother [Hz], shape (joints,); NaN: unknown.
-    """
-
-    name: str
-    t: np.ndarray
-    rate: float
-    q: np.ndarray
-    dq: np.ndarray
-    error: np.ndarray
-    load: np.ndarray
-    used: np.ndarray
+    name: str  # of the recording
+    t: np.ndarray  # time [s], shape (samples,)
+    rate: float  # [Hz]
+    q: np.ndarray  # positions [rad or m]
+    dq: np.ndarray  # speeds [rad/s or m/s]
+    error: np.ndarray  # τ - Φθ [N m or N]
+    load: np.ndarray  # |Φθ| [N m or N]
+    used: np.ndarray  # rows in use
+    # half-power frequency of the position smoother [Hz], shape (joints,); NaN: unknown
     f50: np.ndarray
 
 
 def residual_series(
     identification: Identification, recordings: Sequence[Recording] | None
 ) -> tuple[ResidualSeries, ...]:
-    """Residuals of the rows that were fitted, or of recordings at their full rate.
-
-    Args:
-        identification: the estimate.
-        recordings: runs to be predicted; None: the fitted rows.
-
-    Raises:
-        ExperimentError: a recording has other joints than the robot.
-        IdentificationError: there is no recording, or sampling rates differ.
-    """
+    """Residuals of the fitted rows, or of recordings at their full rate."""
     if recordings is None:
         series = tuple(
             ResidualSeries(
@@ -96,8 +76,8 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
     names = tuple(joint.name for joint in robot.joints)
     if recording.joints != robot.size:
         raise ExperimentError(
-            f"recording {recording.name!r} has {recording.joints} joints, the estimate is of "
-            f"{', '.join(names)}"
+            f"recording {recording.name!r} has {recording.joints} joints, but the estimate has "
+            f"joints {', '.join(names)}"
         )
     k = estimate_kinematics(recording, RandomWalk())
     part = slice(k.start, k.stop)
@@ -114,7 +94,7 @@ def _predicted(identification: Identification, recording: Recording) -> Residual
 
 
 def delayed(series: ResidualSeries, lag: float) -> ResidualSeries:
-    """The same residual beside the motion of ``lag`` seconds before, linear between samples."""
+    """The same residual with the motion ``lag`` seconds earlier, linear between samples."""
     if lag == 0.0:
         return series
     samples = np.arange(series.t.size)
@@ -128,17 +108,11 @@ def delayed(series: ResidualSeries, lag: float) -> ResidualSeries:
 
 @dataclass(frozen=True, eq=False)
 class Wave:
-    """A wave a cos(nφ) + b sin(nφ) of an angle, or of the time of one recording.
+    """A wave a cos(nφ) + b sin(nφ) of an angle, or of the time of one recording."""
 
-    Attributes:
-        coefficients: c of φ = c·q; None: φ is the time in ``record``.
-        order: n [per angle, or rad/s].
-        record: the recording; -1: all of them.
-    """
-
-    coefficients: np.ndarray | None
-    order: float
-    record: int = -1
+    coefficients: np.ndarray | None  # c of φ = c·q; None: φ is the time in ``record``
+    order: float  # n [per angle, or rad/s]
+    record: int = -1  # the recording; -1: all of them
 
     def angle(self, s: ResidualSeries) -> np.ndarray:
         """φ of a recording, shape (samples,)."""
@@ -147,26 +121,17 @@ class Wave:
 
 @dataclass(frozen=True, eq=False)
 class WaveFit:
-    """Waves fitted together by generalised least squares.
+    """Waves fitted together by generalised least squares."""
 
-    Attributes:
-        waves: with their orders refined.
-        coefficients: a, b of each wave, shape (waves, 2) [N m or N].
-        covariance: of a, b with the orders known, shape (waves, 2, 2), for white noise of the
-            model's size; the local floor is not in it.
-        order_std: standard deviation of the orders, likewise, shape (waves,).
-        left: residual without the waves, one array per recording.
-        noise: model of what is left.
-        scale: standard deviation of its innovations.
-    """
-
-    waves: tuple[Wave, ...]
-    coefficients: np.ndarray
+    waves: tuple[Wave, ...]  # with their orders refined
+    coefficients: np.ndarray  # a, b of each wave, shape (waves, 2) [N m or N]
+    # of a, b with known orders, shape (waves, 2, 2), for white noise of the model's variance,
+    # without the local floor
     covariance: np.ndarray
-    order_std: np.ndarray
-    left: tuple[np.ndarray, ...]
-    noise: ArModel
-    scale: float
+    order_std: np.ndarray  # standard error of the orders, likewise, shape (waves,)
+    left: tuple[np.ndarray, ...]  # residual without the waves, one array per recording
+    noise: ArModel  # model of that residual
+    scale: float  # standard deviation of its innovations
 
     @property
     def filter(self) -> np.ndarray:
@@ -175,19 +140,14 @@ class WaveFit:
 
 
 def whitened(coefficients: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """A x along axis 0, from rest.
-
-    Args:
-        coefficients: A, shape (order + 1,).
-        x: shape (samples,) or (samples, columns).
-    """
+    """A x along axis 0, from rest."""
     from scipy.signal import lfilter
 
     return lfilter(coefficients, [1.0], x, axis=0)
 
 
 def settled_rows(used: np.ndarray, order: int) -> np.ndarray:
-    """Votes without the rows on which the filter has not filled."""
+    """Rows in use without the transient of the filter."""
     out = used.copy()
     out[:order] = False
     return out
@@ -214,10 +174,10 @@ def fit_noise(errors: Sequence[np.ndarray], used: Sequence[np.ndarray]) -> tuple
 
 
 def _without_peaks(error: np.ndarray) -> np.ndarray:
-    """The residual with the narrow peaks of its spectrum cut down.
+    """The residual with the narrow peaks of its spectrum clipped.
 
-    A noise model takes a line of constant frequency for noise and hides it; so it is fitted to what
-    has none. Ripple at constant speed is such a line too.
+    A noise model would fit a line of constant frequency and hide it, so it is fitted to a residual
+    without lines. Ripple at constant speed is such a line too.
     """
     from scipy.fft import irfft, rfft
     from scipy.ndimage import median_filter
@@ -235,13 +195,9 @@ def fit_waves(
     waves: Sequence[Wave],
     noise: tuple[ArModel, float] | None = None,
 ) -> WaveFit:
-    """Amplitudes of all waves, their orders refined by Gauss and Newton.
+    """Amplitudes of all waves, their orders refined by Gauss–Newton steps.
 
-    Args:
-        series: residuals.
-        joint: whose residual.
-        waves: with orders near the truth.
-        noise: model to start from; None: that of the residual as it is.
+    ``noise``: model to start from; None: that of the residual itself.
     """
     errors = [s.error[:, joint] for s in series]
     used = [s.used[:, joint] for s in series]
@@ -289,14 +245,14 @@ def fit_waves(
 
 
 def _solved(columns: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """Least squares by the normal equations; whitened waves are far from dependent."""
+    """Least squares by the normal equations; whitened waves are well conditioned."""
     return np.linalg.pinv(columns.T @ columns, hermitian=True) @ (columns.T @ right)
 
 
 def _columns(
     waves: Sequence[Wave], orders: np.ndarray, angles: list[list[np.ndarray]], beta: np.ndarray
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
-    """Cosines and sines of all waves, and what they change by when an order does."""
+    """Cosines and sines of all waves, and their derivatives with respect to the orders."""
     columns, slopes = [], []
     for r, own in enumerate(angles):
         parts, turned = [], []
@@ -335,14 +291,7 @@ def _white_columns(
 def white_rows(
     series: Sequence[ResidualSeries], joint: int, coefficients: np.ndarray, fit: WaveFit
 ) -> WhiteRows:
-    """What is left of a joint's residual, whitened, over an angle.
-
-    Args:
-        series: residuals.
-        joint: whose residual.
-        coefficients: c of φ = c·q.
-        fit: waves that were taken out, and the noise model.
-    """
+    """Residual of a joint after the waves of ``fit``, whitened, over the angle φ = c·q."""
     used = [settled_rows(s.used[:, joint], fit.noise.order) for s in series]
     return WhiteRows(
         _white_rows(fit.noise, fit.scale, fit.left, [s.used[:, joint] for s in series]),

@@ -1,4 +1,4 @@
-"""Spectra of a joint's residual over all its angles: which orders, which lag, which order first."""
+"""Spectra of a joint's residual over all its angles: orders, lag, most significant order."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pivident.friction.ripple.order_spectrum import (
     order_grid,
     order_spectrum,
 )
-from pivident.friction.ripple.ripple_lines import TOLD_APART
+from pivident.friction.ripple.ripple_lines import DISTINGUISHABLE
 from pivident.friction.ripple.ripple_measures import PER_MOTOR_REVOLUTION
 from pivident.friction.ripple.ripple_orders import Angle
 from pivident.friction.ripple.ripple_series import (
@@ -27,10 +27,10 @@ from pivident.friction.ripple.ripple_series import (
 )
 from pivident.robot.description import Robot
 
-#: Lags of the torque behind the positions that are tried [samples]; the best one is refined.
+#: Trial lags of the torque behind the positions [samples]; the best one is refined.
 LAGS = (0.0, 1.0, -1.0, 2.0)
 
-#: What each further lag adds to the trials: its spectrum is much like that of none.
+#: Trials that each further lag adds: its spectrum is similar to that without lag.
 LAG_TRIALS = 0.5
 
 #: Neighbourhood of a line in which its lag is refined, as a share of its order.
@@ -40,15 +40,7 @@ NEAR = 0.03
 def highest_order(
     robot: Robot, series: Sequence[ResidualSeries], joint: int, angle: Angle, highest: float | None
 ) -> float:
-    """Largest order to be tried: asked for, or of the gear, and within what the sampling shows.
-
-    Args:
-        robot: gives the gears.
-        series: residuals.
-        joint: whose.
-        angle: what is searched over.
-        highest: what was asked for, or None.
-    """
+    """Largest order to try: requested or the gear's, and at most what the sampling resolves."""
     steps = np.concatenate([np.abs(s.dq @ angle.coefficients)[s.used[:, joint]] for s in series])
     if not steps.size or not np.any(steps > 0):
         return 0.0
@@ -64,14 +56,7 @@ def highest_order(
 def visited_grid(
     series: Sequence[ResidualSeries], joint: int, angle: Angle, highest: float
 ) -> np.ndarray:
-    """Orders of an angle, from one cycle over the visited positions on.
-
-    Args:
-        series: residuals.
-        joint: whose.
-        angle: what is searched over.
-        highest: largest order.
-    """
+    """Orders of an angle, from one cycle over the visited positions on."""
     visited = np.concatenate([(s.q @ angle.coefficients)[s.used[:, joint]] for s in series])
     return order_grid(visited, highest) if visited.size else np.empty(0)
 
@@ -84,10 +69,10 @@ def best_lag(
     cycles: float,
     level: float,
 ) -> float:
-    """By how much the torque follows the positions, told from the strongest line [s].
+    """Delay of the torque relative to the positions, estimated from the strongest line [s].
 
-    At 30 Hz a torque that is logged 4 ms late has lost 40 degrees, at 100 Hz 140: over positions
-    of the same instant the line falls apart. A lag is taken only where it is clearly likelier.
+    A torque logged 4 ms late lags 40 degrees at 30 Hz and 140 degrees at 100 Hz, so the line over
+    positions of the same instant is smeared. A lag is used only if it is clearly likelier.
     """
     fit = fit_waves(series, joint, [])
     rate = series[0].rate
@@ -95,15 +80,15 @@ def best_lag(
     for samples in LAGS:
         moved = [delayed(s, samples / rate) for s in series]
         spectra = joint_spectra(moved, joint, angles, grids, fit, cycles, len(LAGS))
-        best = most_surprising(spectra)
+        best = most_significant(spectra)
         if best is not None:
             which, k, chance = best
-            found.append((spectra[which].surprise(k), samples, which, k, chance))
+            found.append((spectra[which].significance(k), samples, which, k, chance))
     if not found:
         return 0.0
-    none = next((surprise for surprise, samples, *_ in found if samples == 0), 0.0)
-    surprise, samples, which, k, chance = max(found)
-    if chance > level or surprise < none + TOLD_APART:
+    none = next((significance for significance, samples, *_ in found if samples == 0), 0.0)
+    significance, samples, which, k, chance = max(found)
+    if chance > level or significance < none + DISTINGUISHABLE:
         return 0.0
     near = grids[which][np.abs(grids[which] - grids[which][k]) < NEAR * grids[which][k]]
     finer = []
@@ -123,17 +108,7 @@ def joint_spectra(
     cycles: float,
     lags: int,
 ) -> tuple[OrderSpectrum, ...]:
-    """Spectrum over each angle; the trials of all angles and lags count in each.
-
-    Args:
-        series: residuals.
-        joint: whose.
-        angles: what is searched over.
-        grids: orders of each.
-        fit: waves that are out already.
-        cycles: fewest cycles of an order.
-        lags: number of lags tried.
-    """
+    """Spectrum over each angle; the trials of all angles and lags count in each."""
     found = [
         order_spectrum(white_rows(series, joint, angle.coefficients, fit), grid, cycles)
         for angle, grid in zip(angles, grids, strict=True)
@@ -142,14 +117,10 @@ def joint_spectra(
     return tuple(replace(spectrum, trials=trials) for spectrum in found)
 
 
-def most_surprising(spectra: Sequence[OrderSpectrum]) -> tuple[int, int, float] | None:
-    """Angle, index and chance of a false alarm of the most surprising order; None without any.
-
-    Args:
-        spectra: of all angles.
-    """
+def most_significant(spectra: Sequence[OrderSpectrum]) -> tuple[int, int, float] | None:
+    """Angle, index and false-alarm probability of the most significant order; None without any."""
     candidates = [
-        (s.surprise(k), a, k) for a, s in enumerate(spectra) if (k := s.best()) is not None
+        (s.significance(k), a, k) for a, s in enumerate(spectra) if (k := s.best()) is not None
     ]
     if not candidates:
         return None

@@ -1,4 +1,4 @@
-"""What can go wrong with many tasks; each error names the folder or address, and the next step."""
+"""Errors of batches of tasks; each names the folder or address, and the next step."""
 
 from __future__ import annotations
 
@@ -12,11 +12,7 @@ class BatchError(PividentError):
 
 
 class ResultsFolderError(BatchError):
-    """A results folder that cannot be used or written to.
-
-    Attributes:
-        folder: the folder.
-    """
+    """A results folder that cannot be used or written to."""
 
     def __init__(self, folder: object, problem: str, advice: str) -> None:
         self.folder = str(folder)
@@ -24,14 +20,9 @@ class ResultsFolderError(BatchError):
 
 
 class OtherContents(ResultsFolderError):
-    """A results folder that holds the results of something else.
+    """A results folder with the results of something else; ``differences`` lists the keys."""
 
-    Attributes:
-        folder: the folder.
-        differences: what differs, ``table.key: here / there``.
-    """
-
-    #: What the folder holds, and whose results those are.
+    #: What the folder contains, and whose results those are.
     rows, owner = "results", "task"
 
     def __init__(self, folder: object, differences: Sequence[str]) -> None:
@@ -40,18 +31,14 @@ class OtherContents(ResultsFolderError):
         listed = "; ".join(self.differences[:3]) + more
         super().__init__(
             folder,
-            f"it holds {self.rows} of another {self.owner} ({listed})",
+            f"it contains {self.rows} of another {self.owner} ({listed})",
             f"choose another --out, or run the {self.owner} that the folder belongs to; nothing in "
             "it was changed",
         )
 
 
 class SchedulerUnreachable(BatchError):
-    """A Dask scheduler that does not answer.
-
-    Attributes:
-        address: where it should be.
-    """
+    """A Dask scheduler that does not answer."""
 
     def __init__(self, address: str, reason: str) -> None:
         self.address = address
@@ -63,16 +50,11 @@ class SchedulerUnreachable(BatchError):
 
 
 class WorkersDiffer(BatchError):
-    """Workers of a cluster that would not compute the same numbers.
-
-    Attributes:
-        found: versions of pivident on the workers.
-        expected: the version here.
-    """
+    """Workers of a cluster with another version of pivident."""
 
     def __init__(self, found: Sequence[str], expected: str) -> None:
         self.found, self.expected = tuple(found), expected
         super().__init__(
-            f"the workers have pivident {', '.join(self.found)}, but {expected} is wanted; install "
-            "the same version on all of them"
+            f"the workers have pivident {', '.join(self.found)}, but {expected} is required; "
+            "install the same version on all of them"
         )

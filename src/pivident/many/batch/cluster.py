@@ -19,7 +19,7 @@ from pivident.threads import thread_count
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
-#: Seconds that a scheduler has to answer, and that its first worker has to appear.
+#: Timeouts of a scheduler's answer and of its first worker [s].
 PATIENCE, FIRST_WORKER = 10, 60
 
 
@@ -36,14 +36,8 @@ SPAWNED = "distributed.nanny.pre-spawn-environ"
 class DaskCluster:
     """Workers of a Dask cluster.
 
-    Args:
-        scheduler: address, ``tcp://host:8786``; None: a cluster of processes on this machine.
-        workers: number of processes of the local cluster; None: one for each core.
-
-    Raises:
-        MissingExtra: Dask is not installed.
-        SchedulerUnreachable: nothing answers at the address.
-        WorkersDiffer: workers have another version of pivident.
+    ``scheduler`` is an address, ``tcp://host:8786``; None: a cluster of ``workers`` processes on
+    this machine (None: one for each core).
     """
 
     def __init__(self, scheduler: str | None = None, workers: int | None = None) -> None:
@@ -53,11 +47,10 @@ class DaskCluster:
         self._last_seen = 0.0
 
     def check(self) -> None:
-        """Notice that all workers are gone: Dask does not start one again that died at its start.
+        """Detect that all workers are gone: Dask does not restart one that died at its start.
 
-        Raises:
-            BrokenProcessPool: the cluster of this machine has had none for `FIRST_WORKER` seconds.
-            BatchError: nor has the one behind the scheduler.
+        A cluster on this machine can be restarted (BrokenProcessPool), one behind a scheduler
+        cannot (BatchError).
         """
         if self._connection is None or self._connection.scheduler_info().get("workers"):
             self._last_seen = time.monotonic()
@@ -69,12 +62,12 @@ class DaskCluster:
         raise BatchError(
             f"the scheduler at {self.scheduler} has had no workers for {FIRST_WORKER} s; the runs "
             f"that had finished are on disk. Start some with 'dask worker {self.scheduler}', and "
-            "the same command goes on"
+            "run the same command to continue"
         )
 
     @contextmanager
     def __call__(self) -> Iterator[Executor]:
-        """An executor on the cluster, which is left when the context ends."""
+        """An executor on the cluster, disconnected when the context ends."""
         with self._client() as client:
             self._connection, self._last_seen = client, time.monotonic()
             if self.scheduler is not None:
@@ -84,12 +77,12 @@ class DaskCluster:
             except (OSError, CancelledError) as error:
                 raise BatchError(
                     f"the connection to the cluster was lost ({str(error) or 'cancelled'}); "
-                    "what had finished is on disk, the same command goes on from there"
+                    "finished results are on disk; run the same command to continue"
                 ) from error
 
     @contextmanager
     def _client(self) -> Iterator[Client]:
-        purpose = "a cluster (--dask or --scheduler; --workers does without)"
+        purpose = "a cluster (--dask or --scheduler; --workers needs none)"
         dask = require("dask", extra="cluster", purpose=purpose)
         distributed = require("distributed", extra="cluster", purpose=purpose)
         logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are raised here
@@ -111,11 +104,7 @@ class DaskCluster:
 
 
 def _cluster_of_this_machine(cluster: type[LocalCluster], workers: int) -> LocalCluster:
-    """Worker processes and their scheduler.
-
-    Raises:
-        BrokenProcessPool: a worker died while it started, which Dask does not get over.
-    """
+    """Worker processes and their scheduler."""
     try:
         return cluster(
             n_workers=workers,
@@ -129,7 +118,7 @@ def _cluster_of_this_machine(cluster: type[LocalCluster], workers: int) -> Local
 
 
 def _ready_workers(client: Client, address: str) -> int:
-    """Number of threads of the cluster, once its workers are known to be of this version."""
+    """Number of threads of the cluster, after a check of its workers' version."""
     try:
         client.wait_for_workers(1, timeout=FIRST_WORKER)
     except TimeoutError as error:

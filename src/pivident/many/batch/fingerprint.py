@@ -1,4 +1,4 @@
-"""Which program computed the numbers: the version alone does not tell while it is being changed."""
+"""Fingerprint of the program: the version alone does not identify code under development."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-#: Packages whose code decides about the numbers of a result.
+#: Packages whose code affects the numbers of a result.
 NUMERICAL = (
-    "dynamics", "estimation", "experiment", "fleet", "recording", "robot", "signals", "simulation",
-    "study",
+    "control_law", "drives", "dynamics", "estimation", "experiment", "friction", "many/fleet",
+    "many/study", "recording", "robot", "signals", "simulation",
 )  # fmt: skip
 
 
@@ -18,7 +18,7 @@ def fingerprint() -> str:
     """Version of pivident with the first digits of the SHA-256 of its numerical code."""
     from pivident.version import __version__
 
-    package = Path(__file__).resolve().parents[1]
+    package = Path(__file__).resolve().parents[2]
     digest = hashlib.sha256()
     for name in NUMERICAL:
         for file in sorted((package / name).rglob("*.py")):

@@ -1,8 +1,7 @@
-"""Results on disk: a manifest, and Parquet shards that only ever get more.
+"""Results on disk: a manifest, and Parquet shards that are only added.
 
-A shard is written under another name, forced to disk and then renamed, so that it is either there
-as a whole or not at all. Which tasks are done is read from the shards themselves; there is no other
-list that could disagree with them.
+A shard is written under another name, synchronised to disk and then renamed, so it exists either
+completely or not at all. The shards themselves are the only list of finished tasks.
 """
 
 from __future__ import annotations
@@ -40,26 +39,14 @@ UNFINISHED = ".unfinished-"
 
 
 class ResultsFolder:
-    """The folder that keeps the results of many tasks of one kind.
+    """The folder with the results of many tasks of one kind."""
 
-    Args:
-        folder: the folder.
-
-    Attributes:
-        shards_name: folder of the shards in it.
-        owner: what the results belong to; the key of its tables in the manifest.
-        work: what writes to the folder, in words.
-        rows_name: what the results are called.
-        error: class of its errors.
-        other: class of the error for results of something else.
-    """
-
-    shards_name: ClassVar[str] = "results"
-    owner: ClassVar[str] = "task"
-    work: ClassVar[str] = "command"
-    rows_name: ClassVar[str] = "results"
+    shards_name: ClassVar[str] = "results"  # subfolder of the shards
+    owner: ClassVar[str] = "task"  # owner of the results; key of its tables in the manifest
+    work: ClassVar[str] = "command"  # name of the writing program in messages
+    rows_name: ClassVar[str] = "results"  # name of the results in messages
     error: ClassVar[type[ResultsFolderError]] = ResultsFolderError
-    other: ClassVar[type[OtherContents]] = OtherContents
+    other: ClassVar[type[OtherContents]] = OtherContents  # error for results of something else
 
     def __init__(self, folder: Path) -> None:
         self.folder = Path(folder)
@@ -71,16 +58,9 @@ class ResultsFolder:
 
     @contextmanager
     def taken(self, wanted: Mapping[str, Any]) -> Iterator[None]:
-        """Take the folder for a while: make it, or check that it belongs to this owner.
+        """Lock the folder, after creating it or checking that it belongs to this owner.
 
-        Args:
-            wanted: the manifest: ``hash``, the owner's tables, and what else is to be known.
-
-        Raises:
-            OtherContents: it holds results of something else; nothing is changed.
-            ResultsFolderError: it cannot be written to, another process is writing to it, or it
-                is not a folder of results.
-            MissingExtra: polars is not installed.
+        ``wanted`` is the manifest: ``hash``, the owner's tables, and notes.
         """
         require("polars", extra="tables", purpose="a folder of many results")
         with self._errors():
@@ -94,7 +74,7 @@ class ResultsFolder:
                 if {o for o in others if not o.startswith(UNFINISHED)}:
                     raise self.error(
                         self.folder,
-                        "it holds other files and no manifest.json",
+                        "it contains other files and no manifest.json",
                         "choose a new folder for --out",
                     )
             self.shards.mkdir(parents=True, exist_ok=True)
@@ -108,11 +88,7 @@ class ResultsFolder:
                 yield
 
     def manifest(self) -> dict[str, Any] | None:
-        """The manifest, None where there is none.
-
-        Raises:
-            ResultsFolderError: it cannot be read.
-        """
+        """The manifest, None without one."""
         path = self.folder / MANIFEST
         try:
             if regular_file(path).stat().st_size > MAX_MANIFEST:
@@ -132,15 +108,7 @@ class ResultsFolder:
         return tuple((self.manifest() or {}).get("programs", ()))
 
     def append(self, rows: Sequence[Row]) -> None:
-        """Write rows as one more shard.
-
-        Args:
-            rows: all rows of some tasks.
-
-        Raises:
-            ResultsFolderError: the disk is full, or the folder cannot be written to. What was
-                there before is as it was.
-        """
+        """Write rows as one more shard; after an error the folder is as it was."""
         pl = require("polars", extra="tables", purpose="a folder of many results")
         if not rows:
             return
@@ -150,19 +118,11 @@ class ResultsFolder:
         self.write(f"{self.shards_name}/{name}", buffer.getvalue())
 
     def shard_name(self, rows: Sequence[Row]) -> str:
-        """What the name of a shard begins with."""
+        """Prefix of a shard's name."""
         return f"{len(rows):06d}"
 
     def write(self, name: str, content: bytes | str) -> None:
-        """Write a file of the folder: as a whole, or not at all.
-
-        Args:
-            name: path inside the folder.
-            content: bytes or text.
-
-        Raises:
-            ResultsFolderError: it cannot be written.
-        """
+        """Write a file of the folder atomically."""
         path = self.folder / name
         unfinished = path.parent / f"{UNFINISHED}{secrets.token_hex(4)}"
         data = content.encode() if isinstance(content, str) else content
@@ -179,14 +139,7 @@ class ResultsFolder:
                 raise
 
     def read(self, columns: Sequence[str] | None = None) -> pl.DataFrame:
-        """All rows of all shards, in the order of their names.
-
-        Args:
-            columns: those wanted; None: all.
-
-        Raises:
-            ResultsFolderError: a shard cannot be read.
-        """
+        """All rows of all shards, in the order of their names."""
         pl = require("polars", extra="tables", purpose="a folder of many results")
         frames = []
         for shard in self._shard_files():
@@ -246,32 +199,28 @@ class ResultsFolder:
             self.write(MANIFEST, json.dumps(complete, indent=1, default=str))
 
     def _check_kinds(self, content: Any) -> None:
-        """Refuse what was not written here, whether or not its layout is known.
-
-        Raises:
-            ValueError: it is no table, or a key holds a value of another kind.
-        """
+        """Refuse a manifest that was not written by this program."""
         if not isinstance(content, dict):
             raise ValueError("it is not a table")
         kinds = {self.owner: dict, "hash": str, "version": str, "programs": list}
         for key, kind in (kinds | self.manifest_kinds()).items():
             if key in content and not isinstance(content[key], kind):
-                raise ValueError(f"{key} is of another kind")
+                raise ValueError(f"{key} has the wrong type")
             if key not in content and "layout" in content:
                 raise ValueError(f"{key} is missing")
         if not all(isinstance(program, str) for program in content.get("programs", ())):
-            raise ValueError("programs are of another kind")
+            raise ValueError("programs have the wrong type")
 
     def manifest_kinds(self) -> dict[str, type]:
-        """Further keys of the manifest that are read again, with their types."""
+        """Further keys of the manifest that are read back, with their types."""
         return {}
 
     @contextmanager
     def _locked(self) -> Iterator[None]:
-        """Keep a second process out of the folder; the lock ends with the first one."""
+        """Exclusive lock of the folder, released when the process ends."""
         try:
             import fcntl
-        except ImportError:  # no such locks here: unique names still keep shards whole
+        except ImportError:  # no such locks on this system: unique names still protect shards
             yield
             return
         with (self.folder / LOCK).open("w") as file:
@@ -287,7 +236,7 @@ class ResultsFolder:
 
     @contextmanager
     def _errors(self) -> Iterator[None]:
-        """Problems with the disk in words."""
+        """Errors of the disk with the next step."""
         try:
             yield
         except OSError as error:
@@ -295,19 +244,12 @@ class ResultsFolder:
                 self.folder,
                 f"cannot be written to ({error.strerror or error})",
                 "free some space, change its permissions or choose another --out; the "
-                f"{self.rows_name} that are in it are as they were, and the same command goes on "
-                "from there",
+                f"{self.rows_name} in it are unchanged; run the same command to continue",
             ) from error
 
 
 def differences(here: Any, there: Any, key: str = "") -> list[str]:
-    """What differs between two sets of tables, as ``table.key: here / there``.
-
-    Args:
-        here: plain values.
-        there: likewise.
-        key: what they are called.
-    """
+    """Differences between two sets of tables, as ``table.key: here / there``."""
     if isinstance(here, Mapping) and isinstance(there, Mapping):
         found = []
         for name in dict.fromkeys([*here, *there]):
@@ -323,7 +265,7 @@ def _short(value: Any) -> str:
 
 
 def _sync_folder(folder: Path) -> None:
-    """Force a rename to disk, where folders can be opened."""
+    """Synchronise a rename to disk, if folders can be opened."""
     try:
         handle = os.open(folder, os.O_RDONLY)
     except OSError:

@@ -1,8 +1,8 @@
-"""Many tasks on any ``concurrent.futures`` executor, each written once, whatever ends the process.
+"""Many tasks on any ``concurrent.futures`` executor, each written once even after interruptions.
 
 The numbers of a task depend on its key alone, so neither the number of workers nor their order
-matters. Only a few tasks wait at a time and finished ones go to disk in small portions: memory
-does not grow with their number.
+matters. Only a few tasks are queued at a time and finished ones are written in small portions, so
+memory does not grow with their number.
 """
 
 from __future__ import annotations
@@ -23,38 +23,38 @@ from pivident.many.batch.batch_errors import BatchError
 from pivident.many.batch.results_folder import ResultsFolder, Row
 from pivident.threads import thread_count
 
-#: Finished tasks are written when there are so many, or after so many seconds.
+#: Finished tasks are written in portions of this size, or after this many seconds.
 PORTION, PERIOD = 64, 10.0
 
 #: Seconds between two lines of progress.
-TELLING = 5.0
+REPORT_PERIOD = 5.0
 
-#: Tasks submitted per worker: one that is computed, one that waits.
+#: Tasks submitted per worker: one running, one waiting.
 AHEAD = 2
 
-#: A task whose worker has died so often, alone from the second time on, is recorded as lost.
+#: A task whose worker died this often, alone from the second time on, is recorded as lost.
 DEATHS = 3
 
-#: Workers that die so often in a row, with nothing computed in between, will not do better.
-HOPELESS = 3 * DEATHS
+#: Number of worker deaths in a row, without a result in between, after which the batch stops.
+MAX_DEATHS = 3 * DEATHS
 
 #: Threads of the linear algebra libraries of a worker.
 _LIBRARY_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 
 Say = Callable[[str], None]
 
-#: What has to be said where the code has changed between the runs of a folder.
+#: Warning if the code has changed between the runs of a folder.
 CHANGED = (
-    "pivident's code has changed since the first results of this folder, so their numbers may not "
-    "belong together"
+    "pivident's code has changed since the first results of this folder, so the results may be "
+    "inconsistent"
 )
 
-#: What tells tasks apart: a number, a log. Keys have an order, in which tasks are computed.
+#: Identity of a task: a number, a log. Tasks are computed in the order of their keys.
 Key = TypeVar("Key")
 
 
 class Pool(Protocol):
-    """Where executors come from: a new one is asked for when workers have died."""
+    """Source of executors: a new one is requested when workers have died."""
 
     workers: int
 
@@ -68,21 +68,12 @@ class Watched(Protocol):
     """A pool that can lose all of its workers without its tasks ending with an error."""
 
     def check(self) -> None:
-        """Say whether it still has workers.
-
-        Raises:
-            BrokenProcessPool: it has none, and a new one has to be made.
-            BatchError: it has none, and nothing can be done about it here.
-        """
+        """Raise BrokenProcessPool if the workers can be restarted, else BatchError."""
         ...
 
 
 class Processes:
-    """Worker processes on this machine.
-
-    Args:
-        workers: how many; None: one for each core.
-    """
+    """Worker processes on this machine, by default one for each core."""
 
     def __init__(self, workers: int | None = None) -> None:
         self.workers = workers or thread_count()
@@ -101,19 +92,14 @@ class Processes:
             finally:
                 processes = list((pool._processes or {}).values())
                 pool.shutdown(wait=False, cancel_futures=True)
-                for process in processes:  # what they compute now is not wanted any more
+                for process in processes:  # their current results are not needed
                     process.terminate()
                 for process in processes:
                     process.join()
 
 
 class GivenExecutor:
-    """An executor of the caller's; it is not shut down.
-
-    Args:
-        executor: any ``concurrent.futures`` executor.
-        workers: how many tasks it computes at a time.
-    """
+    """An executor of the caller with ``workers`` tasks at a time; it is not shut down."""
 
     def __init__(self, executor: Executor, workers: int) -> None:
         self.executor, self.workers = executor, workers
@@ -125,18 +111,11 @@ class GivenExecutor:
 
 
 class Runner(Generic[Key]):
-    """Tasks while they are computed.
+    """Computation of many tasks.
 
-    Args:
-        task: what all of them share; sent to the workers with each key.
-        folder: where their rows are written.
-        pool: where they are computed.
-        work: gives the rows of a task from what is shared and its key.
-        lost: rows of a task whose worker died each time, from the same and how often.
-        title: what progress lines begin with.
-        total: how many tasks there are, done ones included.
-        say: progress.
-        noun: what the tasks are called.
+    ``task`` is the shared part, sent to the workers with each key; ``work`` returns the rows of a
+    task from both, ``lost`` those of a task whose worker died each time. ``total`` includes the
+    finished tasks; ``title`` and ``noun`` appear in progress lines.
     """
 
     def __init__(
@@ -154,19 +133,13 @@ class Runner(Generic[Key]):
         self.task, self.folder, self.pool, self.work, self.lost = task, folder, pool, work, lost
         self.title, self.total, self.say, self.noun = title, total, say, noun
         self.finished: list[list[Row]] = []
-        self.written, self.told = -math.inf, time.monotonic()  # the first one is written at once
+        self.written = -math.inf  # the first result is written at once
+        self.reported = time.monotonic()
         self.deaths: Counter[Key] = Counter()
         self.broken = 0
 
     def compute(self, missing: Sequence[Key]) -> None:
-        """Compute and write tasks; whatever happens, those that have finished are written.
-
-        Args:
-            missing: their keys.
-
-        Raises:
-            BatchError: workers die one after the other before they have computed anything.
-        """
+        """Compute tasks and write all that finish, even if an error occurs."""
         begin, at_hand = time.monotonic(), self.total - len(missing)
         waiting = list(missing)[::-1]
         self.say(f"{self.title}: starting {self.pool.workers} worker(s)")
@@ -175,26 +148,26 @@ class Runner(Generic[Key]):
                 try:
                     with self.pool() as executor:
                         self._drain(executor, waiting, begin, at_hand)
-                except BrokenProcessPool:  # it broke before it could take anything
+                except BrokenProcessPool:  # it broke before it accepted a task
                     self._recover({}, waiting)
         finally:
             self._write()
 
     def _drain(self, executor: Executor, waiting: list[Key], begin: float, at_hand: int) -> None:
-        """Submit and collect until nothing waits, or the pool breaks: then some wait again."""
+        """Submit and collect until no task waits, or the pool breaks."""
         running: dict[Future[list[Row]], Key] = {}
         try:
             while waiting or running:
                 while waiting and self._has_room(waiting[-1], running):
                     running[executor.submit(self.work, self.task, waiting[-1])] = waiting[-1]
-                    waiting.pop()  # only now: a pool that is broken does not take it
-                ready, _ = wait(running, timeout=TELLING, return_when=FIRST_COMPLETED)
+                    waiting.pop()  # only now: a broken pool does not accept it
+                ready, _ = wait(running, timeout=REPORT_PERIOD, return_when=FIRST_COMPLETED)
                 if not ready and isinstance(self.pool, Watched):
                     self.pool.check()
                 for future in ready:
                     self.finished.append(self._rows(future, running))
                 self._write_now_and_then()
-                self._tell(begin, at_hand, len(waiting) + len(running))
+                self._report(begin, at_hand, len(waiting) + len(running))
         except BrokenProcessPool:
             self._recover(running, waiting)
         finally:
@@ -202,13 +175,13 @@ class Runner(Generic[Key]):
                 future.cancel()
 
     def _has_room(self, key: Key, running: dict[Future[list[Row]], Key]) -> bool:
-        """Whether a task may be submitted: one that may have killed a worker is computed alone."""
+        """Whether a task may be submitted; one that may have killed a worker runs alone."""
         if self.deaths[key] or any(self.deaths[other] for other in running.values()):
             return not running
         return len(running) < AHEAD * self.pool.workers
 
     def _rows(self, future: Future[list[Row]], running: dict[Future[list[Row]], Key]) -> list[Row]:
-        """The rows of a finished task; what a cluster could not compute is recorded as lost."""
+        """The rows of a finished task; a task that a cluster gave up is recorded as lost."""
         error = future.exception()
         if isinstance(error, BrokenProcessPool):
             raise error
@@ -221,7 +194,7 @@ class Runner(Generic[Key]):
         raise error
 
     def _recover(self, running: dict[Future[list[Row]], Key], waiting: list[Key]) -> None:
-        """A worker has died: keep what is finished, do the others again."""
+        """After the death of a worker, keep finished tasks and queue the others again."""
         again = []
         for future, key in running.items():
             if future.done() and not future.cancelled() and future.exception() is None:
@@ -238,11 +211,11 @@ class Runner(Generic[Key]):
         self.say(f"{self.title}: a worker has died; its {self.noun} are computed again")
         self._write()
         self.broken += 1
-        if self.broken >= HOPELESS:
+        if self.broken >= MAX_DEATHS:
             raise BatchError(
                 f"workers died {self.broken} times in a row; is there enough memory? A script that "
-                "starts them needs 'if __name__ == \"__main__\":' around what it does. What had "
-                "finished is on disk, the same command goes on from there"
+                "starts them needs 'if __name__ == \"__main__\":' around its code. Finished "
+                "results are on disk; run the same command to continue"
             )
 
     def _write_now_and_then(self) -> None:
@@ -255,12 +228,12 @@ class Runner(Generic[Key]):
         self.folder.append([row for rows in finished for row in rows])
         self.written = time.monotonic()
 
-    def _tell(self, begin: float, at_hand: int, left: int) -> None:
-        """One line every few seconds, and the last one."""
+    def _report(self, begin: float, at_hand: int, left: int) -> None:
+        """One progress line every few seconds, and the last one."""
         now = time.monotonic()
-        if left and now - self.told < TELLING:
+        if left and now - self.reported < REPORT_PERIOD:
             return
-        self.told, done = now, self.total - left
+        self.reported, done = now, self.total - left
         line = f"{self.title}: {done} of {self.total} {self.noun}"
         if done > at_hand:
             pace = (now - begin) / (done - at_hand)
@@ -274,7 +247,7 @@ def _minutes(seconds: float) -> str:
 
 
 def _prepare_worker() -> None:
-    """A worker leaves Ctrl-C to its parent, and ends when the parent does."""
+    """Let a worker ignore Ctrl-C, and end with its parent."""
     from multiprocessing import connection, parent_process
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)

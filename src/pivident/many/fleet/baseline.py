@@ -1,33 +1,33 @@
-"""What a parameter was before anything changed, and how much records differ without a change.
+"""Baseline of a parameter: its level before any change, and the scatter between records.
 
-Of record i of robot r, taken at the temperature T_i, the baseline says
+The model of record i of robot r, taken at the temperature T_i, is
 
     y_i = μ_r + b (T_i - T₀) + u_i + e_i,      u_i ~ N(0, τ²),   e_i ~ N(0, s_i²)
 
-with the estimate's own deviation s_i, and a scatter τ between records that no interval of one
-record knows of: another warmth, another grease, model error that depends on the motion. This is
-the random-effects model of meta-analysis. Level μ_r belongs to the robot, slope b and scatter τ to
-all robots of the fleet. τ² is that of Paule and Mandel (1982): with w_i = 1/(τ² + s_i²), the
-weighted sum of squares about the fit,
+with the standard error s_i of the estimate, and a scatter τ between records that is not part of
+the interval of a single record: warm-up, grease, model error that depends on the motion. This is
+the random-effects model of meta-analysis. The level μ_r is that of the robot, slope b and scatter τ
+are common to all robots of the fleet. τ² is that of Paule and Mandel (1982): with
+w_i = 1/(τ² + s_i²), the weighted sum of squares about the fit,
 
     Q(τ²) = Σ w_i (y_i - μ̂_r - b̂ (T_i - T₀))² = ν,      ν = records - robots - 1
 
-equals its degrees of freedom ν; τ² = 0 where Q(0) is below. The error d_i = y_i - ŷ_i of a later
+equals its degrees of freedom ν; τ² = 0 if Q(0) is below. The error d_i = y_i - ŷ_i of a later
 record of robot r has the covariance
 
     C = diag(τ² + s²) + 11ᵀ/W_r + var(b̂) g gᵀ,      W_r = Σ w,   g_i = T_i - T̄_r
 
-and d/√C is compared with Student's t of ν degrees of freedom. For records that are equally good
-that is exact, or on the safe side where τ² = 0.
+and d/√C is compared with Student's t of ν degrees of freedom. This is exact for equally accurate
+records, and conservative if τ² = 0.
 
-Friction changes by so many percent per kelvin, and scatters by so many percent. Where a parameter
-is clear of zero in all robots, y is therefore divided by the robot's level at T₀, which is found in
-a few passes; its own error, of second order, is neglected. What is given out has the unit of the
-parameter again.
+Change with temperature and scatter of friction are proportional to its level. If a parameter is
+clearly different from zero in all robots, y is therefore divided by the robot's level at T₀, which
+is found in a few passes; its own error, of second order, is neglected. Results are in the unit of
+the parameter.
 
 ``baseline = "fleet"`` compares a robot with the others: its level is the mean of theirs, and the
-scatter σ² between robots (Paule and Mandel again, of their levels) comes on top of it for all its
-records in common. ν is then the number of other robots less one.
+scatter σ² between robots (Paule and Mandel again, of their levels) is added as a common error of
+all its records. ν is then the number of other robots minus one.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ import numpy as np
 
 from pivident.many.fleet.series import Series
 
-#: A level is clear of zero where it exceeds so many deviations of every record behind it.
+#: Smallest ratio of a level to the standard error of each of its records for relative values.
 CLEAR = 10.0
 
 #: Passes that find the levels by which values are divided.
@@ -52,66 +52,41 @@ TOLERANCE = 1e-12
 
 @dataclass(frozen=True)
 class Temperature:
-    """Change of a parameter with temperature, the same for all robots.
+    """Change of a parameter with temperature, the same for all robots."""
 
-    Attributes:
-        slope: b [unit of the scaled parameter per unit of the temperature].
-        std: its standard deviation.
-        reference: T₀.
-    """
-
-    slope: float
-    std: float
-    reference: float
+    slope: float  # b [unit of the scaled parameter per unit of the temperature]
+    std: float  # its standard error
+    reference: float  # T₀
 
 
 @dataclass(frozen=True, eq=False)
 class Expectation:
-    """What the baseline expects of the later records of one robot.
+    """Expectation of the later records of one robot by the baseline."""
 
-    Attributes:
-        first: index of the first record that is judged.
-        baseline_values: records before it at T₀, shape (first,).
-        level: level of the robot at T₀.
-        level_std: its standard deviation.
-        difference: d, records less expectation, shape (judged,).
-        covariance: C, shape (judged, judged).
-    """
-
-    first: int
-    baseline_values: np.ndarray
-    level: float
-    level_std: float
-    difference: np.ndarray
-    covariance: np.ndarray
+    first: int  # index of the first record that is judged
+    baseline_values: np.ndarray  # records before it at T₀, shape (first,)
+    level: float  # level of the robot at T₀
+    level_std: float  # its standard error
+    difference: np.ndarray  # d, records minus expectation, shape (judged,)
+    covariance: np.ndarray  # C, shape (judged, judged)
 
 
 @dataclass(frozen=True, eq=False)
 class Baseline:
-    """The baseline of one parameter over all robots.
+    """The baseline of one parameter over all robots."""
 
-    Attributes:
-        series: of each robot.
-        scales: what values and deviations of each robot were divided by, shape (robots,); scatter,
-            slope, levels and weights are those of the scaled values.
-        kind: ``robot`` or ``fleet``.
-        scatter: τ, deviation between records of one robot.
-        degrees: ν of that scatter.
-        temperature: change with temperature; None where it is not known or did not change.
-        levels: μ̂ at T₀ of each robot, NaN without a baseline, shape (robots,).
-        weights: W_r, likewise.
-        centres: T̄_r, likewise.
-    """
-
-    series: tuple[Series, ...]
+    series: tuple[Series, ...]  # of each robot
+    # divisors of values and standard errors of each robot, shape (robots,); scatter, slope,
+    # levels and weights are those of the scaled values
     scales: np.ndarray
-    kind: str
-    scatter: float
-    degrees: int
+    kind: str  # ``robot`` or ``fleet``
+    scatter: float  # τ, standard deviation between records of one robot
+    degrees: int  # ν of that scatter
+    # change with temperature; None where it is not known or did not change
     temperature: Temperature | None
-    levels: np.ndarray
-    weights: np.ndarray
-    centres: np.ndarray
+    levels: np.ndarray  # μ̂ at T₀ of each robot, NaN without a baseline, shape (robots,)
+    weights: np.ndarray  # W_r, likewise
+    centres: np.ndarray  # T̄_r, likewise
 
     @cached_property
     def scaled(self) -> tuple[Series, ...]:
@@ -124,11 +99,7 @@ class Baseline:
         return float(np.mean(self.scales))
 
     def expectation(self, number: int) -> Expectation | None:
-        """Errors of a robot's later records in the unit of the parameter, None without any.
-
-        Args:
-            number: which robot.
-        """
+        """Errors of a robot's later records in the unit of the parameter, None without any."""
         found = self._among_others(number) if self.kind == "fleet" else self._by_itself(number)
         if found is None:
             return None
@@ -208,11 +179,9 @@ def fit_baseline(
 ) -> Baseline:
     """The baseline of one parameter.
 
-    Args:
-        series: the parameter of each robot.
-        kind: ``robot``: each has its own level; ``fleet``: it is compared with the others.
-        relative: whether values are divided by the robot's level; None: where each robot has its
-            own and all are clear of zero.
+    ``kind``: ``robot`` gives each its own level, ``fleet`` compares it with the others.
+    ``relative``: values are divided by the robot's level; None: if each robot has its own and all
+    are clearly different from zero.
     """
     scales = np.ones(len(series))
     found = _fitted(series, scales, kind)
@@ -235,7 +204,7 @@ def _scaled(series: Sequence[Series], scales: np.ndarray) -> tuple[Series, ...]:
 
 
 def _fitted(original: Sequence[Series], scales: np.ndarray, kind: str) -> Baseline:
-    """The baseline of values that are divided by given scales."""
+    """The baseline of values divided by given scales."""
     series = _scaled(original, scales)
     first = [min(s.baseline, s.records) for s in series]
     robot = np.repeat(np.arange(len(series)), first)
@@ -261,12 +230,7 @@ def _fitted(original: Sequence[Series], scales: np.ndarray, kind: str) -> Baseli
 
 
 def paule_mandel(excess: Callable[[float], float], scale: float) -> float:
-    """The variance τ² at which Q(τ²) - ν is zero; zero where it is negative already there.
-
-    Args:
-        excess: Q - ν, falling with τ².
-        scale: a variance of that size, where the search begins.
-    """
+    """The variance τ² ≥ 0 at which Q(τ²) - ν, falling with τ², is zero or starts negative."""
     from scipy.optimize import brentq
 
     if excess(0.0) <= 0.0:
@@ -288,7 +252,7 @@ class _Regression:
         ones = np.ones_like(y)
         within = self.t - self.means(self.t, ones)[robot]
         present = int((np.bincount(robot, minlength=robots) > 0).sum())
-        # a slope needs temperatures that differ within a robot, and a degree of freedom to spare
+        # a slope needs different temperatures within a robot, and a spare degree of freedom
         self.warm = t is not None and bool(np.ptp(within) > 0.0) and y.size - present > 1
         if not self.warm:
             self.t = np.zeros_like(y)

@@ -1,17 +1,17 @@
-"""Control charts: which record of a series leaves what its baseline allows.
+"""Control charts: significant changes of a parameter from its baseline.
 
-Each record after the baseline is judged twice (d and C are those of `baseline`):
+Each record after the baseline is tested twice (d and C are those of `baseline`):
 
     Shewhart   z_i = d_i / √C_ii                                      a sudden change
     EWMA       m_i = Σ a_j d_j,   z_i = m_i / √(aᵀ C a)               a slow one
 
 where a_j ∝ (1 - λ)^(i - j) / C_jj over the records up to i, and Σ a_j = 1: an exponentially
-weighted mean that trusts good records more. Both are Student's t with ν degrees of freedom where
-nothing has changed; the baseline's own error is in C.
+weighted mean that gives accurate records more weight. Without a change both follow Student's t with
+ν degrees of freedom; C includes the error of the baseline.
 
 With m tests in all (two for each record, parameter and robot), an alarm needs |z| above the
 quantile t(1 - level/(2m)). By Bonferroni's inequality the probability of one false alarm or more,
-anywhere in the fleet and the period, is at most the level, however the tests depend on each other.
+anywhere in the fleet and the period, is at most the level for any dependence between the tests.
 """
 
 from __future__ import annotations
@@ -24,49 +24,33 @@ import numpy as np
 from pivident.many.fleet.baseline import Baseline, Expectation
 from pivident.many.fleet.series import Series
 
-#: λ, the weight of the newest record among equally good ones.
+#: λ, the weight of the newest record among equally accurate ones.
 FORGETTING = 0.3
 
 #: Tests of one record.
 TESTS = 2
 
-#: Probability that the intervals of changes and slopes cover.
+#: Confidence of the intervals of changes and slopes.
 CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """The chart of one parameter of one robot; arrays over the judged records.
+    """The chart of one parameter of one robot; arrays over the judged records."""
 
-    Attributes:
-        series: the estimates.
-        first: index of the first record that is judged.
-        baseline_values: records before it, at the reference temperature, shape (first,).
-        level: level of the baseline [unit of the parameter], at the reference temperature.
-        level_std: its standard deviation.
-        degrees: degrees of freedom.
-        difference: d, record less expectation.
-        std: √C_ii.
-        mean: exponentially weighted mean of d.
-        mean_std: its standard deviation.
-        covariance: C.
-        limit: |z| that gives an alarm.
-        tests: m, number of tests in the family.
-    """
-
-    series: Series
-    first: int
-    baseline_values: np.ndarray
-    level: float
-    level_std: float
-    degrees: int
-    difference: np.ndarray
-    std: np.ndarray
-    mean: np.ndarray
-    mean_std: np.ndarray
-    covariance: np.ndarray
-    limit: float
-    tests: int
+    series: Series  # the estimates
+    first: int  # index of the first record that is judged
+    baseline_values: np.ndarray  # records before it, at the reference temperature, shape (first,)
+    level: float  # level of the baseline [unit of the parameter], at the reference temperature
+    level_std: float  # its standard error
+    degrees: int  # degrees of freedom
+    difference: np.ndarray  # d, record minus expectation
+    std: np.ndarray  # √C_ii
+    mean: np.ndarray  # exponentially weighted mean of d
+    mean_std: np.ndarray  # its standard error
+    covariance: np.ndarray  # C
+    limit: float  # |z| that gives an alarm
+    tests: int  # m, number of tests in the family
 
     @property
     def sudden(self) -> np.ndarray:
@@ -80,43 +64,27 @@ class Chart:
 
     @property
     def outside(self) -> np.ndarray:
-        """Which records give an alarm."""
+        """Records with an alarm."""
         return (np.abs(self.sudden) > self.limit) | (np.abs(self.slow) > self.limit)
 
 
 @dataclass(frozen=True)
 class Alarm:
-    """A parameter that has left what its baseline allows.
-
-    Attributes:
-        robot: whose.
-        joint: joint that the parameter belongs to.
-        parameter: its name.
-        unit: of change and level.
-        log: the first record outside.
-        time: when that was taken.
-        charts: ``shewhart``, ``ewma`` or both, at that record.
-        change: mean change from that record on.
-        low: lower end of its interval of 95 %.
-        high: upper end.
-        level: of the baseline.
-        records: number of records behind the change.
-        p_value: probability of so large a z somewhere in the fleet without any change, at most.
-    """
+    """A significant change of a parameter."""
 
     robot: str
-    joint: str
-    parameter: str
-    unit: str
-    log: str
-    time: str
-    charts: tuple[str, ...]
-    change: float
-    low: float
-    high: float
-    level: float
-    records: int
-    p_value: float
+    joint: str  # joint of the parameter
+    parameter: str  # its name
+    unit: str  # of change and level
+    log: str  # the first record outside
+    time: str  # time of that record
+    charts: tuple[str, ...]  # ``shewhart``, ``ewma`` or both, at that record
+    change: float  # mean change from that record on
+    low: float  # lower end of its interval of 95 %
+    high: float  # upper end
+    level: float  # of the baseline
+    records: int  # number of records behind the change
+    p_value: float  # upper bound of the probability of such a z in the fleet without any change
 
     @property
     def relative(self) -> tuple[float, float, float]:
@@ -128,12 +96,10 @@ class Alarm:
 def draw_charts(
     baselines: Sequence[Baseline], level: float, planned: int | None = None
 ) -> list[Chart]:
-    """Charts of all parameters and robots that have records to be judged.
+    """Charts of all parameters and robots with records after the baseline.
 
-    Args:
-        baselines: of each parameter.
-        level: probability of one false alarm or more in the whole fleet and period, at most.
-        planned: judged records of each robot in the whole period; None: those that are there.
+    ``level``: probability of one false alarm or more in the whole fleet and period, at most.
+    ``planned``: judged records of each robot in the whole period; None: those that are there.
     """
     from scipy.stats import t
 
@@ -154,24 +120,14 @@ def draw_charts(
 def number_of_tests(
     baselines: Sequence[Baseline], judged: Sequence[int], planned: int | None
 ) -> int:
-    """m: two tests for each judged record of each parameter and robot.
-
-    Args:
-        baselines: of each parameter.
-        judged: records judged in each chart.
-        planned: records of each robot in the period; None: those that are there.
-    """
+    """m: two tests for each judged record of each parameter and robot."""
     if planned is None:
         return TESTS * max(1, sum(judged))
     return TESTS * sum(len(b.series) for b in baselines) * max([planned, *judged])
 
 
 def find_alarms(charts: Sequence[Chart]) -> list[Alarm]:
-    """One alarm for each chart with records outside, the clearest first.
-
-    Args:
-        charts: of the fleet.
-    """
+    """One alarm for each chart with records outside, the clearest first."""
     found = [_alarm(chart) for chart in charts if chart.outside.any()]
     return sorted(found, key=lambda a: (a.p_value, a.robot, a.parameter))
 

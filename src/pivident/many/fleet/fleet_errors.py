@@ -1,4 +1,4 @@
-"""What can go wrong with the results folder of a fleet, and with what is asked of it."""
+"""Errors of a fleet and of its results folder."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Figures of a fleet: who has drifted, and the chart of one parameter of one robot."""
+"""Figures of a fleet: drift of all robots, and the chart of one parameter of one robot."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pivident.many.fleet.judgement import Judgement
 from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 
-#: Blue for less, red for more, nothing for no change; legible on white and on black.
+#: Blue for a decrease, red for an increase, transparent for no change; legible on white and black.
 DIVERGING = [
     [0.0, "rgb(33, 102, 172)"],
     [0.35, "rgb(146, 197, 222)"],
@@ -35,7 +35,7 @@ def overview_figure(judgement: Judgement) -> Figure | None:
     for chart in charts:
         size = float(np.abs(chart.slow[-1])) / chart.limit
         worst[chart.series.robot] = max(size, worst.get(chart.series.robot, 0.0))
-    robots = sorted(worst, key=lambda name: worst[name])  # the last one is drawn on top
+    robots = sorted(worst, key=lambda name: worst[name])  # the last one is at the top
     drift = np.full((len(robots), len(parameters)), np.nan)
     words = np.full(drift.shape, "", dtype=object)
     rows = {name: k for k, name in enumerate(robots)}
@@ -49,9 +49,9 @@ def overview_figure(judgement: Judgement) -> Figure | None:
     plot.add_heatmap(
         z=np.round(drift, 3).tolist(), x=[html.escape(p) for p in parameters],
         y=[html.escape(r) for r in robots], text=words.tolist(),
-        hovertemplate="%{y} %{x}: %{z:.2f} deviations<br>%{text}<extra></extra>",
+        hovertemplate="%{y} %{x}: %{z:.2f} standard errors<br>%{text}<extra></extra>",
         zmin=-2 * limit, zmax=2 * limit, colorscale=DIVERGING,
-        colorbar={"title": {"text": "deviations"}, "thickness": 12}, xgap=1, ygap=1,
+        colorbar={"title": {"text": "standard errors"}, "thickness": 12}, xgap=1, ygap=1,
     )  # fmt: skip
     plot.update_layout(margin={"l": 110, "r": 12, "t": 8, "b": 52})
     plot.update_yaxes(type="category", automargin=True)
@@ -62,18 +62,13 @@ def overview_figure(judgement: Judgement) -> Figure | None:
         height=height,
         title="Standardised drift of every robot",
         label=f"Standardised drift of {len(robots)} robots and {len(parameters)} parameters",
-        note=f"Exponentially weighted mean change at the last record over its deviation; an alarm "
-        f"needs {limit:.2f} or more. Robots with the largest drift stand on top.",
+        note=f"Exponentially weighted mean change at the last record over its standard error; "
+        f"an alarm needs {limit:.2f} or more. Robots with the largest drift are at the top.",
     )
 
 
 def chart_figure(chart: Chart, number: int = 0) -> Figure:
-    """Estimates at the reference temperature, limits of a single record, and the running mean.
-
-    Args:
-        chart: of one parameter of one robot.
-        number: for its colour.
-    """
+    """Estimates at the reference temperature, limits of a single record, and the running mean."""
     series, first = chart.series, chart.first
     x: Sequence[str | float] = series.times
     judged = chart.level + chart.difference
@@ -102,7 +97,7 @@ def chart_figure(chart: Chart, number: int = 0) -> Figure:
     plot.add_hline(chart.level, line={"color": MEASURED, "width": 1})
     plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
     plot.update_xaxes(type="date" if "-" in series.times[0][1:] else "category")
-    last = f"last record {chart.sudden[-1]:+.2f}, weighted mean {chart.slow[-1]:+.2f} deviations"
+    last = f"last record {chart.sudden[-1]:+.2f} σ, weighted mean {chart.slow[-1]:+.2f} σ"
     return Figure(
         plot,
         height=300,

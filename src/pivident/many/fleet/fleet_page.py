@@ -1,4 +1,4 @@
-"""The judgement of a fleet as one HTML page that needs nothing else, in the look of the report."""
+"""The judgement of a fleet as one self-contained HTML page in the style of the report."""
 
 from __future__ import annotations
 
@@ -18,16 +18,16 @@ from pivident.text.numbers import with_spread
 from pivident.text.toml import toml_lines
 from pivident.version import __version__
 
-#: Charts that are drawn: those with alarms first; more would only make the page heavy.
+#: Maximum number of charts, those with alarms first; more would make the page slow.
 MAX_CHARTS = 40
 
-#: Charts that are drawn where there are fewer alarms.
+#: Number of charts if there are fewer alarms.
 MIN_CHARTS = 8
 
-#: Robots with alarms that the headline names.
+#: Maximum number of robots in the headline.
 MAX_NAMED = 6
 
-#: Failed logs and rates of wear that are listed.
+#: Maximum number of listed failed logs and rates of wear.
 MAX_LISTED = 100
 
 HEADINGS = {
@@ -41,11 +41,7 @@ HEADINGS = {
 
 
 def render_page(judgement: Judgement) -> str:
-    """The page as text.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """The page as text."""
     fleet = judgement.fleet
     environment = page_environment()
     environment.loader = ChoiceLoader(
@@ -119,7 +115,7 @@ def _headline(judgement: Judgement) -> str:
     """How many alarms, and whose."""
     count = Counter(alarm.robot for alarm in judgement.alarms)
     if not count:
-        return "No alarm: no watched parameter has left what its baseline allows."
+        return "No alarm: no watched parameter has changed significantly from its baseline."
     robots = [f"{robot} ({number})" for robot, number in count.most_common()]
     more = f" and {len(robots) - MAX_NAMED} more" if len(robots) > MAX_NAMED else ""
     return f"{_counted(count.total(), 'alarm')}: {', '.join(robots[:MAX_NAMED])}{more}."

@@ -17,7 +17,7 @@ from pivident.robot.naming import nearest
 
 
 class FleetEntry(Entry):
-    """Which logs there are, what is watched, and how many false alarms are tolerated."""
+    """Pattern of the logs, watched parameters, and probability of a false alarm."""
 
     pattern: Paths | None = None
     together: Names | None = None
@@ -36,7 +36,7 @@ class FleetEntry(Entry):
             raise ValueError(f"there is no method {self.method!r}; {nearest(self.method, METHODS)}")
         if self.baseline == "robot" and self.baseline_records < 2:
             raise ValueError(
-                "baseline_records = 1 does not show how much records differ without wear; use 2 or "
+                "baseline_records = 1 does not give the scatter between records; use 2 or "
                 'more, or baseline = "fleet" to compare each robot with the others'
             )
         return self
@@ -70,11 +70,7 @@ class FleetFile(ExperimentFile):
 
 
 def as_template(content: dict[str, Any]) -> dict[str, Any]:
-    """Tables of a file with a pattern of files, where ``[recording]`` names none.
-
-    Args:
-        content: the tables, short forms written out.
-    """
+    """Tables of a file with a pattern of files, if ``[recording]`` names none."""
     recording, fleet = content.get("recording"), content.get("fleet")
     pattern = fleet.get("pattern") if isinstance(fleet, dict) else None
     if not isinstance(recording, list) or not recording or not isinstance(recording[0], dict):

@@ -57,16 +57,7 @@ class FleetStore(ResultsFolder):
 
     @contextmanager
     def opened(self, template: Template) -> Iterator[FleetStore]:
-        """Take the folder for a fleet: make it, or check that it belongs to the template.
-
-        Args:
-            template: the fleet's experiment file.
-
-        Raises:
-            OtherFleet: it holds results of another one; nothing is changed.
-            FleetFolderError: it cannot be written to, another process is writing to it, or it is
-                not a folder of results.
-        """
+        """Lock the folder for a fleet, after creating it or checking that it belongs to it."""
         wanted = {
             "name": template.experiment.title,
             "hash": template.hash,
@@ -76,7 +67,7 @@ class FleetStore(ResultsFolder):
             yield self
 
     def known(self) -> dict[str, set[str]]:
-        """Hashes of the content that each log had when it was identified."""
+        """Hashes of the content of each log at identification."""
         table = self.read(["task", "sha256"]).unique()
         found: dict[str, set[str]] = {}
         for task, digest in table.iter_rows():
@@ -85,11 +76,7 @@ class FleetStore(ResultsFolder):
         return found
 
     def rows(self, digests: Mapping[str, str | None]) -> pl.DataFrame:
-        """The rows of logs, the latest ones of each.
-
-        Args:
-            digests: hash of the content that is meant of each log, None for the latest one.
-        """
+        """The rows of logs with the content named by ``digests``; None: the latest of a log."""
         pl = require("polars", extra="tables", purpose="the study of a fleet")
         meant = pl.DataFrame(
             {"task": list(digests), "meant": list(digests.values())},
@@ -103,5 +90,5 @@ class FleetStore(ResultsFolder):
         return table.unique(["task", "parameter"], keep="first", maintain_order=True).drop("meant")
 
     def shard_name(self, rows: Sequence[Row]) -> str:
-        """When it was written."""
+        """Time of writing."""
         return f"{time.time_ns():020d}"

@@ -9,12 +9,7 @@ from pivident.many.fleet.judgement import Judgement, promise
 
 
 def judgement_text(judgement: Judgement, most: int) -> str:
-    """Alarms in sentences, failed logs, and what is to be known.
-
-    Args:
-        judgement: of a fleet.
-        most: alarms and failed logs that are listed.
-    """
+    """Alarms in sentences, failed logs, and notes."""
     fleet = judgement.fleet
     lines = [
         f"{len(fleet.robots)} robot(s), {len(fleet.logs)} log(s), method "
@@ -34,11 +29,7 @@ def judgement_text(judgement: Judgement, most: int) -> str:
 
 
 def alarm_sentence(alarm: Alarm) -> str:
-    """Which robot and joint, since when, by how much.
-
-    Args:
-        alarm: one alarm.
-    """
+    """Robot, joint, time and size of a change."""
     share, low, high = (100.0 * value for value in alarm.relative)
     of_level = f", {share:+.3g} % ({low:+.3g} to {high:+.3g} %)" if math.isfinite(share) else ""
     return (

@@ -1,4 +1,4 @@
-"""Identify the logs of a fleet that have not been identified yet, and judge all of them."""
+"""Identification of the new and changed logs of a fleet."""
 
 from __future__ import annotations
 
@@ -24,21 +24,14 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """The estimates of a fleet.
+    """The estimates of a fleet."""
 
-    Attributes:
-        template: its experiment file.
-        logs: its logs, in the order of robots and time.
-        axis: what their positions in time mean.
-        rows: one row for each log and parameter, or with an error; as they are in the store.
-        store: the results folder.
-    """
-
-    template: Template
-    logs: tuple[FleetLog, ...]
-    axis: TimeAxis
+    template: Template  # its experiment file
+    logs: tuple[FleetLog, ...]  # its logs, in the order of robots and time
+    axis: TimeAxis  # meaning of their positions in time
+    # one row for each log and parameter, or with an error; as they are in the store
     rows: pl.DataFrame
-    store: FleetStore
+    store: FleetStore  # the results folder
 
     @property
     def failures(self) -> pl.DataFrame:
@@ -64,12 +57,12 @@ def identify_fleet(
     """Identify every log of a folder that is new or has changed.
 
     Args:
-        folder: where the logs lie.
+        folder: folder of the logs.
         experiment: template for all of them; None: ``fleet.toml`` in the folder.
         out: results folder; None: NAME-fleet for the folder NAME.
-        pool: where logs are identified, see `pivident.many.batch.cluster`.
+        pool: workers that identify logs, see `pivident.many.batch.cluster`.
         workers: processes on this machine, or logs at a time of ``executor``.
-        executor: any executor; what it runs must be able to import pivident and read the logs.
+        executor: any executor whose workers can import pivident and read the logs.
         say: progress.
 
     Returns:
@@ -77,7 +70,7 @@ def identify_fleet(
 
     Raises:
         ExperimentError: template, pattern or folder cannot be used.
-        FleetFolderError: the results folder cannot be used; what is in it is as it was.
+        FleetFolderError: the results folder cannot be used; it is not changed.
     """
     say = say or (lambda line: None)
     folder = Path(folder)
@@ -114,23 +107,15 @@ def identify_fleet(
 
 
 def default_out(folder: Path) -> Path:
-    """Results folder where none is named."""
+    """Default results folder."""
     return Path(f"{folder.absolute().name or 'fleet'}-fleet")
 
 
 def template_of(folder: Path, path: str | Path | None = None) -> Template:
-    """The experiment file that is named, or the one in the folder.
-
-    Args:
-        folder: where the logs lie.
-        path: the file, or None.
-
-    Raises:
-        ExperimentError: there is none, or it cannot be used.
-    """
+    """The experiment file that is named, or the one in the folder."""
     if path is None and not (folder / FILE).is_file():
         if not folder.is_dir():
-            raise ExperimentError(f"{folder} is no folder; name the folder that holds the logs")
+            raise ExperimentError(f"{folder} is not a folder; name the folder of the logs")
         raise ExperimentError(
             f"{folder}: there is no {FILE} in it; write one, or name an experiment file with "
             "--experiment: robot, [recording] with columns, [controller], and [fleet]"
@@ -139,7 +124,7 @@ def template_of(folder: Path, path: str | Path | None = None) -> Template:
 
 
 def _known_digest(log: FleetLog, known: dict[str, set[str]]) -> str | None:
-    """Hash of a log that has been identified as it is now, None for the others."""
+    """Hash of a log that was identified with its present content, else None."""
     if log.fault or log.name not in known:
         return None
     try:

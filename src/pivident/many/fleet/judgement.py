@@ -1,46 +1,31 @@
-"""What the estimates of a fleet say: charts, alarms, wear; and the files that say it."""
+"""Assessment of a fleet: control charts, alarms and wear."""
 
 from __future__ import annotations
 
-import io
-import json
-from collections.abc import Callable
-from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from pivident.extras import require
 from pivident.many.fleet.baseline import Baseline, fit_baseline
 from pivident.many.fleet.control_chart import Alarm, Chart, draw_charts, find_alarms
 from pivident.many.fleet.identify_fleet import Fleet
 from pivident.many.fleet.series import Series, watched_series
-from pivident.many.fleet.wear import Rate, Wear, separate_wear
-from pivident.text.plain_values import plain
+from pivident.many.fleet.wear import Wear, separate_wear
 
 if TYPE_CHECKING:
     import polars as pl
 
-PARAMETERS, ALARMS, PAGE = "parameters.parquet", "alarms.json", "fleet.html"
-
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """A fleet with everything that was found out about it.
+    """A fleet with its baselines, charts, alarms and wear."""
 
-    Attributes:
-        fleet: the estimates.
-        baselines: of each watched parameter.
-        charts: of each parameter and robot with records after the baseline.
-        alarms: one for each chart that was left, the clearest first.
-        wear: of each watched parameter.
-        notes: what must be known to read the rest, whole sentences.
-    """
-
-    fleet: Fleet
-    baselines: tuple[Baseline, ...]
-    charts: tuple[Chart, ...]
-    alarms: tuple[Alarm, ...]
-    wear: tuple[Wear, ...]
-    notes: tuple[str, ...]
+    fleet: Fleet  # the estimates
+    baselines: tuple[Baseline, ...]  # of each watched parameter
+    charts: tuple[Chart, ...]  # of each parameter and robot with records after the baseline
+    alarms: tuple[Alarm, ...]  # one for each chart with records outside, the clearest first
+    wear: tuple[Wear, ...]  # of each watched parameter
+    notes: tuple[str, ...]  # reservations, whole sentences
 
     @property
     def level(self) -> float:
@@ -54,14 +39,7 @@ class Judgement:
 
 
 def judge(fleet: Fleet) -> Judgement:
-    """Charts, alarms and wear of all watched parameters.
-
-    Args:
-        fleet: the estimates.
-
-    Raises:
-        FleetError: a watched parameter was not estimated.
-    """
+    """Charts, alarms and wear of all watched parameters."""
     entry = fleet.template.fleet
     series = watched_series(fleet.rows, fleet.logs, entry.watch, entry.baseline_records)
     groups: dict[str, list[Series]] = {}
@@ -79,41 +57,11 @@ def judge(fleet: Fleet) -> Judgement:
     )
 
 
-def conclude_fleet(fleet: Fleet, say: Callable[[str], None] | None = None) -> Judgement:
-    """Judge a fleet and write its table, its alarms and its page into the results folder.
-
-    Args:
-        fleet: the estimates.
-        say: progress.
-
-    Returns:
-        The judgement that was written.
-
-    Raises:
-        FleetError: a watched parameter was not estimated.
-        FleetFolderError: the folder cannot be written to.
-    """
-    from pivident.many.fleet.fleet_page import render_page
-
-    say = say or (lambda line: None)
-    buffer = io.BytesIO()
-    parameter_table(fleet).write_parquet(buffer)
-    fleet.store.write(PARAMETERS, buffer.getvalue())
-    say("judging what has changed")
-    judgement = judge(fleet)
-    fleet.store.write(ALARMS, alarms_json(judgement))
-    fleet.store.write(PAGE, render_page(judgement))
-    return judgement
-
-
 def parameter_table(fleet: Fleet) -> pl.DataFrame:
     """One row for each log and parameter, and one for each log that failed.
 
     Columns are the parts of the pattern (``robot``, ``day`` …), ``time``, ``log`` and the results;
     ``std`` is that of the method, ``relative_error`` that of the whole fit.
-
-    Args:
-        fleet: the estimates.
     """
     pl = require("polars", extra="tables", purpose="the study of a fleet")
     names = [name for name, _ in fleet.logs[0].captures]
@@ -132,55 +80,8 @@ def parameter_table(fleet: Fleet) -> pl.DataFrame:
     return joined.drop("order", "row")
 
 
-def alarms_json(judgement: Judgement) -> str:
-    """Alarms with what they promise, as strict JSON: numbers that are not finite are null.
-
-    Args:
-        judgement: of a fleet.
-    """
-    fleet, entry = judgement.fleet, judgement.fleet.template.fleet
-    content: dict[str, Any] = {
-        "schema": 1,
-        "level": judgement.level,
-        "promise": promise(judgement),
-        "tests": judgement.tests,
-        "robots": len(fleet.robots),
-        "logs": len(fleet.logs),
-        "failed": len(fleet.failures),
-        "method": fleet.template.method_name,
-        "baseline": entry.baseline,
-        "baseline_records": entry.baseline_records,
-        "alarms": [
-            asdict(a)
-            | {
-                f"relative_{k}": v
-                for k, v in zip(("change", "low", "high"), a.relative, strict=True)
-            }
-            for a in judgement.alarms
-        ],
-        "parameters": {
-            w.parameter: {
-                "unit": w.unit,
-                "level": w.level,
-                "scatter": b.scatter * b.typical_scale,
-                "degrees": b.degrees,
-                "temperature_per_unit": _rate(w.temperature),
-                "wear_per": fleet.axis.unit,
-                "wear": {robot: _rate(rate) for robot, rate in w.robots.items()},
-            }
-            for b, w in zip(judgement.baselines, judgement.wear, strict=True)
-        },
-        "notes": list(judgement.notes),
-    }
-    return json.dumps(plain(content), indent=1, allow_nan=False)
-
-
 def promise(judgement: Judgement) -> str:
-    """What the level means, in one sentence.
-
-    Args:
-        judgement: of a fleet.
-    """
+    """Meaning of the level in one sentence."""
     entry = judgement.fleet.template.fleet
     period = (
         "in this report (a report on more records has tests of its own)"
@@ -194,7 +95,7 @@ def promise(judgement: Judgement) -> str:
 
 
 def _notes(fleet: Fleet, baselines: list[Baseline], charts: list[Chart]) -> list[str]:
-    """What a reader has to know, and could not see from the charts."""
+    """Reservations that the charts do not show."""
     pl = require("polars", extra="tables", purpose="the study of a fleet")
     entry, notes = fleet.template.fleet, []
     failed = fleet.failures
@@ -210,18 +111,18 @@ def _notes(fleet: Fleet, baselines: list[Baseline], charts: list[Chart]) -> list
     if early:
         shown = ", ".join(early[:3]) + (f" and {len(early) - 3} more" if len(early) > 3 else "")
         notes.append(
-            f"{len(early)} robot(s) have no record that could be judged ({shown}): "
+            f"{len(early)} robot(s) have no record after the baseline ({shown}): "
             + (
                 f"the first {entry.baseline_records} records of each are its baseline."
                 if entry.baseline == "robot"
-                else "a robot is compared with two others at least."
+                else "a robot is compared with at least two others."
             )
         )
     few = [b for b in baselines if 0 < b.degrees < 8] if entry.baseline == "robot" else []
     if few:
         notes.append(
-            f"The scatter between records rests on {few[0].degrees} degree(s) of freedom only, so "
-            "that limits are wide; more baseline records or more robots narrow them."
+            f"The scatter between records has only {few[0].degrees} degree(s) of freedom, so the "
+            "limits are wide; more baseline records or more robots narrow them."
         )
     if entry.temperature is not None and any(b.temperature is None for b in baselines):
         notes.append(
@@ -232,7 +133,7 @@ def _notes(fleet: Fleet, baselines: list[Baseline], charts: list[Chart]) -> list
         most = max(c.difference.size for c in charts)
         if most > entry.planned_records:
             notes.append(
-                f"There are {most} judged records of a robot, more than planned_records = "
+                f"There are {most} tested records of a robot, more than planned_records = "
                 f"{entry.planned_records}; the level holds for this report alone."
             )
     return notes
@@ -245,8 +146,3 @@ def _column(name: str) -> str:
            "parameter", "unit", "value", "std", "robust_std", "friction", "temperature", "error",
            "message"}  # fmt: skip
     return f"{name}_part" if name in own else name
-
-
-def _rate(rate: Rate | None) -> list[float] | None:
-    """Value and interval."""
-    return None if rate is None else [rate.value, rate.low, rate.high]

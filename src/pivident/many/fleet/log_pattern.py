@@ -1,7 +1,7 @@
-"""Patterns of the paths of logs, and what their parts capture.
+"""Patterns of the paths of logs, and their captures.
 
-A pattern is a path below the folder in which ``{name}`` stands for a part without ``/`` that tells
-logs apart, and ``*`` for a part that does not:
+A pattern is a path below the folder in which ``{name}`` stands for a part without ``/`` that
+distinguishes logs, and ``*`` for a part that does not:
 
     {robot}/{day}.csv                         arm_03/2026-03-01.csv
     {robot}_{day}.csv                         arm_03_2026-03-01.csv: the first part takes most
@@ -16,10 +16,10 @@ from collections.abc import Sequence
 
 from pivident.errors import ExperimentError
 
-#: Most parts of one folder's or file's name that a pattern may tell apart.
+#: Maximum number of parts of one folder's or file's name in a pattern.
 MAX_PARTS = 4
 
-#: The capture that says whose record it is.
+#: The capture with the name of the robot.
 ROBOT = "robot"
 
 _CAPTURE = re.compile(r"\{([^{}]*)\}|(\*)")
@@ -29,15 +29,7 @@ Captures = tuple[tuple[str, str], ...]
 
 
 class Pattern:
-    """One pattern of paths.
-
-    Args:
-        key: whose files it finds.
-        text: the pattern.
-
-    Raises:
-        ExperimentError: a capture has no usable name, two touch each other, or there is none.
-    """
+    """One pattern of paths for the files of ``key``."""
 
     def __init__(self, key: str, text: str) -> None:
         self.text = text
@@ -47,8 +39,8 @@ class Pattern:
         for found in _CAPTURE.finditer(text):
             if end == found.start() and end > 0:
                 raise ExperimentError(
-                    f"{where}: {found.group()} follows another part directly, so that nobody knows "
-                    "where one ends; put a character such as _ or / between them"
+                    f"{where}: {found.group()} follows another part directly, so the boundary is "
+                    "ambiguous; put a character such as _ or / between them"
                 )
             expression += re.escape(text[end : found.start()])
             end = found.end()
@@ -58,7 +50,8 @@ class Pattern:
                 continue
             if not re.fullmatch(r"[A-Za-z]\w{0,31}", name):
                 raise ExperimentError(
-                    f"{where}: {{{name}}} is no name; use letters, digits and _, such as {{robot}}"
+                    f"{where}: {{{name}}} is not a valid name; use letters, digits and _, such as "
+                    "{robot}"
                 )
             if name in self.names:
                 expression += f"(?P={name})"
@@ -68,26 +61,18 @@ class Pattern:
         if max(len(_CAPTURE.findall(part)) for part in text.split("/")) > MAX_PARTS:
             raise ExperimentError(
                 f"{where} has more than {MAX_PARTS} parts in braces or * between two slashes, so "
-                "that names could be read in very many ways; use folders or fewer parts"
+                "names are ambiguous; use folders or fewer parts"
             )
         rest = text[end:]
         if "{" in rest or "}" in rest or not self.names:
             raise ExperimentError(
-                f"{where} of {key!r} needs parts in braces that tell logs apart, such as "
+                f"{where} of {key!r} needs parts in braces that distinguish logs, such as "
                 "'{robot}/{day}.csv'"
             )
         self.expression = re.compile(expression + re.escape(rest), re.DOTALL)
 
     def matches(self, files: Sequence[str], robot: str) -> dict[Captures, str]:
-        """Files by what they capture.
-
-        Args:
-            files: paths below the folder.
-            robot: whose they are, where the pattern does not say.
-
-        Raises:
-            ExperimentError: two files capture the same.
-        """
+        """Files by their captures."""
         found: dict[Captures, str] = {}
         for file in files:
             match = self.expression.fullmatch(file)

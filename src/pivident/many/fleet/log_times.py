@@ -1,4 +1,4 @@
-"""When a log was taken, told from texts in its path: dates, moments, or plain numbers."""
+"""Time of a log from texts in its path: dates, times of day, or plain numbers."""
 
 from __future__ import annotations
 
@@ -8,19 +8,14 @@ from datetime import UTC, datetime
 
 _DATE = re.compile(r"(?<!\d)(\d{4}-?[01]\d-?[0-3]\d)(?!\d)")
 
-#: Place on the time axis and text of a moment, None where a text is none.
+#: Position on the time axis and text of a moment, None for another text.
 Moment = Callable[[str], tuple[float, str] | None]
 
 
 def kind_of_times(texts: Sequence[str], required: bool) -> tuple[str, Moment | None]:
-    """Dates or numbers, as most of them are; neither where that would be a guess.
+    """``date``, ``number`` or ``order`` (if unclear), and the parser of such a text.
 
-    Args:
-        texts: one of each log.
-        required: whether they were named as times, so that a minority may be faulty.
-
-    Returns:
-        ``date``, ``number`` or ``order``, and what reads such a text.
+    A minority of texts named as times (``required``) may be faulty.
     """
     for kind, read in (("date", as_date), ("number", as_number)):
         wrong = sum(read(text) is None for text in texts)
@@ -30,13 +25,13 @@ def kind_of_times(texts: Sequence[str], required: bool) -> tuple[str, Moment | N
 
 
 def date_in(name: str) -> str:
-    """A date in the name of a file, empty where there is none."""
+    """A date in the name of a file, empty without one."""
     found = _DATE.search(name)
     return found[1] if found else ""
 
 
 def as_date(text: str) -> tuple[float, str] | None:
-    """Days since 1970 and ISO text of a date (and time of day), None where it is none."""
+    """Days since 1970 and ISO text of a date (and time of day), None for another text."""
     for candidate in _spellings(text):
         try:
             moment = datetime.fromisoformat(candidate)
@@ -49,7 +44,7 @@ def as_date(text: str) -> tuple[float, str] | None:
 
 
 def _spellings(text: str) -> Iterator[str]:
-    """A moment as ISO has it, and as file names have it, where ':' is not allowed."""
+    """A moment in ISO format, and in that of file names, where ':' is not allowed."""
     yield text
     found = re.fullmatch(r"(\d{4}-?\d\d-?\d\d)[T_ -](\d\d)[-_.]?(\d\d)(?:[-_.]?(\d\d))?", text)
     if found:
@@ -57,7 +52,7 @@ def _spellings(text: str) -> Iterator[str]:
 
 
 def as_number(text: str) -> tuple[float, str] | None:
-    """A finite number, None where it is none."""
+    """A finite number, None for another text."""
     try:
         value = float(text)
     except ValueError:

@@ -1,7 +1,7 @@
-"""The logs of a folder: which robot, which day, which files belong together.
+"""The logs of a folder: robot, day, and files of the same record.
 
-Patterns of paths (`log_pattern`) tell logs apart, and a part of the path says when each was taken
-(`log_times`). Without a pattern every readable file is a log; its robot is the folder it lies in.
+Patterns of paths (`log_pattern`) distinguish logs, and a part of the path gives the time of each
+(`log_times`). Without a pattern every readable file is a log; its robot is its folder.
 """
 
 from __future__ import annotations
@@ -18,33 +18,26 @@ from pivident.many.fleet.fleet_schema import EVERY_LOG
 from pivident.many.fleet.log_pattern import ROBOT, Captures, Pattern
 from pivident.many.fleet.log_times import date_in, kind_of_times
 
-#: Captures that say when a record was taken, where the file does not name another one.
+#: Captures with the time of a record, unless the file names another one.
 TIMES = ("time", "day", "date")
 
 
 @dataclass(frozen=True)
 class FleetLog:
-    """Files that make one problem.
+    """Files of one identification problem."""
 
-    Attributes:
-        name: what its captures say, ``arm_03/2026-03-01``; unique.
-        captures: name and value of each.
-        records: files of each of its records, by the key of ``files``.
-        time: when it was taken: an ISO date or a number; empty where only an order is known.
-        position: where it is on the time axis: days since 1970, or that number, or its rank.
-        fault: why it cannot be read; empty where it may be.
-    """
-
-    name: str
-    captures: Captures
+    name: str  # its captures, ``arm_03/2026-03-01``; unique
+    captures: Captures  # name and value of each
+    # files of each of its records, by the key of ``files``
     records: tuple[tuple[tuple[str, str], ...], ...]
-    time: str = ""
+    time: str = ""  # an ISO date or a number; empty if only the order is known
+    # position on the time axis: days since 1970, or that number, or its rank
     position: float = 0.0
-    fault: str = ""
+    fault: str = ""  # why it cannot be read, else empty
 
     @property
     def robot(self) -> str:
-        """Whose it is."""
+        """Name of the robot."""
         return dict(self.captures)[ROBOT]
 
     @property
@@ -53,11 +46,7 @@ class FleetLog:
         return tuple(dict.fromkeys(path for record in self.records for _, path in record))
 
     def digest(self) -> str:
-        """SHA-256 of the file; of several, that of the list of keys and hashes.
-
-        Raises:
-            FileFormatError: a file is missing or cannot be read.
-        """
+        """SHA-256 of the file; of several, that of the list of keys and hashes."""
         hashes = [
             (key, sha256(existing_file(path))) for record in self.records for key, path in record
         ]
@@ -70,15 +59,10 @@ class FleetLog:
 
 @dataclass(frozen=True)
 class TimeAxis:
-    """What positions in time mean.
+    """Meaning of positions in time."""
 
-    Attributes:
-        kind: ``date``, ``number`` or ``order``.
-        unit: of a rate: ``day``, the capture's name, or ``record``.
-    """
-
-    kind: str
-    unit: str
+    kind: str  # ``date``, ``number`` or ``order``
+    unit: str  # of a rate: ``day``, the capture's name, or ``record``
 
 
 def find_logs(
@@ -88,24 +72,14 @@ def find_logs(
     time: str | None = None,
     without: Path | None = None,
 ) -> tuple[list[FleetLog], TimeAxis]:
-    """The logs of a folder in the order of robots and time.
+    """The logs of a folder in the order of robots and time, and their time axis.
 
-    Args:
-        folder: where they lie.
-        pattern: of the files, or one for each key.
-        together: captures whose logs are one problem; None: all captures.
-        time: the capture that says when; None: the first of ``TIMES``.
-        without: folder whose files are none of them.
-
-    Returns:
-        The logs, and what their positions mean.
-
-    Raises:
-        ExperimentError: the folder or the pattern cannot be used, or nothing matches.
+    ``together``: captures whose logs are one problem; None: all. ``time``: the capture with the
+    time; None: the first of ``TIMES``. ``without``: folder that is left out.
     """
     if not folder.is_dir():
         problem = "is a file" if folder.exists() else "does not exist"
-        raise ExperimentError(f"{folder} {problem}; name the folder that holds the logs")
+        raise ExperimentError(f"{folder} {problem}; name the folder of the logs")
     files = _files(folder, without)
     if pattern == EVERY_LOG:
         keys = {"log": _every_log(folder, files)}
@@ -150,7 +124,7 @@ def _files(folder: Path, without: Path | None) -> list[str]:
 
 
 def _every_log(folder: Path, files: Sequence[str]) -> dict[Captures, str]:
-    """All files that a reader knows; the robot is the folder, the log the file's name."""
+    """All files with a reader; the robot is the folder, the log the file's name."""
     found: dict[Captures, str] = {}
     for file in files:
         path = Path(file)
@@ -168,7 +142,7 @@ def _same_names(patterns: Mapping[str, Pattern]) -> tuple[str, ...]:
     for key, other in others:
         if set(other.names) != set(pattern.names):
             raise ExperimentError(
-                f"the patterns of {first!r} and {key!r} hold {', '.join(pattern.names)} and "
+                f"the patterns of {first!r} and {key!r} contain {', '.join(pattern.names)} and "
                 f"{', '.join(other.names)}; files of one record need the same parts"
             )
     return pattern.names
@@ -177,18 +151,18 @@ def _same_names(patterns: Mapping[str, Pattern]) -> tuple[str, ...]:
 def _chosen(
     names: Sequence[str], together: Sequence[str] | None, time: str | None
 ) -> tuple[str, ...]:
-    """Captures that tell problems apart."""
+    """Captures that distinguish problems."""
     chosen = tuple(names if together is None else [n for n in names if n in together])
     for key, wanted in (("together", list(together or ())), ("time", [time] if time else [])):
         for name in wanted:
             if name not in names:
                 raise ExperimentError(
-                    f"[fleet] {key} names {name!r}, but the pattern holds {', '.join(names)}"
+                    f"[fleet] {key} names {name!r}, but the pattern contains {', '.join(names)}"
                 )
     if together is not None and (ROBOT not in chosen or (time and time not in chosen)):
         raise ExperimentError(
             f"[fleet] together = {list(together)} joins records of different robots or times; it "
-            f"must hold robot{f' and {time}' if time else ''}"
+            f"must contain robot{f' and {time}' if time else ''}"
         )
     return chosen
 
@@ -196,7 +170,7 @@ def _chosen(
 def _grouped(
     folder: Path, keys: Mapping[str, Mapping[Captures, str]], chosen: Sequence[str]
 ) -> list[FleetLog]:
-    """Files of one record, and records of one problem, put together."""
+    """Files grouped by record, and records by problem."""
     every: dict[tuple[tuple[str, str], ...], None] = {}
     canonical: dict[str, dict[frozenset[tuple[str, str]], str]] = {}
     for key, found in keys.items():
@@ -243,8 +217,8 @@ def _in_time(logs: Sequence[FleetLog], name: str | None) -> tuple[list[FleetLog]
         value = read(said[log.name])
         if value is None:
             fault = (
-                f"{name} = {said[log.name]!r} is no {kind}, as those of the other logs are; rename "
-                "the file, or name another part as time under [fleet]"
+                f"{name} = {said[log.name]!r} is not a {kind}, unlike those of the other logs; "
+                "rename the file, or name another part as time under [fleet]"
             )
             made.append(replace(log, fault=log.fault or fault))
         else:

@@ -1,6 +1,6 @@
-"""One log of a fleet: read it, identify it, one row for each parameter.
+"""Identification of one log of a fleet, one row for each parameter.
 
-Whatever goes wrong with a log is a row too: error class and message in place of estimates.
+A failed log has a row too: error class and message in place of estimates.
 """
 
 from __future__ import annotations
@@ -34,23 +34,14 @@ _last_template: dict[str, Template] = {}
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know of a fleet; small, and the same for all logs.
+    """The data of a fleet for a worker; small, and the same for all logs."""
 
-    Attributes:
-        key: tells fleets apart.
-        payload: file, tables and robot, pickled.
-    """
-
-    key: str
-    payload: bytes
+    key: str  # hash of the template
+    payload: bytes  # file, tables and robot, pickled
 
     @classmethod
     def of(cls, template: Template) -> Task:
-        """The task of a template.
-
-        Args:
-            template: the checked experiment file.
-        """
+        """The task of a template."""
         parts = (str(template.path), template.content, template.experiment.robot)
         return cls(template.hash, pickle.dumps(parts))
 
@@ -67,12 +58,7 @@ class Task:
 
 
 def identify_log(task: Task, log: FleetLog) -> list[Row]:
-    """All rows of a log, one for each parameter.
-
-    Args:
-        task: the fleet.
-        log: the log.
-    """
+    """All rows of a log, one for each parameter."""
     begin = time.perf_counter()
     common: Row = {"task": log.name, "sha256": None}
     try:
@@ -99,26 +85,20 @@ def identify_log(task: Task, log: FleetLog) -> list[Row]:
 
 
 def identify_log_alone(task: Task, log: FleetLog) -> list[Row]:
-    """``identify_log`` in a worker process, which takes one thread: workers share the cores."""
+    """``identify_log`` in a worker process with one thread: workers share the cores."""
     os.environ["PIVIDENT_THREADS"] = "1"
     return identify_log(task, log)
 
 
 def lost_log(task: Task, log: FleetLog, times: int) -> list[Row]:
-    """The row of a log whose worker died each time it was tried; it is tried again next time.
-
-    Args:
-        task: the fleet.
-        log: the log.
-        times: how often.
-    """
-    message = f"the worker died {times} times while it read this log; is there enough memory?"
+    """The row of a log whose worker died each time; it is retried in the next call."""
+    message = f"the worker died {times} times on this log; is there enough memory?"
     common: Row = {"task": log.name, "sha256": None, "method": task.template.method_name}
     return [common | {"computed": time.time(), "error": "WorkerLost", "message": message}]
 
 
 def _problem(template: Template, log: FleetLog) -> tuple[Problem, np.ndarray | None]:
-    """The problem of a log, and the mean temperature of each joint where the log has it."""
+    """The problem of a log, and the mean temperature of each joint if the log has it."""
     experiment = template.experiment_of(log)
     recordings = experiment.recordings()
     temperatures = None
@@ -135,7 +115,7 @@ def _mean_temperatures(recordings: tuple[Recording, ...]) -> np.ndarray:
 
 
 def _parameters(found: Identification, temperatures: np.ndarray | None) -> list[Row]:
-    """Names, values and deviations."""
+    """Names, values and standard errors."""
     names = found.robot.joint_names
     rows: list[dict[str, Any]] = []
     for k, (name, p) in enumerate(zip(found.names, found.parameters, strict=True)):

@@ -1,4 +1,4 @@
-"""One parameter of one robot over time: what a control chart is drawn of."""
+"""One parameter of one robot over time, the data of a control chart."""
 
 from __future__ import annotations
 
@@ -22,33 +22,19 @@ FRICTION = "friction"
 
 @dataclass(frozen=True, eq=False)
 class Series:
-    """Estimates of one parameter of one robot, in the order of time.
+    """Estimates of one parameter of one robot, in the order of time."""
 
-    Attributes:
-        robot: whose.
-        parameter: name of the parameter.
-        joint: joint that it belongs to.
-        unit: unit of the values.
-        logs: the records, shape (records,).
-        times: when they were taken, as text, likewise.
-        position: place on the time axis, likewise.
-        value: estimates, likewise.
-        std: their standard deviations, likewise.
-        temperature: mean temperature of the joint, NaN where it is not known, likewise.
-        baseline: how many records of the robot come first and set the level.
-    """
-
-    robot: str
-    parameter: str
-    joint: str
-    unit: str
-    logs: tuple[str, ...]
-    times: tuple[str, ...]
-    position: np.ndarray
-    value: np.ndarray
-    std: np.ndarray
-    temperature: np.ndarray
-    baseline: int
+    robot: str  # name of the robot
+    parameter: str  # name of the parameter
+    joint: str  # its joint
+    unit: str  # unit of the values
+    logs: tuple[str, ...]  # the records, shape (records,)
+    times: tuple[str, ...]  # their times as text, likewise
+    position: np.ndarray  # place on the time axis, likewise
+    value: np.ndarray  # estimates, likewise
+    std: np.ndarray  # their standard errors, likewise
+    temperature: np.ndarray  # mean temperature of the joint, NaN if unknown, likewise
+    baseline: int  # number of first records of the robot that set the level
 
     @property
     def records(self) -> int:
@@ -59,31 +45,23 @@ class Series:
 def watched_series(
     rows: pl.DataFrame, logs: Sequence[FleetLog], watch: Sequence[str], baseline: int
 ) -> list[Series]:
-    """The series that are watched; estimates that did not converge are not in them.
+    """The watched series, without estimates that did not converge.
 
-    The baseline are the first records of each robot that gave an estimate.
-
-    Args:
-        rows: as the store has them.
-        logs: all logs, in the order of robots and time.
-        watch: names of parameters, or ``friction`` for every friction level and slope.
-        baseline: records of each robot that set its level.
-
-    Raises:
-        FleetError: a name is none of the parameters, or there is no friction.
+    ``watch``: names of parameters, or ``friction`` for every friction level and slope. The first
+    ``baseline`` records of each robot that gave an estimate set its level.
     """
     pl = require("polars", extra="tables", purpose="the study of a fleet")
     good = rows.filter(pl.col("error").is_null() & pl.col("converged"))
     if good.is_empty():
         return []
-    deviation = "std" if good["method"][0] in OWN_INTERVALS else "robust_std"
+    error_column = "std" if good["method"][0] in OWN_INTERVALS else "robust_std"
     chosen = _chosen(good, watch)
     place = {log.name: k for k, log in enumerate(logs)}
     table: Mapping[str, list[Any]] = (
         good.filter(
             pl.col("parameter").is_in(chosen)
-            & (pl.col(deviation) > 0)
-            & pl.col(deviation).is_finite()
+            & (pl.col(error_column) > 0)
+            & pl.col(error_column).is_finite()
         )
         .with_columns(pl.col("task").replace_strict(place, return_dtype=pl.Int64).alias("place"))
         .sort("place")
@@ -110,7 +88,7 @@ def watched_series(
                 tuple(log.time or f"{log.position:g}" for log in theirs),
                 np.array([log.position for log in theirs]),
                 column("value", own),
-                column(deviation, own),
+                column(error_column, own),
                 column("temperature", own),
                 baseline,
             )
@@ -119,7 +97,7 @@ def watched_series(
     return sorted(made, key=lambda s: (order[s.parameter], s.robot))
 
 
-#: Methods whose own intervals are true on simulated records; the others take the robust ones.
+#: Methods whose own intervals are valid on simulated records; the others use the robust ones.
 OWN_INTERVALS = ("piv", "didim")
 
 

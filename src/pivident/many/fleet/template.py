@@ -18,7 +18,7 @@ from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.many.fleet.fleet_schema import FleetEntry, FleetFile, as_template
 from pivident.many.fleet.logs import FleetLog
 
-#: The template in the folder of logs, where no other is named.
+#: Default name of the template in the folder of logs.
 FILE = "fleet.toml"
 
 #: Tables and keys that no estimate depends on: they may change from one call to the next.
@@ -32,15 +32,10 @@ OF_THE_JUDGEMENT = {
 
 @dataclass(frozen=True, eq=False)
 class Template:
-    """What all logs of a fleet have in common.
+    """The experiment file that all logs of a fleet share."""
 
-    Attributes:
-        path: the file.
-        content: its tables.
-    """
-
-    path: Path
-    content: FleetFile
+    path: Path  # the file
+    content: FleetFile  # its tables
 
     @property
     def fleet(self) -> FleetEntry:
@@ -69,19 +64,11 @@ class Template:
 
     @cached_property
     def method(self) -> Method:
-        """The method with the options of the file.
-
-        Raises:
-            ExperimentError: its options contradict each other, or it needs a control loop.
-        """
+        """The method with the options of the file."""
         return self.experiment.methods([self.method_name])[self.method_name]
 
     def experiment_of(self, log: FleetLog) -> Experiment:
-        """The experiment of one log.
-
-        Args:
-            log: names the files.
-        """
+        """The experiment of one log."""
         (entry,) = self.content.recording
         if self.fleet.temperature is not None:
             joints = self.experiment.robot.size
@@ -96,11 +83,7 @@ class Template:
         return made
 
     def with_level(self, level: float) -> Template:
-        """The same with another level of false alarm.
-
-        Args:
-            level: probability of one false alarm or more.
-        """
+        """The same with another level of false alarm."""
         fleet = self.fleet.model_copy(update={"level": level})
         return Template(self.path, self.content.model_copy(update={"fleet": fleet}))
 
@@ -129,16 +112,7 @@ class Template:
 
 
 def load_template(path: str | Path) -> Template:
-    """Read and check the experiment file of a fleet; no log is read yet.
-
-    Args:
-        path: the file.
-
-    Raises:
-        ExperimentError: it cannot be read, has an unknown key, a bad value or contradictory
-            options; names the file, the key, the value and the next step.
-        RobotDescriptionError: the robot cannot be used.
-    """
+    """Read and check the experiment file of a fleet; no log is read yet."""
     path = Path(path)
     with errors_name(path, ""):
         content = toml_content(path)

@@ -1,12 +1,12 @@
-"""Wear apart from warmth: how fast a parameter changes with time at a constant temperature.
+"""Wear separated from temperature: change of a parameter with time at constant temperature.
 
 Over all records, those of the baseline included,
 
     y_i = μ_r + w_r t_i + b (T_i - T₀) + u_i + e_i
 
 with a level μ_r and a rate of wear w_r of each robot, and one slope b of temperature for the fleet.
-Scatter of u and scale of y are those of the baseline. A cold winter and a worn gear are told apart
-as far as temperature and time do not go together; where they do, both intervals are wide.
+Scatter of u and scale of y are those of the baseline. Temperature and wear are distinguishable as
+far as temperature and time are not correlated; if they are, both intervals are wide.
 """
 
 from __future__ import annotations
@@ -19,23 +19,17 @@ from pivident.many.fleet.baseline import Baseline
 from pivident.many.fleet.control_chart import CONFIDENCE
 from pivident.many.fleet.series import Series
 
-#: Share of a variable's spread that must be its own for it to count as separate.
+#: Smallest share of a variable's spread that is not explained by the others.
 SEPARATE = 1e-9
 
 
 @dataclass(frozen=True)
 class Rate:
-    """A slope with its interval of 95 %.
+    """A slope with its interval of 95 %."""
 
-    Attributes:
-        value: the slope.
-        low: lower end.
-        high: upper end.
-    """
-
-    value: float
-    low: float
-    high: float
+    value: float  # the slope
+    low: float  # lower end
+    high: float  # upper end
 
     def times(self, scale: float) -> Rate:
         """The same in another unit; ``scale`` is positive."""
@@ -43,37 +37,26 @@ class Rate:
 
     @property
     def clear(self) -> bool:
-        """Whether it tells itself from zero."""
+        """Whether it is significantly different from zero."""
         return self.low > 0.0 or self.high < 0.0
 
 
 @dataclass(frozen=True)
 class Wear:
-    """Slopes of one parameter.
+    """Slopes of one parameter."""
 
-    Attributes:
-        parameter: its name.
-        unit: its unit.
-        temperature: b over the fleet [unit per unit of temperature]; None where it is not known.
-        robots: w of each robot [unit per unit of time]; None where its times do not differ.
-        level: mean level of the robots.
-        degrees: ν of the intervals.
-    """
-
-    parameter: str
-    unit: str
+    parameter: str  # its name
+    unit: str  # its unit
+    # b over the fleet [unit per unit of temperature]; None if unknown
     temperature: Rate | None
+    # w of each robot [unit per unit of time]; None if its times do not differ
     robots: dict[str, Rate | None]
-    level: float
-    degrees: int
+    level: float  # mean level of the robots
+    degrees: int  # ν of the intervals
 
 
 def separate_wear(baseline: Baseline) -> Wear:
-    """Rates of wear and the slope of temperature of one parameter.
-
-    Args:
-        baseline: gives series, scatter and degrees of freedom.
-    """
+    """Rates of wear and the slope of temperature of one parameter."""
     from scipy.stats import t
 
     degrees = max(baseline.degrees, 1)
@@ -104,25 +87,15 @@ def separate_wear(baseline: Baseline) -> Wear:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One robot after level and time are taken off temperature and values.
+    """One robot after removing level and time from temperature and values."""
 
-    Attributes:
-        weight: w, shape (records,).
-        warmth: temperature without what level and time explain.
-        value: values likewise.
-        total: weighted spread of the temperature.
-        rate: slope of the values over time alone; None where times do not differ.
-        variance: of that slope.
-        coupling: slope of temperature over time.
-    """
-
-    weight: np.ndarray
-    warmth: np.ndarray
-    value: np.ndarray
-    total: float
-    rate: float | None
-    variance: float
-    coupling: float
+    weight: np.ndarray  # w, shape (records,)
+    warmth: np.ndarray  # residual of the temperature
+    value: np.ndarray  # values likewise
+    total: float  # weighted spread of the temperature
+    rate: float | None  # slope of the values over time alone; None where times do not differ
+    variance: float  # of that slope
+    coupling: float  # slope of temperature over time
 
     @classmethod
     def of(cls, series: Series, scatter: float, warm: bool) -> _Part:

@@ -1,7 +1,7 @@
 """The simulated test bench of a scenario: true robot, control loop, motion and noise.
 
-A run is known by its number. Its noise comes from (run, scenario seed) and nothing else, so that
-any worker makes the same record at any time.
+A run is identified by its number. Its noise depends only on (run, scenario seed), so any worker
+simulates the same record.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
 from pivident.estimation.problem import Problem
 from pivident.many.study.motion import per_joint, reference_of
-from pivident.many.study.scenario import Scenario
-from pivident.many.study.starts import deviating_values
+from pivident.many.study.scenario_tables import ScenarioTables
+from pivident.many.study.starts import perturbed_values
 from pivident.recording.recording import Recording
 from pivident.robot.naming import nearest
 from pivident.simulation.closed_loop import Trajectory
@@ -32,20 +32,16 @@ from pivident.simulation.feed_forward import with_measured_gravity
 from pivident.simulation.noise import Deviation, Noise, stream
 from pivident.simulation.simulated_record import loop_motion
 
-#: Stream of random numbers that draws the starts, beside those of the noise.
+#: Random stream of the starts, beside those of the noise.
 STARTS = 3
 
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """Everything of a scenario that its runs share.
+    """The part of a scenario that all runs share."""
 
-    Attributes:
-        scenario: the scenario, or one condition of it.
-        series: optimised Fourier motion of the scenario, where it asks for one.
-    """
-
-    scenario: Scenario
+    scenario: ScenarioTables  # the scenario, or one condition of it
+    # optimised Fourier motion of the scenario, if it has one
     series: FourierSeries | None = None
 
     @cached_property
@@ -55,7 +51,7 @@ class Bench:
 
     @cached_property
     def heads(self) -> tuple[Parameter, ...]:
-        """Heads of the groups that are not zero in truth."""
+        """Heads of the groups with non-zero true values."""
         return tuple(self.base.parameters[k] for k in self._selected)
 
     @cached_property
@@ -73,14 +69,14 @@ class Bench:
 
     @cached_property
     def estimated(self) -> tuple[str, ...]:
-        """Names of the estimated base parameters, as results have them."""
+        """Names of the estimated base parameters, as in results."""
         names = self.scenario.content.identify.parameters
         chosen = self._selected if names is None else sorted(self._index(n) for n in names)
         return tuple(self.base.names[k] for k in chosen)
 
     @cached_property
     def expected(self) -> np.ndarray:
-        """True values of the estimated parameters, zero where the truth has none."""
+        """True values of the estimated parameters, zero if not among the true ones."""
         known = {self.base.index(name): value for name, value in self.truth.items()}
         return np.array([known.get(self.base.index(name), 0.0) for name in self.estimated])
 
@@ -117,15 +113,15 @@ class Bench:
         coloured: dict[str, Any] = {}
         if entry.coloured is not None:
             coloured = {
-                "coloured": _deviation("noise.coloured.std", entry.coloured.std, n),
+                "coloured": _noise_std("noise.coloured.std", entry.coloured.std, n),
                 "frequency": entry.coloured.frequency,
                 "radius": entry.coloured.radius,
             }
         rate = self.scenario.content.record.law_rate
-        coloured.setdefault("frequency", rate / 4.0)  # of no effect without a deviation
+        coloured.setdefault("frequency", rate / 4.0)  # without effect if there is no such noise
         return Noise(
-            encoder=_deviation("noise.encoder", entry.encoder, n),
-            torque=_deviation("noise.torque", entry.torque, n),
+            encoder=_noise_std("noise.encoder", entry.encoder, n),
+            torque=_noise_std("noise.torque", entry.torque, n),
             counts=entry.counts,
             rate=rate,
             where=entry.where,
@@ -140,7 +136,7 @@ class Bench:
 
     @cached_property
     def second_reference(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Reference of the motion that nobody identifies from."""
+        """Reference of the motion that is not used for identification."""
         entry = self.scenario.content.validation
         if entry is None:
             first = self.scenario.content.trajectory
@@ -165,19 +161,12 @@ class Bench:
         return run % self._records
 
     def start_of(self, run: int) -> int:
-        """Number of the start that a run begins at: all pairs with the records are met once."""
+        """Number of the start of a run: every pair of start and record occurs once."""
         count = self.scenario.content.start.count
         return (run + run // math.lcm(count, self._records)) % count
 
     def problem(self, run: int) -> Problem:
-        """What the estimators of a run are given.
-
-        Args:
-            run: number of the run.
-
-        Raises:
-            SimulationDiverged: the true robot does not follow its reference.
-        """
+        """The identification problem of a run."""
         content = self.scenario.content
         parameters = content.identify.parameters or [p.name for p in self.heads]
         return Problem(
@@ -190,11 +179,7 @@ class Bench:
         )
 
     def recording(self, record: int) -> Recording:
-        """A simulated record.
-
-        Args:
-            record: its number, from which its noise comes.
-        """
+        """A simulated record."""
         entry, noise = self.scenario.content.record, self.noise
         seed = (record, self.scenario.content.seed)
         q_ref, dq_ref, ddq_ref = self.reference
@@ -231,7 +216,7 @@ class Bench:
         clip: bool = False,
         rounded: bool = False,
     ) -> Trajectory:
-        """The closed loop with given parameters along a reference, at the control rate.
+        """The closed loop along a reference q, dq, ddq, at the control rate.
 
         Args:
             parameters: heads of base groups; the others are zero.
@@ -269,31 +254,28 @@ class Bench:
         """Initial values of the iteration by parameter name.
 
         True values times ``start.inertia`` or ``start.friction``; with a spread, those of a robot
-        whose standard parameters deviate by so much, normally distributed, and are physical.
-
-        Args:
-            number: of the start.
+        with randomly perturbed standard parameters that are physical.
         """
         entry = self.scenario.content.start
         values = self.true_values
         if entry.spread:
-            values = self._deviating(number, entry.spread)
+            values = self._perturbed(number, entry.spread)
         return {
             p.name: float(value * (entry.friction if p.friction or p.coupling else entry.inertia))
             for p, value in zip(self.heads, values, strict=True)
         }
 
-    def _deviating(self, number: int, spread: float) -> np.ndarray:
-        """Values of the true parameters on a robot that deviates from its description."""
+    def _perturbed(self, number: int, spread: float) -> np.ndarray:
+        """Values of the true parameters on a perturbed robot."""
         rng = stream((number, self.scenario.content.seed), STARTS)
-        values = deviating_values(self.base, spread, rng)
+        values = perturbed_values(self.base, spread, rng)
         for name, value in self.scenario.content.truth.values.items():
             values[self._index(name)] = value * (1.0 + spread * rng.standard_normal())
         return values[self._selected]
 
     @cached_property
     def _selected(self) -> list[int]:
-        """Indices of the base parameters that are not zero in truth."""
+        """Indices of the base parameters with non-zero true values."""
         names = self.scenario.content.truth.parameters
         chosen = range(len(self.base)) if names is None else [self._index(n) for n in names]
         return sorted({*chosen, *map(self._index, self.scenario.content.truth.values)})
@@ -314,7 +296,7 @@ class Bench:
             ) from None
 
 
-def _deviation(key: str, value: Any, joints: int) -> Deviation:
+def _noise_std(key: str, value: Any, joints: int) -> Deviation:
     """One number for all joints, or a tuple."""
     if np.ndim(value) == 0:
         return float(value)

@@ -1,7 +1,7 @@
-"""The smallest deviations that the noise allows: the bound (P-23) at the true model and noise.
+"""Smallest possible standard errors: the bound (P-23) at the true model and noise.
 
-The equation of joint j is τ_j = φ_j θ + ε_j. The torque carries the noise v of its sensor and the
-encoder noise n that the control law has turned into torque (P-26),
+The equation of joint j is τ_j = φ_j θ + ε_j. The torque contains the noise v of its sensor and the
+encoder noise n that the control law feeds back (P-26),
 
     ε_j = v_j - g_j C_j(z) n_j,      S_j(ω) = σ_v² + g_j² |C_j|² (σ_n² + σ_c² |1/D|² / Σ|1/D|²)
 
@@ -11,9 +11,9 @@ and S is at least
 
     P = (Σ_j (L_j φ_j)ᵀ (L_j φ_j))⁻¹                                                        (P-23)
 
-(P-26) leaves out that the loop suppresses encoder noise inside its bandwidth. Where no torque
-sensor hides that, as in the scenario *loop*, an estimator may do better than this bound. Rounding
-to counts is not in it; nor is encoder noise that is on the record only, since no torque carries it.
+(P-26) neglects that the loop suppresses encoder noise inside its bandwidth. Without noise of a
+torque sensor, as in the scenario *loop*, an estimator may do better than this bound. It does not
+include rounding to counts, nor encoder noise on the record only, which does not affect the torque.
 """
 
 from __future__ import annotations
@@ -35,23 +35,16 @@ ENDS = 2
 
 @dataclass(frozen=True, eq=False)
 class Bounds:
-    """Smallest standard deviations of the estimated parameters, shape (parameters,).
+    """Smallest standard errors of the estimated parameters, shape (parameters,)."""
 
-    Attributes:
-        equation: by (P-23), from torque sensor and encoder noise; None where there is neither.
-        torque_sensor: from the noise of the torque sensor alone; None where there is none.
-    """
-
+    # by (P-23), from torque sensor and encoder noise; None without either
     equation: np.ndarray | None
+    # from the noise of the torque sensor alone; None without it
     torque_sensor: np.ndarray | None
 
 
 def efficiency_bounds(bench: Bench) -> Bounds:
-    """Bounds of a scenario's estimates.
-
-    Args:
-        bench: knows motion, law and noise.
-    """
+    """Bounds of a scenario's estimates."""
     noise, entry, n = bench.noise, bench.scenario.content.record, bench.scenario.robot.size
     q = bench.noise_free.q[:: entry.step]
     dq, ddq = central_differences(q, entry.rate)
@@ -63,18 +56,15 @@ def efficiency_bounds(bench: Bench) -> Bounds:
     through = loop_noise(bench)
     equation = sensor[:, None] * (np.arange(ORDER + 1) == 0) + through
     return Bounds(
-        _deviations(bench, packed, equation) if (equation[:, 0] > 0).all() else None,
-        _deviations(bench, packed, sensor[:, None]) if (sensor > 0).all() else None,
+        _standard_errors(bench, packed, equation) if (equation[:, 0] > 0).all() else None,
+        _standard_errors(bench, packed, sensor[:, None]) if (sensor > 0).all() else None,
     )
 
 
 def loop_noise(bench: Bench) -> np.ndarray:
     """Autocovariance of the encoder noise in the recorded torque, shape (joints, ORDER + 1).
 
-    It is found at the control rate, where the law runs, and taken at the samples of the record.
-
-    Args:
-        bench: knows law and noise.
+    It is computed at the control rate of the law, and taken at the samples of the record.
     """
     noise, entry, n = bench.noise, bench.scenario.content.record, bench.scenario.robot.size
     if noise.where == "record":
@@ -94,12 +84,8 @@ def loop_noise(bench: Bench) -> np.ndarray:
 def whitened(columns: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     """Columns through the filter that makes noise of a given autocovariance white.
 
-    The first samples pass the inverse of a Cholesky factor, which is exact, the others an
-    autoregression.
-
-    Args:
-        columns: shape (columns, samples).
-        covariance: at lags 0, 1, …; a single number stands for white noise.
+    Exact for the first samples, by the inverse of a Cholesky factor; an autoregression for the
+    others.
     """
     from scipy.linalg import cholesky, solve_toeplitz, solve_triangular, toeplitz
     from scipy.signal import oaconvolve
@@ -116,13 +102,10 @@ def whitened(columns: np.ndarray, covariance: np.ndarray) -> np.ndarray:
     return out
 
 
-def _deviations(bench: Bench, packed: np.ndarray, covariance: np.ndarray) -> np.ndarray | None:
-    """Standard deviations from Σ (Lφ)ᵀ(Lφ); None where the motion does not tell all parameters.
+def _standard_errors(bench: Bench, packed: np.ndarray, covariance: np.ndarray) -> np.ndarray | None:
+    """Standard errors from Σ (Lφ)ᵀ(Lφ); None where the motion does not excite all parameters.
 
-    Args:
-        bench: gives the regressor.
-        packed: its non-zero entries, shape (entries, samples).
-        covariance: of the noise of each joint, shape (joints, lags).
+    ``packed`` are the non-zero entries of the regressor, (entries, samples).
     """
     regressor = bench.regressor
     information = np.zeros((len(regressor.parameters),) * 2)

@@ -1,4 +1,4 @@
-"""What is wrong with a scenario, found before anything is simulated."""
+"""Checks of a scenario before any simulation."""
 
 from __future__ import annotations
 
@@ -7,24 +7,17 @@ import numpy as np
 from pivident.errors import ExperimentError
 from pivident.many.study.bench import Bench
 from pivident.many.study.motion import reach_of
-from pivident.many.study.scenario import Scenario
+from pivident.many.study.scenario_tables import ScenarioTables
 
-#: Samples that a record needs so that all methods can work with it.
+#: Smallest number of samples of a record for all methods.
 MIN_RECORD = 200
 
-#: Samples of a record that nobody simulates many times: two days at 5 kHz.
+#: Largest number of samples of a record: two days at 5 kHz.
 MAX_RECORD = 1_000_000_000
 
 
-def check_scenario(scenario: Scenario) -> None:
-    """Refuse a scenario whose tables do not fit its robot.
-
-    Args:
-        scenario: the scenario, or one condition of it.
-
-    Raises:
-        ExperimentError: names table, key, value and what was expected.
-    """
+def check_scenario(scenario: ScenarioTables) -> None:
+    """Refuse a scenario whose tables do not fit its robot."""
     bench = Bench(scenario)
     scenario.methods, bench.estimated, bench.noise, bench.loop  # noqa: B018 - making them checks
     bench.controller.check(scenario.robot.size)
@@ -33,7 +26,7 @@ def check_scenario(scenario: Scenario) -> None:
         _check_counted_law(scenario)
 
 
-def _check_motion(scenario: Scenario) -> None:
+def _check_motion(scenario: ScenarioTables) -> None:
     entry, rate = scenario.content.trajectory, scenario.content.record.rate
     if entry.type == "point_to_point":
         reach_of(entry, scenario.robot.size)
@@ -42,7 +35,7 @@ def _check_motion(scenario: Scenario) -> None:
         missing = scenario.robot.joint_names[int(np.flatnonzero(np.isnan(speeds))[0])]
         raise ExperimentError(
             f"[trajectory] the robot has no rated speed of joint {missing!r}, which the motion "
-            "is made for; add rated_speed to its description"
+            "needs; add rated_speed to its description"
         )
     if entry.duration * rate > MAX_RECORD:
         raise ExperimentError(
@@ -57,8 +50,8 @@ def _check_motion(scenario: Scenario) -> None:
         )
 
 
-def _check_counted_law(scenario: Scenario) -> None:
-    """An integrator behind an encoder that is rounded in the loop does not know the limit."""
+def _check_counted_law(scenario: ScenarioTables) -> None:
+    """Refuse an integrator with a limit behind an encoder that is rounded in the loop."""
     entry = scenario.content.controller
     if entry.limit is not None and np.any(entry.ki):
         raise ExperimentError(

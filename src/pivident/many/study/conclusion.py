@@ -1,4 +1,4 @@
-"""From runs on disk to summary and page."""
+"""Summary and page of the runs on disk."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pivident.many.study.bench import Bench
 from pivident.many.study.motion import optimised_series
 from pivident.many.study.scenario import Scenario
 from pivident.many.study.study_errors import StudyFolderError
+from pivident.many.study.study_page import render_page
 from pivident.many.study.study_store import Store
 from pivident.many.study.summary import Summary, summarise
 
@@ -32,13 +33,11 @@ def conclude_study(
     Raises:
         StudyFolderError: there are no runs, or the folder cannot be written to.
     """
-    from pivident.many.study.study_page import render_page
-
     say = say or (lambda line: None)
     store = Store(Path(folder))
     rows = store.rows()
     if rows.is_empty():
-        raise StudyFolderError(folder, "there are no runs in it", "let the study finish some first")
+        raise StudyFolderError(folder, "it contains no runs", "let the study finish some first")
     say(f"{scenario.title}: summary of {rows['run'].n_unique()} runs")
     bench = Bench(scenario, optimised_series(scenario, store.folder, say))
     summary = summarise(bench, rows)
@@ -48,12 +47,7 @@ def conclude_study(
 
 
 def write_index(summaries: dict[str, Summary], folder: str | Path) -> None:
-    """``summary.json`` of a scenario with conditions: the summary of each one.
-
-    Args:
-        summaries: by the name of the condition.
-        folder: the folder that holds one folder for each.
-    """
+    """``summary.json`` of a scenario with conditions: the summary of each one."""
     content = {
         "conditions": {name: json.loads(summary.to_json()) for name, summary in summaries.items()}
     }

@@ -1,10 +1,10 @@
-"""Figures of merit of BIRDy (Leboutet et al. 2021), on a motion that nobody identified from.
+"""Figures of merit of BIRDy (Leboutet et al. 2021), on a motion not used for identification.
 
     d_τ = 100 mean_j ‖τ̂_j - τ_j‖/‖τ_j‖        torque along the true second motion
     d_q = 100 mean_j ‖q̂_j - q_j‖/‖q_j‖        positions of the simulated loop
     d_β = 100 (2/b) Σ_i |β̂_i - β_i| / (|β̂_i| + |β_i|)
 
-All in percent, without noise; d_q is NaN where the loop cannot be simulated with the estimates.
+All in percent, without noise; d_q is NaN if the loop cannot be simulated with the estimates.
 """
 
 from __future__ import annotations
@@ -19,26 +19,15 @@ from pivident.many.study.bench import Bench
 
 @dataclass(frozen=True)
 class Merit:
-    """How good a set of parameters is [%].
+    """Figures of merit of a set of parameters [%]."""
 
-    Attributes:
-        d_tau: error of the torque.
-        d_q: error of the simulated positions, NaN where they diverge.
-        d_beta: distance of the parameters.
-    """
-
-    d_tau: float
-    d_q: float
-    d_beta: float
+    d_tau: float  # error of the torque
+    d_q: float  # error of the simulated positions, NaN if they diverge
+    d_beta: float  # distance of the parameters
 
 
 def figures_of_merit(bench: Bench, theta: np.ndarray) -> Merit:
-    """Judge parameters on the bench's second motion.
-
-    Args:
-        bench: knows the truth.
-        theta: estimates, shape (parameters,).
-    """
+    """Figures of merit on the bench's second motion."""
     true, regressor = bench.second_motion, bench.regressor
     torque = regressor.torque(true.q, true.dq, true.ddq, theta)
     try:
@@ -50,7 +39,7 @@ def figures_of_merit(bench: Bench, theta: np.ndarray) -> Merit:
 
 
 def _distance(estimated: np.ndarray, true: np.ndarray) -> float:
-    """100 mean_j ‖x̂_j - x_j‖/‖x_j‖ of signals (samples, joints), over joints that do something."""
+    """100 mean_j ‖x̂_j - x_j‖/‖x_j‖ of signals (samples, joints), over joints with a signal."""
     size = np.linalg.norm(true, axis=0)
     error = np.linalg.norm(estimated - true, axis=0)
     return float(100.0 * np.mean(error[size > 0] / size[size > 0]))

@@ -28,18 +28,18 @@ def run_study(
 
     Args:
         scenario: a scenario without conditions, or one condition.
-        folder: for the results; it is made, or belongs to the same scenario.
-        runs: how many runs there are to be in all; None: as the scenario says.
+        folder: results folder; new, or of the same scenario.
+        runs: total number of runs; None: that of the scenario.
         workers: processes on this machine, or runs at a time of ``executor``.
-        executor: any executor; what it runs must be able to import pivident.
-        pool: in place of the two, see ``cluster``.
+        executor: any executor whose workers can import pivident.
+        pool: instead of the two, see ``cluster``.
         say: progress.
 
     Returns:
         The folder with all runs.
 
     Raises:
-        StudyFolderError: the folder cannot be used; what is in it is as it was.
+        StudyFolderError: the folder cannot be used; it is not changed.
         ExperimentError: the scenario contradicts itself.
     """
     say = say or (lambda line: None)
@@ -59,7 +59,7 @@ def run_study(
         if done and missing and len(store.programs()) > 1:
             say(f"{scenario.title}: {CHANGED}")
         if done and missing:
-            say(f"{scenario.title}: {total - len(missing)} runs are there, {len(missing)} to do")
+            say(f"{scenario.title}: {total - len(missing)} runs are done, {len(missing)} to do")
         work = execute if executor is not None else execute_alone
         if missing:
             task = Task.of(scenario, series)

@@ -22,31 +22,28 @@ from pivident.simulation.excitation import FourierSeries, motion_limits, random_
 from pivident.simulation.reference import point_to_point
 
 if TYPE_CHECKING:
-    from pivident.many.study.scenario import Scenario
+    from pivident.many.study.scenario_tables import ScenarioTables
     from pivident.many.study.study_schema import TrajectoryEntry
 
 #: File of the motion in a results folder.
 FILE = "trajectory.json"
 
-#: How far postures lie from zero at most, where the scenario does not say [rad or m].
+#: Default for the largest distance of postures from zero [rad or m].
 DEFAULT_REACH = 1.0
 
-#: Postures of a point-to-point motion: so many, and one for each of these seconds.
+#: Number of postures of a point-to-point motion: a constant, and one per this time [s].
 POSTURES, MIN_MOVE = 12, 0.6
 
-#: Motions that this process has found: conditions of one scenario often share theirs.
+#: Motions optimised by this process: conditions of one scenario often share theirs.
 _found: dict[str, FourierSeries] = {}
 
 
 def reference_of(
-    scenario: Scenario, entry: TrajectoryEntry, series: FourierSeries | None = None
+    scenario: ScenarioTables, entry: TrajectoryEntry, series: FourierSeries | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Reference q, dq, ddq at the control rate, each (samples, joints).
 
-    Args:
-        scenario: gives robot and rate.
-        entry: the motion.
-        series: a Fourier motion that was found for it; None: a random one.
+    ``series``: an optimised Fourier motion; None: a random one.
     """
     rate, robot = scenario.content.record.law_rate, scenario.robot
     samples = round(entry.duration * rate)
@@ -64,16 +61,12 @@ def reference_of(
 
 
 def reach_of(entry: TrajectoryEntry, joints: int) -> np.ndarray:
-    """How far postures lie from zero at most [rad or m], shape (joints,)."""
+    """Largest distance of postures from zero [rad or m], shape (joints,)."""
     return per_joint("trajectory.reach", entry.reach or DEFAULT_REACH, joints)
 
 
 def per_joint(key: str, value: Any, joints: int) -> np.ndarray:
-    """One number for each joint.
-
-    Raises:
-        ExperimentError: there are more or fewer.
-    """
+    """One number for each joint."""
     values = np.asarray(value, dtype=float)
     if values.ndim and values.shape != (joints,):
         raise ExperimentError(
@@ -84,15 +77,11 @@ def per_joint(key: str, value: Any, joints: int) -> np.ndarray:
 
 
 def optimised_series(
-    scenario: Scenario, folder: Path | None, progress: Callable[[str], None] | None = None
+    scenario: ScenarioTables, folder: Path | None, progress: Callable[[str], None] | None = None
 ) -> FourierSeries | None:
     """The scenario's optimised motion, or None where it has none.
 
-    Args:
-        scenario: the scenario, or one condition of it.
-        folder: results folder; a motion that is there and belongs to the same robot, limits and
-            seed is taken from it.
-        progress: told about the search.
+    One that is in the folder for the same robot, limits and seed is taken from it.
     """
     entry = scenario.content.trajectory
     if entry.type != "fourier" or not entry.optimise:
@@ -118,26 +107,22 @@ def optimised_series(
 
 
 def _kept_series(file: Path, key: str) -> FourierSeries | None:
-    """The motion of a file, None where it belongs to another robot, limits or seed.
-
-    Raises:
-        StudyFolderError: the file cannot be read.
-    """
+    """The motion of a file, None where it belongs to another robot, limits or seed."""
     try:
         kept = json.loads(regular_file(file).read_text("utf-8"))
         return FourierSeries.of(kept) if kept["belongs_to"] == key else None
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise StudyFolderError(
-            file, f"it cannot be read ({type(error).__name__})", "delete it: it is made again"
+            file, f"it cannot be read ({type(error).__name__})", "delete it to recompute it"
         ) from error
 
 
-def as_json(scenario: Scenario, series: FourierSeries) -> str:
+def as_json(scenario: ScenarioTables, series: FourierSeries) -> str:
     """The motion as the text of its file."""
     return json.dumps({"belongs_to": _key(scenario)} | series.plain(), indent=1)
 
 
-def _key(scenario: Scenario) -> str:
-    """What the motion depends on: the robot and the table ``[trajectory]``."""
+def _key(scenario: ScenarioTables) -> str:
+    """Hash of robot and table ``[trajectory]``, on which the motion depends."""
     tables = {k: scenario.identity.get(k) for k in ("robot", "robot_sha256", "trajectory")}
     return hashlib.sha256(json.dumps(tables, sort_keys=True).encode()).hexdigest()

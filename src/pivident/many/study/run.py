@@ -1,6 +1,6 @@
-"""One run of a study: make its record, identify it with every method, one row for each.
+"""One run of a study: simulate its record, identify it with every method, one row for each.
 
-Whatever goes wrong in a run is a row too: error class and message in place of estimates.
+A failed run has a row too: error class and message in place of estimates.
 """
 
 from __future__ import annotations
@@ -27,24 +27,14 @@ _last_bench: dict[str, Bench] = {}
 
 @dataclass(frozen=True)
 class Task:
-    """What a worker needs to know of a scenario; small, and the same for all runs.
+    """The data of a scenario for a worker; small, and the same for all runs."""
 
-    Attributes:
-        key: tells scenarios apart.
-        payload: scenario, robot and motion, pickled.
-    """
-
-    key: str
-    payload: bytes
+    key: str  # hash of the scenario
+    payload: bytes  # scenario, robot and motion, pickled
 
     @classmethod
     def of(cls, scenario: Scenario, series: FourierSeries | None) -> Task:
-        """The task of a scenario.
-
-        Args:
-            scenario: the scenario, or one condition of it.
-            series: its optimised motion, if it has one.
-        """
+        """The task of a scenario."""
         parts = (scenario.name, scenario.plain, scenario.source, scenario.condition)
         return cls(scenario.hash, pickle.dumps((parts, scenario.robot, series)))
 
@@ -61,12 +51,7 @@ class Task:
 
 
 def execute(task: Task, run: int) -> list[Row]:
-    """All rows of a run, one per method.
-
-    Args:
-        task: the scenario.
-        run: number of the run.
-    """
+    """All rows of a run, one per method."""
     bench = task.bench
     common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
     begin = time.perf_counter()
@@ -87,13 +72,13 @@ def execute(task: Task, run: int) -> list[Row]:
 
 
 def execute_alone(task: Task, run: int) -> list[Row]:
-    """``execute`` in a worker process: workers share out the cores, so each takes one thread."""
+    """``execute`` in a worker process with one thread: workers share the cores."""
     os.environ["PIVIDENT_THREADS"] = "1"
     return execute(task, run)
 
 
 def _values(bench: Bench, found: Identification, begin: float) -> Row:
-    """What is kept of an identification."""
+    """The row of an identification."""
     seconds = time.perf_counter() - begin
     merit = figures_of_merit(bench, found.theta)
     return {
@@ -113,15 +98,9 @@ def _values(bench: Bench, found: Identification, begin: float) -> Row:
 
 
 def lost_rows(task: Task, run: int, times: int) -> list[Row]:
-    """Rows of a run whose worker died each time it was tried.
-
-    Args:
-        task: the scenario.
-        run: number of the run.
-        times: how often.
-    """
+    """Rows of a run whose worker died each time it was tried."""
     bench = task.bench
     common: Row = {"run": run, "record": bench.record_of(run), "start": bench.start_of(run)}
-    message = f"the worker died {times} times while it computed this run; is there enough memory?"
+    message = f"the worker died {times} times on this run; is there enough memory?"
     lost: Row = {"error": "WorkerLost", "message": message}
     return [common | {"method": method} | lost for method in bench.scenario.methods]

@@ -27,153 +27,37 @@ conditions: one alternative of each of its groups, named ``alternative-alternati
 
 from __future__ import annotations
 
-import hashlib
-import itertools
-import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass
-from fnmatch import fnmatchcase
-from functools import cached_property
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pivident.errors import ExperimentError
 from pivident.files import regular_file
+from pivident.many.study.checks import check_scenario
+from pivident.many.study.scenario_tables import ScenarioTables, file_named, merged, short_forms
 from pivident.text.toml import MAX_FILE, parse_toml
 
-if TYPE_CHECKING:
-    from pivident.estimation.methods import Method
-    from pivident.many.study.study_schema import ScenarioFile
-    from pivident.robot.description import Robot
-
-#: Most conditions of a scenario.
+#: Maximum number of conditions of a scenario.
 MAX_CONDITIONS = 1000
-
-#: Keys that say how much is done, not what: they may change from one call to the next.
-AMOUNTS = ("runs", "description")
 
 
 @dataclass(frozen=True, eq=False)
-class Scenario:
-    """A checked scenario, or one condition of it.
-
-    Attributes:
-        name: name of the scenario.
-        plain: its tables as plain values, short forms written out, without ``vary``.
-        source: file it was read from; paths in it are relative to its folder.
-        alternatives: what ``vary`` holds: tables by group and alternative.
-        condition: name of the condition, empty where nothing is varied.
-    """
-
-    name: str
-    plain: dict[str, Any]
-    source: str
-    alternatives: Mapping[str, Mapping[str, Mapping[str, Any]]]
-    condition: str = ""
-
-    @property
-    def title(self) -> str:
-        """Name with the condition."""
-        return f"{self.name}/{self.condition}" if self.condition else self.name
-
-    @cached_property
-    def content(self) -> ScenarioFile:
-        """The tables as checked objects."""
-        from pivident.experiment.explained import checked
-        from pivident.many.study.study_schema import ScenarioFile
-
-        with _named(self.source):
-            return checked(self.plain, ScenarioFile)
-
-    @cached_property
-    def robot(self) -> Robot:
-        """The robot.
-
-        Raises:
-            RobotDescriptionError: its description cannot be used.
-        """
-        from pivident.experiment.robot_table import robot_of
-        from pivident.experiment.toml_file import errors_name
-
-        with errors_name(Path(self.source), "[robot]"):
-            return robot_of(self.content.robot, Path(self.source).parent)
-
-    @cached_property
-    def methods(self) -> dict[str, Method]:
-        """Methods with the scenario's options, by name.
-
-        Raises:
-            ExperimentError: options that a method does not know or that contradict each other.
-        """
-        from pivident.experiment.method_table import method_of
-
-        names = self.content.identify.methods or ["ls", "iv", "iv-full-rate", "piv"]
-        with _named(self.source):
-            return {name: method_of(name, self.content.identify) for name in names}
-
-    @property
-    def conditions(self) -> tuple[Scenario, ...]:
-        """The conditions that the scenario stands for; itself where nothing is varied."""
-        if not self.alternatives:
-            return (self,)
-        made = []
-        for chosen in itertools.product(*(group.items() for group in self.alternatives.values())):
-            plain = self.plain
-            for _, changes in chosen:
-                plain = merged(plain, changes)
-            name = "-".join(name for name, _ in chosen)
-            made.append(Scenario(self.name, _short_forms(plain), self.source, {}, name))
-        return tuple(made)
-
-    def chosen_conditions(self, patterns: Sequence[str]) -> tuple[Scenario, ...]:
-        """The conditions whose name matches one of the patterns (``tx40-*``); all without any.
-
-        Raises:
-            ExperimentError: a pattern matches nothing.
-        """
-        from pivident.robot.naming import nearest
-
-        known = [c.condition for c in self.conditions]
-        for pattern in patterns:
-            if not any(fnmatchcase(name, pattern) for name in known):
-                if known == [""]:
-                    raise ExperimentError(f"{self.source}: the scenario has no conditions")
-                raise ExperimentError(
-                    f"{self.source}: no condition {pattern!r}; {nearest(pattern, known)}"
-                )
-        return tuple(
-            c
-            for c in self.conditions
-            if not patterns or any(fnmatchcase(c.condition, p) for p in patterns)
-        )
+class Scenario(ScenarioTables):
+    """A checked scenario, or one condition of it."""
 
     def changed(self, **tables: Any) -> Scenario:
-        """The same scenario with other keys or tables: ``changed(runs=40, noise={"torque": 0})``.
-
-        Args:
-            tables: tables to merge in.
-
-        Raises:
-            ExperimentError: the result contradicts itself.
-        """
-        plain = _short_forms(merged(self.plain, tables))
+        """The scenario with other keys or tables: ``changed(runs=40, noise={"torque": 0})``."""
+        plain = short_forms(merged(self.plain, tables))
         made = Scenario(self.name, plain, self.source, self.alternatives, self.condition)
         made.check()
         return made
 
     def with_runs(self, runs: int) -> Scenario:
-        """The same scenario with another number of runs.
-
-        Args:
-            runs: how many there are to be in all.
-
-        Raises:
-            ExperimentError: it cannot have so many different ones.
-        """
+        """The same scenario with another number of runs."""
         plain = self.plain | {"runs": runs}
         made = Scenario(self.name, plain, self.source, self.alternatives, self.condition)
         for condition in made.conditions:
@@ -182,34 +66,9 @@ class Scenario:
 
     def check(self) -> None:
         """Refuse contradictions and values of the wrong kind, in all conditions."""
-        from pivident.many.study.checks import check_scenario
-
         for condition in self.conditions:
-            with _named(condition.source):
+            with file_named(condition.source):
                 check_scenario(condition)
-
-    @cached_property
-    def identity(self) -> dict[str, Any]:
-        """All that the numbers of a run depend on, as plain values."""
-        content = self.content.model_dump(
-            mode="json",
-            exclude_unset=True,
-            exclude={*AMOUNTS, "vary"},
-            by_alias=True,
-            warnings=False,  # a whole number for a real one is no reason to warn
-        )
-        robot = self.content.robot.model
-        file = Path(self.source).parent / robot
-        if robot.endswith((".toml", ".urdf", ".urdf.gz")):
-            self.robot  # noqa: B018 - says what is wrong with the file
-            content["robot_sha256"] = hashlib.sha256(file.read_bytes()).hexdigest()
-        return content
-
-    @property
-    def hash(self) -> str:
-        """SHA-256 of the identity."""
-        text = json.dumps(_real(self.identity), sort_keys=True, separators=(",", ":"))
-        return hashlib.sha256(text.encode()).hexdigest()
 
 
 def load_scenario(name: str | Path) -> Scenario:
@@ -248,7 +107,7 @@ def load_scenario(name: str | Path) -> Scenario:
 
 
 def shipped_scenarios() -> tuple[str, ...]:
-    """Names of the scenarios that come along."""
+    """Names of the scenarios in the package."""
     files = (resources.files(__package__) / "scenarios").iterdir()
     return tuple(sorted(f.name.removesuffix(".toml") for f in files if f.name.endswith(".toml")))
 
@@ -271,15 +130,15 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
     from pivident.many.study.study_schema import ScenarioFile
 
     source = source or f"{name}.toml"
-    with _named(source):
+    with file_named(source):
         try:
             tables = parse_toml(text)
         except ValueError as error:
             raise ExperimentError(f"is not TOML: {error}; correct this line") from error
-        plain = _short_forms(tables)
+        plain = short_forms(tables)
         checked(plain, ScenarioFile)
     vary = plain.pop("vary", {})
-    with _named(source):
+    with file_named(source):
         _check_alternatives(vary)
     scenario = Scenario(name, plain, source, vary)
     scenario.check()
@@ -287,11 +146,11 @@ def read_scenario(text: str, name: str, source: str | None = None) -> Scenario:
 
 
 def _check_alternatives(vary: Mapping[str, Mapping[str, Any]]) -> None:
-    """Refuse more conditions than anyone simulates, and names that are no names of folders."""
+    """Refuse too many conditions, and names that cannot be names of folders."""
     count = math.prod(len(group) for group in vary.values())
     if count > MAX_CONDITIONS:
         raise ExperimentError(
-            f"[vary] makes {count} conditions, at most {MAX_CONDITIONS} are possible; vary less "
+            f"[vary] gives {count} conditions, at most {MAX_CONDITIONS} are possible; vary less "
             "at once"
         )
     if vary and not count:
@@ -304,51 +163,3 @@ def _check_alternatives(vary: Mapping[str, Mapping[str, Any]]) -> None:
                     f"[vary.{group}] the alternative {name!r} names a folder of results; use "
                     "letters, digits, '.', '_', '+' and '-' only, at most 64"
                 )
-
-
-def merged(tables: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
-    """Tables with changes: keys are replaced, tables merged, and a changed type starts anew.
-
-    Args:
-        tables: what there is.
-        changes: what is different.
-    """
-    out = dict(tables)
-    for key, value in changes.items():
-        before = out.get(key)
-        out[key] = value
-        if isinstance(before, Mapping) and isinstance(value, Mapping):
-            if value.get("type", before.get("type")) == before.get("type"):
-                out[key] = merged(before, value)
-    return out
-
-
-def _real(value: Any) -> Any:
-    """Whole numbers as real ones: 5 and 5.0 are the same scenario."""
-    if isinstance(value, Mapping):
-        return {key: _real(v) for key, v in value.items()}
-    if isinstance(value, list):
-        return [_real(v) for v in value]
-    if type(value) is not int:
-        return value
-    try:
-        return float(value)
-    except OverflowError:  # a seed of hundreds of digits
-        return value
-
-
-def _short_forms(tables: Mapping[str, Any]) -> dict[str, Any]:
-    from pivident.experiment.explained import plain_form
-
-    return plain_form(dict(tables))
-
-
-@contextmanager
-def _named(source: str) -> Iterator[None]:
-    """Put the file in front of every scenario error, once."""
-    try:
-        yield
-    except ExperimentError as error:
-        if str(error).startswith(f"{source}: "):
-            raise
-        raise ExperimentError(f"{source}: {error}") from error

@@ -1,29 +1,22 @@
-"""Starts of the iteration: robots that deviate from their description, and are still bodies."""
+"""Starts of the iteration: robots with perturbed but physically possible parameters."""
 
 from __future__ import annotations
 
 import numpy as np
 
+from pivident.consistency.pseudo_inertia import pseudo_inertia
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import nominal_values
 
-#: How often a link is drawn until it is physical.
+#: Maximum number of draws of a physically possible link.
 DRAWS = 1000
 
 
-def deviating_values(base: BaseParameters, spread: float, rng: np.random.Generator) -> np.ndarray:
-    """Base parameters of a robot whose standard parameters deviate from the nominal ones.
+def perturbed_values(base: BaseParameters, spread: float, rng: np.random.Generator) -> np.ndarray:
+    """Base parameters of a robot with perturbed standard parameters, shape (base,).
 
     Each is multiplied by 1 + spread · N(0, 1). Links that are physical in the description are
     drawn again until they are.
-
-    Args:
-        base: base parameters of the robot.
-        spread: relative standard deviation.
-        rng: random numbers.
-
-    Returns:
-        Values, shape (base,).
     """
     nominal = nominal_values(base.robot, base.standard)
     drawn = nominal.copy()
@@ -42,19 +35,5 @@ def deviating_values(base: BaseParameters, spread: float, rng: np.random.Generat
 
 
 def is_physical(inertia: np.ndarray) -> bool:
-    """Whether ten inertial parameters belong to a body: its pseudo-inertia is positive definite.
-
-    Args:
-        inertia: xx xy xz yy yz zz mx my mz m at the frame's origin, shape (10,).
-    """
-    xx, xy, xz, yy, yz, zz, mx, my, mz, m = map(float, inertia)
-    half = 0.5 * (xx + yy + zz)
-    pseudo = np.array(
-        [
-            [half - xx, -xy, -xz, mx],
-            [-xy, half - yy, -yz, my],
-            [-xz, -yz, half - zz, mz],
-            [mx, my, mz, m],
-        ]
-    )
-    return bool(np.linalg.eigvalsh(pseudo)[0] > 0.0)
+    """Whether ten inertial parameters belong to a body: its pseudo-inertia is positive definite."""
+    return bool(np.linalg.eigvalsh(pseudo_inertia(inertia))[0] > 0.0)

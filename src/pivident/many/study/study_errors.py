@@ -1,4 +1,4 @@
-"""What can go wrong with the results folder of a study."""
+"""Errors of the results folder of a study."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The summary of a study as one HTML page that needs nothing else."""
+"""The summary of a study as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -25,21 +25,14 @@ from pivident.version import __version__
 if TYPE_CHECKING:
     import polars as pl
 
-#: Most runs whose normalised errors are drawn; more would only make the page heavy.
+#: Maximum number of runs in the figure of normalised errors; more would make the page slow.
 MAX_DRAWN = 400
 
 
 def render_page(
     summary: Summary, bench: Bench, rows: pl.DataFrame, programs: Sequence[str] = ()
 ) -> str:
-    """The page as text.
-
-    Args:
-        summary: of the study.
-        bench: gives truth and units.
-        rows: all rows of the study, for the figures.
-        programs: states of the program that computed them.
-    """
+    """The page as text."""
     environment = page_environment()
     environment.loader = ChoiceLoader(
         [PackageLoader("pivident.many.study"), PackageLoader("pivident.report")]
@@ -57,7 +50,7 @@ def render_page(
     figures = {
         "result": [],
         "intervals": [coverage_figure(summary), ratio_figure(summary)],
-        "accuracy": [deviation_figure(summary), bias_figure(summary)],
+        "accuracy": [standard_error_figure(summary), bias_figure(summary)],
         "runs": errors_figures(summary, bench, rows),
         "parameters": [],
         "merit": [],
@@ -65,8 +58,8 @@ def render_page(
     }
     headings = {
         "result": "Result",
-        "intervals": "Are the intervals true?",
-        "accuracy": "Are the estimates right?",
+        "intervals": "Validity of the intervals",
+        "accuracy": "Accuracy of the estimates",
         "runs": "Run by run",
         "parameters": "Parameter by parameter",
         "merit": "Figures of merit on a second motion",
@@ -103,7 +96,7 @@ def coverage_figure(summary: Summary) -> Figure:
 
 
 def ratio_figure(summary: Summary) -> Figure:
-    """Reported over empirical deviation of every parameter."""
+    """Reported over empirical standard error of every parameter."""
     plot = empty_plot("reported/found")
     for k, (name, method) in enumerate(summary.methods.items()):
         _points(plot, method, name, k, [p.predicted_over_empirical for p in method.parameters])
@@ -112,15 +105,15 @@ def ratio_figure(summary: Summary) -> Figure:
     return Figure(
         plot,
         height=300,
-        title="Reported over empirical deviation",
-        label="Mean reported deviation over the deviation of the estimates, by parameter",
+        title="Reported over empirical standard error",
+        label="Mean reported standard error over the standard deviation of the estimates",
         note="above the dashed line intervals are too wide, below too narrow",
     )
 
 
-def deviation_figure(summary: Summary) -> Figure:
-    """Empirical deviations beside the bound."""
-    plot = empty_plot("deviation/|truth| [%]")
+def standard_error_figure(summary: Summary) -> Figure:
+    """Empirical standard errors and their bound."""
+    plot = empty_plot("standard error/|truth| [%]")
     first = next(iter(summary.methods.values()))
     for k, (name, method) in enumerate(summary.methods.items()):
         _points(plot, method, name, k, [_relative(p.spread, p.truth) for p in method.parameters])
@@ -136,8 +129,8 @@ def deviation_figure(summary: Summary) -> Figure:
     return Figure(
         plot,
         height=320,
-        title="Deviation of the estimates",
-        label="Empirical relative deviation of every parameter by every method, with the bound",
+        title="Standard error of the estimates",
+        label="Empirical relative standard error of every parameter by every method, with bound",
         note="the line is the bound (P-23); dotted: from the torque sensor's noise alone",
     )
 
@@ -148,8 +141,8 @@ def _share(share: float) -> str:
 
 
 def bias_figure(summary: Summary) -> Figure:
-    """Bias in deviations of the estimate, with its standard error."""
-    plot = empty_plot("bias/deviation")
+    """Bias over the standard deviation of the estimate, with its standard error."""
+    plot = empty_plot("bias/standard deviation")
     for k, (name, method) in enumerate(summary.methods.items()):
         spread = np.array([p.spread for p in method.parameters])
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -157,18 +150,18 @@ def bias_figure(summary: Summary) -> Figure:
             error = 2 * np.array([p.bias_std for p in method.parameters]) / spread
         _points(plot, method, name, k, bias, np.stack([bias - error, bias + error], axis=1))
     plot.add_hrect(-0.5, 0.5, line_width=0, fillcolor=SHADE)
-    plot.update_yaxes(autorangeoptions={"include": [-1.0, 1.0]})  # the band is always seen
+    plot.update_yaxes(autorangeoptions={"include": [-1.0, 1.0]})  # the band is always visible
     return Figure(
         plot,
         height=320,
         title="Bias",
-        label="Mean error of every parameter over the deviation of the estimate",
-        note="±2 standard errors; within the grey band the bias is below half a deviation",
+        label="Mean error of every parameter over the standard deviation of the estimate",
+        note="±2 standard errors; the grey band is half a standard deviation",
     )
 
 
 def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[Figure]:
-    """Errors over reported deviations of each method, one box per parameter."""
+    """Errors over reported standard errors of each method, one box per parameter."""
     drawn = []
     for k, name in enumerate(summary.methods):
         own = rows.filter((rows["method"] == name) & rows["error"].is_null()).head(MAX_DRAWN)
@@ -191,7 +184,7 @@ def errors_figures(summary: Summary, bench: Bench, rows: pl.DataFrame) -> list[F
                 plot,
                 height=280,
                 title=name,
-                label=f"Errors of {name} over their reported deviations, by parameter",
+                label=f"Errors of {name} over their reported standard errors, by parameter",
                 note="box: half of the runs; whiskers: 95.4 %, which should reach the dashed lines",
             )
         )
@@ -206,7 +199,7 @@ def _points(
     y: Any,
     ends: np.ndarray | None = None,
 ) -> None:
-    """One point per parameter, with an interval where there is one."""
+    """One point per parameter, with its interval if given."""
     y = np.asarray(y, dtype=float)
     bars = None
     if ends is not None:

@@ -1,8 +1,8 @@
-"""Keys of a scenario file, their types and defaults, and what contradicts each other.
+"""Keys of a scenario file, their types and defaults, and contradictions between them.
 
-Robot, control law and methods have the tables of an experiment file; where that describes a
-record, a scenario describes how one is made. This module needs pydantic and is imported only when
-a scenario is read.
+Robot, control law and methods have the tables of an experiment file; instead of a record, a
+scenario describes its simulation. This module needs pydantic and is imported only when a scenario
+is read.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class StartEntry(Entry):
     def _spread_needs_starts(self) -> StartEntry:
         if self.count > 1 and self.spread == 0.0:
             raise ValueError(
-                f"count = {self.count} starts without a spread are all the same; give spread = 0.15"
+                f"count = {self.count} starts without a spread are identical; give spread = 0.15"
             )
         return self
 
@@ -138,8 +138,8 @@ class NoiseEntry(Entry):
             )
         if not (self.counts or self.coloured or _positive(self.encoder) or _positive(self.torque)):
             raise ValueError(
-                "there is no noise at all, so all runs would be the same; give encoder, torque, "
-                "coloured or counts"
+                "there is no noise, so all runs would be identical; give encoder, torque, coloured "
+                "or counts"
             )
         return self
 
@@ -169,8 +169,8 @@ class ScenarioFile(Entry):
     def _consistent(self) -> ScenarioFile:
         if self.controller.type not in ("pd", "pid", "cascade"):
             raise ValueError(
-                f'controller.type = "{self.controller.type}" is no law that can be simulated; '
-                "use pd, pid or cascade with its gains"
+                f'controller.type = "{self.controller.type}" cannot be simulated; use pd, pid or '
+                "cascade with its gains"
             )
         if self.controller.source != "recorded":
             raise ValueError(

@@ -58,17 +58,7 @@ class Store(ResultsFolder):
 
     @contextmanager
     def opened(self, scenario: Scenario, runs: int) -> Iterator[Store]:
-        """Take the folder for a study: make it, or check that it belongs to the scenario.
-
-        Args:
-            scenario: the scenario.
-            runs: how many runs are wanted.
-
-        Raises:
-            OtherScenario: it holds runs of another scenario; nothing is changed.
-            StudyFolderError: it cannot be written to, another study is writing to it, or it is
-                not a folder of results.
-        """
+        """Lock the folder for a study, after creating it or checking that it belongs to it."""
         present = (self.manifest() or {}).get("runs", 0) if self.folder.is_dir() else 0
         wanted = {
             "name": scenario.title,
@@ -83,12 +73,8 @@ class Store(ResultsFolder):
             yield self
 
     def rows(self) -> pl.DataFrame:
-        """All rows, sorted by run and method; each run once.
-
-        Raises:
-            StudyFolderError: a shard cannot be read.
-        """
-        # two studies cannot write at once, so a run is there twice only if a shard was copied
+        """All rows, sorted by run and method; each run once."""
+        # two studies cannot write at once, so a run occurs twice only if a shard was copied
         return self.read().unique(["run", "method"], keep="first").sort("run", "method")
 
     def done(self) -> set[int]:
@@ -101,7 +87,7 @@ class Store(ResultsFolder):
         return f"{min(runs):08d}-{max(runs):08d}"
 
     def manifest_kinds(self) -> dict[str, type]:
-        """The number of runs is read again."""
+        """The number of runs is read back."""
         return {"runs": int}
 
 

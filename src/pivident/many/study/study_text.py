@@ -13,11 +13,7 @@ HEADINGS = (
 
 
 def summary_text(summary: Summary) -> str:
-    """A table with one line per method, and what it needs to be read.
-
-    Args:
-        summary: of a study.
-    """
+    """A table with one line per method, errors, and a note on the intervals."""
     rows = [HEADINGS]
     for name, m in summary.methods.items():
         low, high = m.coverage_interval
@@ -49,13 +45,13 @@ def summary_text(summary: Summary) -> str:
             lines.append(f"{name}: {m.not_converged} estimate(s) did not converge")
     note = (
         f"A 2σ interval should cover the truth in {100 * NOMINAL_COVERAGE:.1f} % of the cases; "
-        "its own interval is one of 95 %, from run to run."
+        "the interval of the coverage is a 95 % interval over the runs."
     )
     return "\n".join([f"{summary.scenario}: {summary.description}".rstrip(": "), *lines, note])
 
 
 def percent(share: float, digits: int, unit: str = " %") -> str:
-    """A fraction as percentage, with so many decimals; more where it is small."""
+    """A fraction as percentage, with this many decimals; more if it is small."""
     if not math.isfinite(share):
         return "–"
     value = 100.0 * share

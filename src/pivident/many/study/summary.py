@@ -1,6 +1,6 @@
-"""What the runs of a study say: are estimates right, intervals true, and how much is given away.
+"""Summary of a study: bias, coverage of the intervals, and efficiency.
 
-Shares and relative errors are fractions of one; deviations, biases and bounds have the unit of
+Shares and relative errors are fractions of one; standard errors, biases and bounds have the unit of
 their parameter; figures of merit are percentages, as in the literature.
 """
 
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
 Interval = tuple[float, float]
 
-#: Share of the cases in which two deviations of a normal distribution should cover the truth.
+#: Coverage of ±2 standard deviations of a normal distribution.
 NOMINAL_COVERAGE = math.erf(2.0 / math.sqrt(2.0))
 
-#: Probability of the intervals of the summary itself.
+#: Confidence of the intervals of the summary itself.
 CONFIDENCE = 0.95
 
 NAN = float("nan")
@@ -38,126 +38,71 @@ NAN = float("nan")
 
 @dataclass(frozen=True)
 class ParameterSummary:
-    """One parameter by one method.
+    """One parameter by one method."""
 
-    Attributes:
-        name: base parameter.
-        unit: its unit.
-        truth: true value.
-        mean: mean estimate.
-        bias: mean less truth.
-        bias_std: standard error of the bias, over the records.
-        spread: empirical standard deviation of the estimates.
-        predicted: mean of the reported deviations.
-        predicted_over_empirical: predicted over spread.
-        robust_over_empirical: mean of the robust deviations over spread.
-        coverage: share of runs whose truth lies within two reported deviations.
-        coverage_interval: its Wilson interval.
-        median_relative_error: median of |θ̂ - θ|/|θ|; NaN where the truth is zero.
-        bound: smallest deviation by (P-23), NaN without one.
-        efficiency: (bound/spread)².
-        sensor_bound: smallest deviation from the torque sensor's noise alone, NaN without one.
-        runs: number of estimates.
-    """
-
-    name: str
-    unit: str
-    truth: float
-    mean: float
-    bias: float
-    bias_std: float
-    spread: float
-    predicted: float
-    predicted_over_empirical: float
-    robust_over_empirical: float
-    coverage: float
-    coverage_interval: Interval
-    median_relative_error: float
-    bound: float
-    efficiency: float
-    sensor_bound: float
-    runs: int
+    name: str  # base parameter
+    unit: str  # its unit
+    truth: float  # true value
+    mean: float  # mean estimate
+    bias: float  # mean minus truth
+    bias_std: float  # standard error of the bias, over the records
+    spread: float  # empirical standard deviation of the estimates
+    predicted: float  # mean of the reported standard errors
+    predicted_over_empirical: float  # predicted over spread
+    robust_over_empirical: float  # mean of the robust standard errors over spread
+    coverage: float  # share of runs whose truth lies within ±2 reported std
+    coverage_interval: Interval  # its Wilson interval
+    median_relative_error: float  # median of |θ̂ - θ|/|θ|; NaN if the truth is zero
+    bound: float  # smallest standard error by (P-23), NaN without one
+    efficiency: float  # (bound/spread)²
+    sensor_bound: float  # the same from the torque sensor's noise alone, NaN without it
+    runs: int  # number of estimates
 
     @property
-    def bias_in_deviations(self) -> float:
+    def bias_over_spread(self) -> float:
         """|bias| over spread."""
         return abs(self.bias) / self.spread if self.spread > 0 else NAN
 
 
 @dataclass(frozen=True)
 class MethodSummary:
-    """One method over all parameters; means over parameters are geometric.
+    """One method over all parameters; means over parameters are geometric."""
 
-    Attributes:
-        coverage: share of runs and parameters whose truth lies within two reported deviations.
-        coverage_interval: its interval, clustered by record.
-        robust_coverage: the same with the robust deviations.
-        median_relative_error: over all runs and parameters.
-        relative_spread: mean of spread/|truth|.
-        predicted_over_empirical: mean over parameters.
-        robust_over_empirical: likewise.
-        efficiency: mean of (bound/spread)², NaN without a bound.
-        spread_over_sensor_bound: mean of spread over the bound from the torque sensor alone.
-        variance_ratio: mean variance over that of each other method.
-        largest_bias: largest |bias|/spread of a parameter, and whose it is.
-        runs: number of estimates.
-        records: number of different records among them.
-        failed: number of runs without an estimate.
-        not_converged: number of estimates whose iteration did not converge.
-        errors: how often each class of error ended a run.
-        messages: first message of each class.
-        iterations: median and largest number.
-        seconds: median time of an identification [s].
-        merit: medians over the runs of the figures of merit [%].
-        simulations_diverged: estimates with which the second motion cannot be simulated.
-        merit_of_mean: figures of merit of the mean estimate [%], None without runs.
-        parameters: parameter by parameter.
-    """
-
-    coverage: float
-    coverage_interval: Interval
-    robust_coverage: float
-    median_relative_error: float
-    relative_spread: float
-    predicted_over_empirical: float
-    robust_over_empirical: float
-    efficiency: float
-    spread_over_sensor_bound: float
-    variance_ratio: dict[str, float]
-    largest_bias: tuple[float, str]
-    runs: int
-    records: int
-    failed: int
-    not_converged: int
-    errors: dict[str, int]
-    messages: dict[str, str]
-    iterations: tuple[float, int]
-    seconds: float
-    merit: Merit
-    simulations_diverged: int
-    merit_of_mean: Merit | None
-    parameters: tuple[ParameterSummary, ...]
+    coverage: float  # share of runs and parameters whose truth lies within ±2 reported std
+    coverage_interval: Interval  # its interval, clustered by record
+    robust_coverage: float  # the same with the robust standard errors
+    median_relative_error: float  # over all runs and parameters
+    relative_spread: float  # mean of spread/|truth|
+    predicted_over_empirical: float  # mean over parameters
+    robust_over_empirical: float  # likewise
+    efficiency: float  # mean of (bound/spread)², NaN without a bound
+    spread_over_sensor_bound: float  # mean of spread over the bound from the torque sensor alone
+    variance_ratio: dict[str, float]  # mean variance over that of each other method
+    largest_bias: tuple[float, str]  # largest |bias|/spread, and its parameter
+    runs: int  # number of estimates
+    records: int  # number of different records among them
+    failed: int  # number of runs without an estimate
+    not_converged: int  # number of estimates whose iteration did not converge
+    errors: dict[str, int]  # number of runs that ended with each class of error
+    messages: dict[str, str]  # first message of each class
+    iterations: tuple[float, int]  # median and largest number
+    seconds: float  # median time of an identification [s]
+    merit: Merit  # medians over the runs of the figures of merit [%]
+    simulations_diverged: int  # estimates with which the second motion cannot be simulated
+    merit_of_mean: Merit | None  # figures of merit of the mean estimate [%], None without runs
+    parameters: tuple[ParameterSummary, ...]  # parameter by parameter
 
 
 @dataclass(frozen=True)
 class Summary:
-    """A whole study.
+    """A whole study."""
 
-    Attributes:
-        scenario: its name, with the condition.
-        description: in words.
-        hash: SHA-256 of the scenario.
-        version: version of pivident.
-        runs: number of runs with rows.
-        methods: method by method.
-    """
-
-    scenario: str
-    description: str
-    hash: str
-    version: str
-    runs: int
-    methods: dict[str, MethodSummary]
+    scenario: str  # its name, with the condition
+    description: str  # in words
+    hash: str  # SHA-256 of the scenario
+    version: str  # version of pivident
+    runs: int  # number of runs with rows
+    methods: dict[str, MethodSummary]  # method by method
 
     def to_json(self) -> str:
         """As strict JSON: numbers that are not finite are null, parameters are by name."""
@@ -169,12 +114,7 @@ class Summary:
 
 
 def summarise(bench: Bench, rows: pl.DataFrame) -> Summary:
-    """Judge all rows of a study.
-
-    Args:
-        bench: knows the truth.
-        rows: as the store has them.
-    """
+    """Summarise all rows of a study."""
     from pivident.version import __version__
 
     try:
@@ -225,7 +165,7 @@ def _method(
     errors = Counter(failed["error"].to_list())
     first = {name: failed.filter(failed["error"] == name)["message"][0] for name in errors}
     rows, count = table.rows, len(table.theta)
-    biases = [(p.bias_in_deviations, p.name) for p in parameters]
+    biases = [(p.bias_over_spread, p.name) for p in parameters]
     finite = [b for b in biases if math.isfinite(b[0])]
     iterations = rows["iterations"].to_list()
     medians = [_median(rows[key].drop_nulls().to_list()) for key in ("d_tau", "d_q", "d_beta")]
@@ -292,12 +232,7 @@ def _parameter(bench: Bench, table: _Table, bounds: Bounds, k: int) -> Parameter
 
 
 def wilson_interval(share: float, count: int) -> Interval:
-    """Interval of a share of so many independent cases (Wilson 1927), NaN without any.
-
-    Args:
-        share: found, 0 to 1.
-        count: number of cases.
-    """
+    """Interval of a share of ``count`` independent cases (Wilson 1927), NaN without any."""
     if count == 0 or math.isnan(share):
         return NAN, NAN
     z = _normal_quantile()
@@ -311,19 +246,15 @@ def clustered_interval(shares: np.ndarray, clusters: np.ndarray) -> Interval:
     """Interval of the mean of shares that depend on each other within a cluster.
 
     The parameters of a run share its noise, and runs of one record share the record, so that only
-    the means of records are independent: m ± t s/√R with their standard deviation s. Where all
-    are alike, Wilson's interval with one case per record.
-
-    Args:
-        shares: share of each run, 0 to 1.
-        clusters: record of each run.
+    the means of records are independent: m ± t s/√R with their standard deviation s. If all are
+    equal, Wilson's interval with one case per record.
     """
     from scipy.stats import t
 
     means = record_means(shares, clusters)
     if means.size < 2:
         return NAN, NAN
-    if np.ptp(means) == 0.0:  # all alike: their spread says nothing about the next one
+    if np.ptp(means) == 0.0:  # all equal: their spread carries no information
         return wilson_interval(float(means[0]), means.size)
     quantile = float(t.ppf(0.5 + CONFIDENCE / 2, means.size - 1))
     half = quantile * float(means.std(ddof=1)) / math.sqrt(means.size)

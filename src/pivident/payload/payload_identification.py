@@ -1,0 +1,106 @@
+"""The load on a link with its covariance, the arm without load, and the residuals."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from pivident.estimation.identification import Identification
+from pivident.payload.known_parts import KnownParts
+from pivident.payload.load_estimate import LoadEstimate
+from pivident.payload.load_rows import load_rows
+from pivident.payload.payload_text import load_sentences, load_table
+from pivident.payload.possible_load import PossibleLoad, possible_load
+from pivident.text.finding import Finding
+from pivident.text.numbers import plus_minus
+
+#: Change of a friction parameter, in standard errors, above which it is named.
+FRICTION_NAMED = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class PayloadIdentification:
+    """An identified load with the quantities to assess it.
+
+    Attributes:
+        load: mass, centre of mass and inertia, in the requested frame.
+        link: name of the link that carries it.
+        joint: name of the joint that moves the link.
+        method: name of the method.
+        arm: the arm identified without load.
+        arm_change: for each of its parameters, the difference between the common estimate and the
+            first one over the standard error of that difference, shape (arm,).
+        friction_names: friction parameters that may change with the load.
+        friction_change: their change ΔF, shape (friction,).
+        friction_std: its standard errors, likewise.
+        joints: names of the joints.
+        relative_errors: ‖τ - Φθ‖/‖τ‖ of each joint on the loaded recordings, shape (joints,).
+        rms_errors: rms of τ - Φθ of each joint on them [N m or N], shape (joints,).
+        recordings: names of the loaded recordings.
+        converged: whether the iteration converged.
+        iterations: number of estimates.
+        known: known parts of the load.
+        warnings: reservations.
+        sources: SHA-256 of the loaded recordings' files by name.
+        version: version of pivident.
+    """
+
+    load: LoadEstimate
+    link: str
+    joint: str
+    method: str
+    arm: Identification
+    arm_change: np.ndarray
+    friction_names: tuple[str, ...]
+    friction_change: np.ndarray
+    friction_std: np.ndarray
+    joints: tuple[str, ...]
+    relative_errors: np.ndarray
+    rms_errors: np.ndarray
+    recordings: tuple[str, ...]
+    converged: bool
+    iterations: int
+    known: KnownParts
+    warnings: tuple[Finding, ...]
+    sources: dict[str, str]
+    version: str
+
+    @cached_property
+    def possible(self) -> PossibleLoad | None:
+        """The nearest physically possible load; None without a positive mass."""
+        return possible_load(self.load) if self.load.mass > 0 else None
+
+    def __str__(self) -> str:
+        load = self.load
+        errors = ", ".join(
+            f"{name} {100 * e:.1f} % ({100 * fit.relative_error:.1f})"
+            for name, e, fit in zip(self.joints, self.relative_errors, self.arm.joints, strict=True)
+        )
+        worst = int(np.argmax(np.abs(self.arm_change)))
+        parts = [
+            f"Load on link {self.link!r} by {self.method}, {self.iterations} estimates.\n"
+            f"Frame: {load.frame}.",
+            load_table(load_rows(load)),
+            *load_sentences(load, self.possible),
+            f"Torque error with the load (and without): {errors}.",
+            "The arm in both records: largest difference "
+            f"{abs(self.arm_change[worst]):.1f} standard errors ({self.arm.names[worst]}).",
+        ]
+        if changed := self._friction_sentence():
+            parts.append(changed)
+        parts += [str(warning) for warning in self.warnings]
+        return "\n\n".join(parts)
+
+    def _friction_sentence(self) -> str:
+        """Friction parameters that change significantly with the load."""
+        units = dict(zip(self.arm.names, self.arm.units, strict=True))
+        named = [
+            f"{name} {plus_minus(change, 2 * std, sign=True)} {units[name]}"
+            for name, change, std in zip(
+                self.friction_names, self.friction_change, self.friction_std, strict=True
+            )
+            if abs(change) > FRICTION_NAMED * std
+        ]
+        return f"Friction that differs with the load: {', '.join(named)}." if named else ""
