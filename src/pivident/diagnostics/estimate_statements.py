@@ -13,7 +13,6 @@ from pivident.logs.torque_scale import scale_sentences
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import format_significant, percent
-from pivident.text.numbers import format_significant, percent, plus_minus
 
 #: A parameter whose 2σ is below this share of its value is well determined [%].
 WELL = 10.0
