@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.estimation.covariance.sandwich import windows_of
+from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.row_products import gram, products
 

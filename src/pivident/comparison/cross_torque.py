@@ -49,7 +49,7 @@ def cross_torques(entries: Sequence[Entry]) -> tuple[CrossTorque, ...]:
             continue
         sums = identification.torque_sums
         if sums is None and identification.recordings:
-            from pivident.estimation.torque_sums import torque_sums
+            from pivident.estimation.fitted_torque_sums import torque_sums
 
             sums = torque_sums(identification)
         if sums is None or sums.square <= 0.0 or sums.moment.size != len(entry.groups.names):

@@ -29,7 +29,8 @@ from pivident.control_law.law_gravity import (
     best_gravity,
 )
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import sandwich, windows_of
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.recording.recording import Recording
 from pivident.text.numbers import plus_minus

@@ -291,7 +291,8 @@ def _deviations(
     columns: np.ndarray, residual: np.ndarray, channels: Sequence[Channel]
 ) -> np.ndarray:
     """Robust deviations of the linear fit with these columns: a jackknife over long windows."""
-    from pivident.estimation.covariance.sandwich import Windows, sandwich
+    from pivident.estimation.covariance.sandwich import sandwich
+    from pivident.estimation.covariance.windows import Windows
     from pivident.estimation.normal_equations import JointSums
 
     scale = np.sqrt(np.mean(columns**2, axis=0))

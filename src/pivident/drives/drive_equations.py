@@ -21,7 +21,7 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics

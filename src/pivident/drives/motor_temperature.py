@@ -27,7 +27,7 @@ from pivident.drives.drive_equations import (
 )
 from pivident.drives.log_units import independent_columns, restricted, solved_row
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics

@@ -9,7 +9,7 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import JointColumns
 from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.inner_signals import packed_stretch

@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.sandwich import Windows, windows_of
+from pivident.estimation.covariance.windows import Windows, windows_of
 from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.normal_equations import JointSums

@@ -3,22 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
+from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equations import Equations
 from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.methods import Bandpass, Method
+from pivident.estimation.torque_sums import TorqueSums
 from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
 from pivident.text import display
 from pivident.text.finding import Finding
-
-if TYPE_CHECKING:
-    from pivident.estimation.torque_sums import TorqueSums
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,26 +194,20 @@ class Identification:
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
         """
-        from pivident.dynamics.regressor import Regressor
-
         return Regressor.build(self.robot, self.parameters).torque(q, dq, ddq, self.theta)
 
     def __str__(self) -> str:
         return self.summary()
 
     def __repr__(self) -> str:
-        from pivident.estimation.summary_tables import headline
-
-        return f"<Identification: {len(self.names)} parameters by {headline(self)}>"
+        return f"<Identification: {len(self.names)} parameters by {display.headline_of(self)}>"
 
     def _repr_html_(self) -> str:
         return display.html_of(self)
 
     def summary(self) -> str:
         """The result as a table: name, value, σ, relative σ, unit, group."""
-        from pivident.estimation.summary_tables import identification_table
-
-        return identification_table(self)
+        return display.text_of(self)
 
     def save(self, folder: Any) -> None:
         """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.
@@ -222,6 +215,4 @@ class Identification:
         Args:
             folder: folder to create or to write into.
         """
-        from pivident.estimation.identification_file import save_identification
-
-        save_identification(self, folder)
+        display.save(self, folder)

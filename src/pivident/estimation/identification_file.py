@@ -11,6 +11,7 @@ import io
 from os import PathLike
 from typing import Any
 
+from pivident.estimation.fitted_torque_sums import torque_sums
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.files import atomic_folder
@@ -95,8 +96,6 @@ def torque_sums_values(identification: Identification) -> dict[str, Any] | None:
     """
     sums = identification.torque_sums
     if sums is None and identification.recordings:
-        from pivident.estimation.torque_sums import torque_sums
-
         sums = torque_sums(identification)
     return None if sums is None else sums.to_values()
 

@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import IdentificationError, RankDeficientRegressor
-from pivident.estimation.covariance.sandwich import Share
+from pivident.estimation.covariance.windows import Share
 from pivident.estimation.row_products import gram, products
 
 #: Share of a parameter in the weakest direction from which on it is named.

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.estimation.covariance.sandwich import windows_of
+from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums

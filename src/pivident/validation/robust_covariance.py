@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import WINDOWS
+from pivident.estimation.covariance.windows import WINDOWS
 from pivident.validation.instruments.moment_sums import kept_equations
 
 if TYPE_CHECKING:

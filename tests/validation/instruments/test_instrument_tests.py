@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import OVERLAP, windows_of
+from pivident.estimation.covariance.windows import OVERLAP, windows_of
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.validation.instruments.instrument_tests import instrument_tests

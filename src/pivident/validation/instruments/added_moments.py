@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.estimation.covariance.sandwich import OVERLAP
+from pivident.estimation.covariance.windows import OVERLAP
 from pivident.validation.instruments.moment_sums import MomentSums
 from pivident.validation.residuals.windowed_statistic import (
     WindowedStatistic,

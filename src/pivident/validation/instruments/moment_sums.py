@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import Share, Windows, windows_of
+from pivident.estimation.covariance.windows import Share, Windows, windows_of
 from pivident.estimation.simulated_motion import central_differences
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.covariance.sandwich import OVERLAP
+from pivident.estimation.covariance.windows import OVERLAP
 
 #: Neighbouring windows overlap, and their sums are correlated: one window counts for less.
 OVERLAPPING = 1.0 + 2.0 / 36.0
