@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
+from pivident.recording.checks import clipped_samples
 from pivident.recording.recording import Recording
-from pivident.recording.saturation import clipped_samples
 from pivident.simulation.linear_law import differentiated, reference_derivatives
 
 Term = Literal[

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from pivident.estimation.equations import Equations
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
-from pivident.estimation.method_options import method_options
 from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import JointSums, relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
@@ -74,7 +74,7 @@ def answer(
         relative_error=relative_error,
         condition=estimate.solution.condition,
         recordings=fitted,
-        options=method_options(method) | {"mask": problem.mask},
+        options=asdict(method) | {"mask": problem.mask},
         method_used=method,
         warnings=_warnings(problem, estimate, run, np.sqrt(np.diag(covariance)), warnings),
         sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},

@@ -14,8 +14,8 @@ from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.motion import SimulatedMotion, central_differences
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_motion import SimulatedMotion, central_differences
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.scratch import working_array

@@ -36,13 +36,12 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.full_rate import FullRateRecord, records_without_instruments
 from pivident.estimation.identification import Identification
-from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import Pass, Say, Signals, Simulated, initial_pass
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.motion import SimulatedMotion, with_inner
 from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.whitening import Prefilters, Whitening
 from pivident.text.finding import Finding
 

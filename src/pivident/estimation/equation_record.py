@@ -7,17 +7,57 @@ holds them. Both answer the same questions, so that no estimator or test has to 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows, windows_of
-from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.motion import SimulatedMotion
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.logs.torque_scale import TorqueScale
 from pivident.signals.prefilter import Prefilter
+
+
+@dataclass(frozen=True, eq=False)
+class FittedRecording:
+    """Signals of one recording as the estimator saw them, for plots; arrays (rows, joints).
+
+    Attributes:
+        name: name of the recording.
+        t: time of each row [s], shape (rows,).
+        q: estimated positions [rad or m].
+        dq: estimated speeds [rad/s or m/s].
+        ddq: estimated accelerations [rad/s² or m/s²].
+        q_measured: measured positions on the same rows [rad or m].
+        tau: measured torque, aligned with the positions [N m or N].
+        tau_model: reconstructed torque Φθ.
+        used: True for rows that the estimate used.
+        whitened: residual of the equation that was solved, scaled to unit variance, on the
+            rows of the estimator, shape (rows, joints); NaN on rows that were not used.
+        whitened_rate: rate of ``whitened`` [Hz].
+        q_ref: recorded or reconstructed reference on the same rows [rad or m], or None.
+        account: how the record was logged and what was done to its samples, in sentences.
+        torque_scale: joints whose torque has an unverified scale.
+    """
+
+    name: str
+    t: np.ndarray
+    q: np.ndarray
+    dq: np.ndarray
+    ddq: np.ndarray
+    q_measured: np.ndarray
+    tau: np.ndarray
+    tau_model: np.ndarray
+    used: np.ndarray
+    whitened: np.ndarray
+    whitened_rate: float
+    q_ref: np.ndarray | None = None
+    account: tuple[str, ...] = ()
+    torque_scale: tuple[TorqueScale, ...] = ()
+
 
 #: Φ, Z, (filtered further instruments) and τ of one joint, time last.
 JointColumns = tuple[np.ndarray, np.ndarray | None, np.ndarray | None, np.ndarray]

@@ -6,7 +6,7 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.fitted_recording import FittedRecording
+from pivident.estimation.equation_record import FittedRecording
 from pivident.estimation.identification import Identification
 from pivident.estimation.torque_sums import TorqueSums
 

@@ -15,13 +15,10 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
-from pivident.estimation.equation_record import JointColumns
-from pivident.estimation.fitted_recording import FittedRecording
-from pivident.estimation.inner_signals import packed_stretch
+from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.motion import Motion
+from pivident.estimation.motion import Motion, SimulatedMotion, packed_stretch
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads

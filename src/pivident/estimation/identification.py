@@ -9,8 +9,8 @@ import numpy as np
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
+from pivident.estimation.equation_record import FittedRecording
 from pivident.estimation.equations import Equations
-from pivident.estimation.fitted_recording import FittedRecording
 from pivident.estimation.methods import Bandpass, Method
 from pivident.estimation.torque_sums import TorqueSums
 from pivident.logs.torque_scale import TorqueScale

@@ -11,15 +11,17 @@ from pivident.estimation.decimated import decimate_record
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Identification, Iteration
-from pivident.estimation.inner_signals import with_inner
-from pivident.estimation.iteration import Estimate, Run, Say
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
-from pivident.estimation.load_dependence import (
+from pivident.estimation.iteration import (
     MAX_PASSES,
+    Estimate,
+    Run,
+    Say,
     estimate_without_load,
     has_settled,
 )
+from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.motion import with_inner
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
 from pivident.estimation.whitening import Prefilters

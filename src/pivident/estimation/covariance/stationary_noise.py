@@ -24,8 +24,8 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.methods import MOTION_BAND
+from pivident.estimation.motion import packed_stretch
 from pivident.estimation.normal_equations import JointSums
 from pivident.signals.lagged_sums import lagged_products
 from pivident.signals.prefilter import Prefilter

@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.windows import Share, Windows, windows_of
-from pivident.estimation.simulated_motion import central_differences
+from pivident.estimation.motion import central_differences
 
 if TYPE_CHECKING:
     from pivident.dynamics.regressor import Regressor
