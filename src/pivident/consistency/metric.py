@@ -23,9 +23,9 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import IdentificationError
-from pivident.estimation.fitted_torque_sums import estimated_in_base, estimated_indices
+from pivident.estimation.equations import TorqueSums
 from pivident.estimation.identification import Identification
-from pivident.estimation.torque_sums import TorqueSums
+from pivident.estimation.torque_sums import estimated_in_base, estimated_indices
 
 #: Smallest variance of a direction over that of white errors, relative to the median, below which
 #: a covariance is taken for one of too low a rank.

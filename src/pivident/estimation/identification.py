@@ -1,4 +1,4 @@
-"""The answer: estimated parameters, their covariance, and what is needed to doubt them."""
+"""The answer: estimated parameters, their covariance, and what is needed to judge them."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import FittedRecording
-from pivident.estimation.equations import Equations
+from pivident.estimation.equations import Equations, TorqueSums
 from pivident.estimation.methods import Bandpass, Method
-from pivident.estimation.torque_sums import TorqueSums
 from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
@@ -146,8 +146,13 @@ class Identification:
 
     @property
     def torque_scale(self) -> tuple[TorqueScale, ...]:
-        """Scales of the logged torques that nobody vouches for; all parameters rest on them."""
+        """Unverified scales of the logged torques; all parameters rest on them."""
         return tuple(dict.fromkeys(s for r in self.recordings for s in r.torque_scale))
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Estimates by the names of their parameters, in the order of ``names``."""
+        return dict(zip(self.names, self.theta.tolist(), strict=True))
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -156,17 +161,17 @@ class Identification:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations by the method's covariance, shape (parameters,)."""
+        """Standard errors by the method's covariance, shape (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def robust_std(self) -> np.ndarray:
-        """Standard deviations by the sandwich, shape (parameters,)."""
+        """Standard errors by the sandwich, shape (parameters,)."""
         return np.sqrt(np.diag(self.robust_covariance))
 
     @property
     def formula_std(self) -> np.ndarray:
-        """Standard deviations by (P-31), for white residuals, shape (parameters,)."""
+        """Standard errors by (P-31), for white residuals, shape (parameters,)."""
         return np.sqrt(np.diag(self.formula_covariance))
 
     @property
@@ -174,6 +179,26 @@ class Identification:
         """100 σ/|θ| [%], shape (parameters,); infinite for an estimate of zero."""
         size = np.abs(self.theta)
         return np.divide(100.0 * self.std, size, out=np.full(size.shape, np.inf), where=size > 0)
+
+    def conf_int(self, level: float = 0.95) -> np.ndarray:
+        """Confidence intervals θ ± z σ with z = Φ⁻¹((1 + level)/2) of the normal distribution.
+
+        They rest on ``std``, and hold for a model without systematic error. As with statsmodels
+        the lower bound stands in the first column.
+
+        Args:
+            level: probability that an interval holds the true value, between 0 and 1.
+
+        Returns:
+            Lower and upper bounds in ``units``, shape (parameters, 2).
+
+        Raises:
+            ValueError: ``level`` is not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise ValueError(f"level must be between 0 and 1, not {level}; 0.95 is usual")
+        half = float(ndtri(0.5 * (1.0 + level))) * self.std
+        return np.column_stack([self.theta - half, self.theta + half])
 
     def value(self, name: str) -> float:
         """Estimate of one parameter, by its name with or without the trailing ``r``.

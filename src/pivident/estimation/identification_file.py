@@ -11,9 +11,9 @@ import io
 from os import PathLike
 from typing import Any
 
-from pivident.estimation.fitted_torque_sums import torque_sums
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.torque_sums import torque_sums
 from pivident.files import atomic_folder
 from pivident.robot.robot_values import robot_values
 from pivident.simulation.control_loop import Loop
