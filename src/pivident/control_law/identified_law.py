@@ -276,11 +276,7 @@ def _refusal(refused: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]) ->
 def _law_of(
     laws: Sequence[JointLaw], robot: Robot | None, drive_gain: np.ndarray
 ) -> LinearLaw | GravityCompensated:
-    """The controller of all joints.
-
-    Raises:
-        IdentificationError: one pushes away from its reference.
-    """
+    """The controller of all joints."""
     for law in laws:
         for term in ALWAYS:
             if law.gain(term) < 0.0:

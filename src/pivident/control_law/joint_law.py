@@ -38,36 +38,21 @@ from pivident.text.numbers import plus_minus
 
 @dataclass(frozen=True, eq=False)
 class JointLaw:
-    """The law of one joint.
+    """The law of one joint."""
 
-    Attributes:
-        name: name of the joint.
-        terms: terms in use.
-        gains: their gains, shape (terms,).
-        std: robust standard deviations of the gains.
-        derivative_time: lag T of the differentiator [s].
-        derivative_time_std: its standard deviation [s].
-        averaged: whether two-sample means are differenced.
-        rms: rms of what the law does not explain [u].
-        relative_error: that over the rms of u.
-        f_tests: F statistic of every extra term when it was tried last.
-        samples: samples used; saturated ones are left out.
-        saturated: samples left out.
-        gravity: the gravity model that it adds; None: it does not compensate gravity.
-    """
-
-    name: str
-    terms: tuple[Term, ...]
-    gains: np.ndarray
-    std: np.ndarray
-    derivative_time: float
-    derivative_time_std: float
-    averaged: bool
-    rms: float
-    relative_error: float
-    f_tests: dict[str, float]
-    samples: int
-    saturated: int
+    name: str  # name of the joint
+    terms: tuple[Term, ...]  # terms in use
+    gains: np.ndarray  # their gains, shape (terms,)
+    std: np.ndarray  # robust standard deviations of the gains
+    derivative_time: float  # lag T of the differentiator [s]
+    derivative_time_std: float  # its standard deviation [s]
+    averaged: bool  # whether two-sample means are differenced
+    rms: float  # rms of what the law does not explain [u]
+    relative_error: float  # that over the rms of u
+    f_tests: dict[str, float]  # F statistic of every extra term when it was tried last
+    samples: int  # samples used; saturated ones are left out
+    saturated: int  # samples left out
+    #: The gravity model that it adds; None: it does not compensate gravity.
     gravity: JointGravity | None = None
 
     def gain(self, term: Term) -> float:

@@ -51,37 +51,24 @@ EXPLAINED = 0.99
 
 @dataclass(frozen=True, eq=False)
 class SpeedSetpoint:
-    """The law of one joint as a cascade with a speed setpoint.
+    """The law of one joint as a cascade with a speed setpoint."""
 
-    Attributes:
-        position_gain: K [1/s].
-        speed_gain: k_v [u per rad/s or m/s], from the known inputs; without them, from the noise.
-        noise_gain: k_v as the output beyond the band of the motion tells it.
-        integral_gain: k_i [1/s], from k_v k_i of the output beyond the motion's band.
-        delay: T [s].
-        std: robust deviations of these five, same order.
-        explained: share of the position error's variance that the setpoint explains.
-        loop_explained: share of the output's variance beyond ``cutoff`` that the speed loop does.
-        cutoff: of the high-pass H [Hz].
-        error: recorded q_ref(t - T) - q of the first recording [rad or m], shape (samples,).
-        model: what the law makes of it.
-        rms: of the difference over all recordings [rad or m].
-        samples: samples used.
-    """
-
-    position_gain: float
+    position_gain: float  # K [1/s]
+    #: k_v [u per rad/s or m/s], from the known inputs; without them, from the noise.
     speed_gain: float
-    noise_gain: float
-    integral_gain: float
-    delay: float
-    std: np.ndarray
-    explained: float
+    noise_gain: float  # k_v as the output beyond the band of the motion tells it
+    integral_gain: float  # k_i [1/s], from k_v k_i of the output beyond the motion's band
+    delay: float  # T [s]
+    std: np.ndarray  # robust deviations of these five, same order
+    explained: float  # share of the position error's variance that the setpoint explains
+    #: Share of the output's variance beyond ``cutoff`` that the speed loop does.
     loop_explained: float
-    cutoff: float
+    cutoff: float  # of the high-pass H [Hz]
+    #: Recorded q_ref(t - T) - q of the first recording [rad or m], shape (samples,).
     error: np.ndarray
-    model: np.ndarray
-    rms: float
-    samples: int
+    model: np.ndarray  # what the law makes of it
+    rms: float  # of the difference over all recordings [rad or m]
+    samples: int  # samples used
 
     @property
     def believable(self) -> bool:
@@ -93,9 +80,7 @@ class SpeedSetpoint:
 def speed_setpoint(channels: Sequence[Channel], inputs: Sequence[np.ndarray]) -> SpeedSetpoint:
     """Find the speed setpoint and the speed loop of one joint.
 
-    Args:
-        channels: the joint in each recording.
-        inputs: sum of the known inputs in each recording, shape (samples,) [u].
+    ``inputs``: sum of the known inputs in each recording, shape (samples,) [u].
     """
     known = any(np.ptp(i) > 0.0 for i in inputs)
     cutoff = BEYOND * _motion_band(channels)
@@ -138,12 +123,7 @@ def speed_setpoint(channels: Sequence[Channel], inputs: Sequence[np.ndarray]) ->
 
 
 def as_seen_by_the_drive(recording: Recording, laws: Sequence[SpeedSetpoint]) -> Recording:
-    """The recording with the reference as it arrives: T later, known inputs part of its speed.
-
-    Args:
-        recording: a run with a recorded reference.
-        laws: the setpoints of its joints.
-    """
+    """The recording with the reference as it arrives: T later, known inputs part of its speed."""
     assert recording.q_ref is not None
     t = np.arange(recording.samples) / recording.rate
     inputs = sum(recording.inputs.values(), np.zeros(recording.q.shape))

@@ -138,11 +138,7 @@ def diagnose(
 
 
 def diagnose_one(identifications: Mapping[str, Identification]) -> Diagnostics:
-    """The tests that need nothing but the results.
-
-    Args:
-        identifications: results by short name.
-    """
+    """The tests that need nothing but the results."""
     residuals, instruments, notes = {}, {}, []
     for name, result in identifications.items():
         residuals[name] = residual_tests(result)

@@ -26,15 +26,7 @@ from pivident.version import __version__
 def answer(
     problem: Problem, method: Method, estimate: Estimate, run: Run, warnings: Sequence[Finding] = ()
 ) -> Identification:
-    """Everything that comes with an estimate.
-
-    Args:
-        problem: what was given.
-        method: how it was estimated.
-        estimate: the last one.
-        run: its iterations.
-        warnings: of the method.
-    """
+    """Everything that comes with an estimate."""
     regressor, theta, variance = problem.regressor, estimate.theta, estimate.variance
     records, filters = estimate.records, estimate.prefilters.filters
     residuals = [r.residual(regressor, theta) for r in records]
@@ -89,13 +81,7 @@ def answer(
 def loop_warnings(
     problem: Problem, sums: Sequence[JointSums], variance: np.ndarray
 ) -> list[Finding]:
-    """Reservations about instruments from this loop.
-
-    Args:
-        problem: what is given.
-        sums: normal equations of the last iteration.
-        variance: λ of each joint, shape (joints,).
-    """
+    """Reservations about instruments from this loop."""
     if problem.loop is None:
         return []
     notes, warnings = law_findings(problem.loop)
@@ -117,8 +103,7 @@ def loop_warnings(
 def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
     """Notes on the loop, and warnings about a law found from the record.
 
-    Args:
-        loop: the loop, or None.
+    ``loop``: the loop, or None.
     """
     if loop is None:
         return [], []

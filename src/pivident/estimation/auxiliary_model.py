@@ -176,15 +176,7 @@ def loop_signals(
 ) -> tuple[LoopSignals, tuple[np.ndarray, np.ndarray]]:
     """What drives the simulated loop of one recording, and its initial positions and speeds.
 
-    Args:
-        robot: the robot; its nominal parameters make the feed-forward, where there is one.
-        loop: the control loop.
-        recording: the run.
-        q: its smoothed positions, shape (samples, joints) [rad or m].
-        dq: their derivatives.
-
-    Raises:
-        ExperimentError: if the reference is to be taken from the record and is not there.
+    ``q``: its smoothed positions, shape (samples, joints) [rad or m].
     """
     n = recording.joints
     q_ref: np.ndarray = q

@@ -23,40 +23,26 @@ from pivident.signals.prefilter import Prefilter
 
 @dataclass(frozen=True, eq=False)
 class FittedRecording:
-    """Signals of one recording as the estimator saw them, for plots; arrays (rows, joints).
+    """Signals of one recording as the estimator saw them, for plots; arrays (rows, joints)."""
 
-    Attributes:
-        name: name of the recording.
-        t: time of each row [s], shape (rows,).
-        q: estimated positions [rad or m].
-        dq: estimated speeds [rad/s or m/s].
-        ddq: estimated accelerations [rad/s² or m/s²].
-        q_measured: measured positions on the same rows [rad or m].
-        tau: measured torque, aligned with the positions [N m or N].
-        tau_model: reconstructed torque Φθ.
-        used: True for rows that the estimate used.
-        whitened: residual of the equation that was solved, scaled to unit variance, on the
-            rows of the estimator, shape (rows, joints); NaN on rows that were not used.
-        whitened_rate: rate of ``whitened`` [Hz].
-        q_ref: recorded or reconstructed reference on the same rows [rad or m], or None.
-        account: how the record was logged and what was done to its samples, in sentences.
-        torque_scale: joints whose torque has an unverified scale.
-    """
-
-    name: str
-    t: np.ndarray
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    q_measured: np.ndarray
-    tau: np.ndarray
-    tau_model: np.ndarray
-    used: np.ndarray
+    name: str  # name of the recording
+    t: np.ndarray  # time of each row [s], shape (rows,)
+    q: np.ndarray  # estimated positions [rad or m]
+    dq: np.ndarray  # estimated speeds [rad/s or m/s]
+    ddq: np.ndarray  # estimated accelerations [rad/s² or m/s²]
+    q_measured: np.ndarray  # measured positions on the same rows [rad or m]
+    tau: np.ndarray  # measured torque, aligned with the positions [N m or N]
+    tau_model: np.ndarray  # reconstructed torque Φθ
+    used: np.ndarray  # True for rows that the estimate used
+    #: Residual of the equation that was solved, scaled to unit variance, on the rows of the
+    #: estimator, shape (rows, joints); NaN on rows that were not used.
     whitened: np.ndarray
-    whitened_rate: float
+    whitened_rate: float  # rate of ``whitened`` [Hz]
+    #: Recorded or reconstructed reference on the same rows [rad or m], or None.
     q_ref: np.ndarray | None = None
+    #: How the record was logged and what was done to its samples, in sentences.
     account: tuple[str, ...] = ()
-    torque_scale: tuple[TorqueScale, ...] = ()
+    torque_scale: tuple[TorqueScale, ...] = ()  # joints whose torque has an unverified scale
 
 
 #: Φ, Z, (filtered further instruments) and τ of one joint, time last.
@@ -144,14 +130,7 @@ def accumulate(
     filters: Sequence[Prefilter],
     by_window: bool = True,
 ) -> list[JointSums]:
-    """Normal equations of all joints over all recordings.
-
-    Args:
-        regressor: the observation matrix.
-        records: recordings with instruments.
-        filters: one prefilter per joint; of no use to decimated records.
-        by_window: whether the sums of each window are kept for the sandwich.
-    """
+    """Normal equations of all joints over all recordings."""
     windows = windows_of([r.used.shape[1] for r in records])
     count = sum(w.count for w in windows) if by_window else 0
     sums = [

@@ -26,57 +26,34 @@ from pivident.signals.prefilter import Prefilter
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """Weighted and prefiltered rows of one joint in one block; zero where a sample is not used.
+    """Weighted and prefiltered rows of one joint in one block; zero where a sample is not used."""
 
-    Attributes:
-        columns: parameters that act on the joint, shape (k,).
-        phi: observation matrix, shape (k, samples), time last.
-        z: instruments, likewise; the observation matrix itself for least squares.
-        extra: further instruments, likewise, or None.
-        tau: torque, shape (samples,).
-        used: samples that the estimate uses, shape (samples,).
-    """
-
-    columns: np.ndarray
-    phi: np.ndarray
-    z: np.ndarray
-    extra: np.ndarray | None
-    tau: np.ndarray
-    used: np.ndarray
+    columns: np.ndarray  # parameters that act on the joint, shape (k,)
+    phi: np.ndarray  # observation matrix, shape (k, samples), time last
+    z: np.ndarray  # instruments, likewise; the observation matrix itself for least squares
+    extra: np.ndarray | None  # further instruments, likewise, or None
+    tau: np.ndarray  # torque, shape (samples,)
+    used: np.ndarray  # samples that the estimate uses, shape (samples,)
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A stretch of one record.
+    """A stretch of one record."""
 
-    Attributes:
-        record: its number.
-        span: rows of the record.
-        joints: rows of each joint.
-    """
-
-    record: int
-    span: slice
-    joints: tuple[JointRows, ...]
+    record: int  # its number
+    span: slice  # rows of the record
+    joints: tuple[JointRows, ...]  # rows of each joint
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Everything that the last pass of an estimator was made of.
+    """Everything that the last pass of an estimator was made of."""
 
-    Attributes:
-        regressor: the observation matrix.
-        records: recordings with instruments.
-        filters: prefilter of each joint; of no use to decimated records.
-        variance: λ of each joint, shape (joints,).
-        weight_power: w, power of λ in the weights.
-    """
-
-    regressor: Regressor
-    records: tuple[EquationRecord, ...]
-    filters: tuple[Prefilter, ...]
-    variance: np.ndarray
-    weight_power: float = 1.0
+    regressor: Regressor  # the observation matrix
+    records: tuple[EquationRecord, ...]  # recordings with instruments
+    filters: tuple[Prefilter, ...]  # prefilter of each joint; of no use to decimated records
+    variance: np.ndarray  # λ of each joint, shape (joints,)
+    weight_power: float = 1.0  # w, power of λ in the weights
 
     @property
     def size(self) -> int:
@@ -101,14 +78,7 @@ class Equations:
     def blocks(
         self, extra: Sequence[Motion] | Sequence[np.ndarray] | None = None
     ) -> Iterator[Block]:
-        """The rows of all records in order.
-
-        Args:
-            extra: for each record another motion (of decimated records its packed columns),
-                whose columns less the instruments' own are further instruments. The difference
-                spans with Z what the columns themselves do, and keeps its digits where they are
-                almost alike.
-        """
+        """The rows of all records in order."""
         for number, record in enumerate(self.records):
             other: Any = None if extra is None else extra[number]
             made = record.blocks(self.regressor, self.filters, other, self._weighted)
@@ -141,24 +111,17 @@ class TorqueSums:
 
     The sums have the size of the parameters. From them follows exactly what another set of
     parameters, a consistent one for instance, costs in torque on that record.
-
-    Attributes:
-        gram: G, shape (base, base).
-        moment: g, shape (base,).
-        square: t.
-        rows: number of rows, all joints together.
     """
 
-    gram: np.ndarray
-    moment: np.ndarray
-    square: float
-    rows: int
+    gram: np.ndarray  # G, shape (base, base)
+    moment: np.ndarray  # g, shape (base,)
+    square: float  # t
+    rows: int  # number of rows, all joints together
 
     def squared_error(self, base: np.ndarray) -> float:
         """‖τ - Φβ‖²_W.
 
-        Args:
-            base: all base parameters, shape (base,).
+        ``base``: all base parameters, shape (base,).
         """
         value = self.square - 2.0 * self.moment @ base + base @ self.gram @ base
         return max(float(value), 0.0)
@@ -166,8 +129,7 @@ class TorqueSums:
     def relative_error(self, base: np.ndarray) -> float:
         """‖τ - Φβ‖/‖τ‖ over all joints, weighted by joint, 0 to 1 and more.
 
-        Args:
-            base: all base parameters, shape (base,).
+        ``base``: all base parameters, shape (base,).
         """
         return float(np.sqrt(self.squared_error(base) / max(self.square, 1e-300)))
 
@@ -183,16 +145,7 @@ class TorqueSums:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any], base: BaseParameters) -> TorqueSums:
-        """The sums of :meth:`to_values`.
-
-        Args:
-            values: plain values.
-            base: base parameters of the robot.
-
-        Raises:
-            ValueError: missing entries, sizes that are not those of the robot, numbers that are
-                not finite, or a G that is not positive semidefinite.
-        """
+        """The sums of :meth:`to_values`."""
         size = len(base)
         numbers = {}
         for key, wanted in (

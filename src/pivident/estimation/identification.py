@@ -22,56 +22,35 @@ from pivident.text.finding import Finding
 
 @dataclass(frozen=True, eq=False)
 class Iteration:
-    """One pass of an iterative estimator.
+    """One pass of an iterative estimator."""
 
-    Attributes:
-        theta: parameters after it, shape (parameters,).
-        change: largest |Δθ| / max(|θ|, 2σ).
-        residual: relative error of the reconstructed torque, weighted as in the estimate.
-        halvings: how often the step had to be halved before the loop could be simulated.
-        ar_orders: orders of the noise models used, one per joint, empty without noise models.
-    """
-
-    theta: np.ndarray
-    change: float
-    residual: float
-    halvings: int = 0
+    theta: np.ndarray  # parameters after it, shape (parameters,)
+    change: float  # largest |Δθ| / max(|θ|, 2σ)
+    residual: float  # relative error of the reconstructed torque, weighted as in the estimate
+    halvings: int = 0  # how often the step had to be halved before the loop could be simulated
+    #: Orders of the noise models used, one per joint, empty without noise models.
     ar_orders: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """How one joint was fitted.
+    """How one joint was fitted."""
 
-    Attributes:
-        name: joint.
-        torque_unit: N m or N.
-        relative_error: ‖τ - Φθ‖/‖τ‖ over the rows that the estimate used, unfiltered by the
-            noise model.
-        rms_error: rms of τ - Φθ over the same rows [torque_unit].
-        noise_std: standard deviation of the innovations, in the unit of the filtered equation
-            (the joint's torque, or the encoder where the controller was inverted).
-        noise_unit: that unit.
-        ar_order: order of the noise model; 0 without one.
-        ar_at_bound: whether the order criterion had its minimum at the largest order allowed.
-        rows: number of rows (samples) used.
-        masked: share of the samples left out at low speed, 0 to 1.
-        f50: half-power frequency of the position smoother [Hz], NaN with a fixed band-pass.
-        encoder_std: measurement noise found by the smoother [rad or m], NaN likewise.
-    """
-
-    name: str
-    torque_unit: str
+    name: str  # joint
+    torque_unit: str  # N m or N
+    #: ‖τ - Φθ‖/‖τ‖ over the rows that the estimate used, unfiltered by the noise model.
     relative_error: float
-    rms_error: float
+    rms_error: float  # rms of τ - Φθ over the same rows [torque_unit]
+    #: Standard deviation of the innovations, in the unit of the filtered equation
+    #: (the joint's torque, or the encoder where the controller was inverted).
     noise_std: float
-    noise_unit: str
-    ar_order: int
-    ar_at_bound: bool
-    rows: int
-    masked: float
-    f50: float
-    encoder_std: float
+    noise_unit: str  # that unit
+    ar_order: int  # order of the noise model; 0 without one
+    ar_at_bound: bool  # whether the order criterion had its minimum at the largest order allowed
+    rows: int  # number of rows (samples) used
+    masked: float  # share of the samples left out at low speed, 0 to 1
+    f50: float  # half-power frequency of the position smoother [Hz], NaN with a fixed band-pass
+    encoder_std: float  # measurement noise found by the smoother [rad or m], NaN likewise
 
 
 @dataclass(frozen=True, eq=False)

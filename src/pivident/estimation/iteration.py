@@ -51,14 +51,8 @@ def estimate_without_load(
 ) -> np.ndarray | None:
     """Least squares without the friction that grows with the load: what makes the first load.
 
-    Args:
-        problem: robot, recordings, parameters.
-        kinematics: one for each recording.
-        limits: speeds below which a joint's samples are excluded, likewise.
-
-    Returns:
-        Parameters, shape (parameters,), zero for the friction left out; None where no column
-        depends on the load.
+    Result: parameters, shape (parameters,), zero for the friction left out; None where no column
+    depends on the load.
     """
     if not problem.regressor.depends_on_load:
         return None
@@ -76,13 +70,7 @@ def estimate_without_load(
 
 
 def has_settled(theta: np.ndarray, last: np.ndarray, std: np.ndarray) -> bool:
-    """Whether an estimate changed so little that its load stands still.
-
-    Args:
-        theta: parameters, shape (parameters,).
-        last: those that made the load.
-        std: standard deviations of the estimate.
-    """
+    """Whether an estimate changed so little that its load stands still."""
     return bool((np.abs(theta - last) <= SETTLED * std + SETTLED_RELATIVE * np.abs(theta)).all())
 
 
@@ -101,18 +89,12 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """All recordings smoothed, before there is a simulation.
+    """All recordings smoothed, before there is a simulation."""
 
-    Attributes:
-        problem: what is given.
-        kinematics: motion and torque of each recording.
-        limits: speeds below which a joint's samples are excluded, likewise.
-        without_load: estimate that makes the first load of friction; None: there is no such.
-    """
-
-    problem: Problem
-    kinematics: list[Kinematics]
-    limits: list[np.ndarray]
+    problem: Problem  # what is given
+    kinematics: list[Kinematics]  # motion and torque of each recording
+    limits: list[np.ndarray]  # speeds below which a joint's samples are excluded, likewise
+    #: Estimate that makes the first load of friction; None: there is no such.
     without_load: np.ndarray | None
 
     @classmethod
@@ -148,21 +130,14 @@ class Simulated(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """Where the iteration stands.
+    """Where the iteration stands."""
 
-    Attributes:
-        number: how many estimates have been made; 0: θ are initial values.
-        theta: parameters, shape (parameters,).
-        simulated: parameters that were simulated last, to halve the way to θ; None: none were.
-        records: equations of all recordings that θ was estimated from.
-        prefilters: what they were filtered with.
-    """
-
-    number: int
-    theta: np.ndarray
+    number: int  # how many estimates have been made; 0: θ are initial values
+    theta: np.ndarray  # parameters, shape (parameters,)
+    #: Parameters that were simulated last, to halve the way to θ; None: none were.
     simulated: np.ndarray | None
-    records: Sequence[EquationRecord]
-    prefilters: Prefilters
+    records: Sequence[EquationRecord]  # equations of all recordings that θ was estimated from
+    prefilters: Prefilters  # what they were filtered with
 
     @property
     def reservations(self) -> list[Finding]:
@@ -172,17 +147,11 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Estimate(Pass):
-    """Step (b): what the equations were solved to.
+    """Step (b): what the equations were solved to."""
 
-    Attributes:
-        sums: normal equations, one per joint.
-        solution: θ̂ and its covariance.
-        variance: λ of each joint, shape (joints,).
-    """
-
-    sums: list[JointSums]
-    solution: Solution
-    variance: np.ndarray
+    sums: list[JointSums]  # normal equations, one per joint
+    solution: Solution  # θ̂ and its covariance
+    variance: np.ndarray  # λ of each joint, shape (joints,)
 
     @property
     def reservations(self) -> list[Finding]:
@@ -235,12 +204,7 @@ def initial_pass(problem: Problem, prefilters: Prefilters) -> Pass:
 
 
 def simulate(auxiliary: AuxiliaryModel, last: Pass) -> Simulated:
-    """Step (a): simulate θ, or the first point of half the way to it that can be simulated.
-
-    Raises:
-        SimulationDiverged: even the smallest step cannot be simulated.
-        MassMatrixNotPositiveDefinite: likewise.
-    """
+    """Step (a): simulate θ, or the first point of half the way to it that can be simulated."""
     try:
         return Simulated(*auxiliary.simulate_or_halve(last.simulated, last.theta))
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:

@@ -32,11 +32,6 @@ def identify_ls(problem: Problem, method: LeastSquares, say: Say) -> Identificat
 
     Biased where the positions were measured inside a feedback loop. Friction that grows with the
     load is estimated again with the load of the last estimate until that stands still.
-
-    Args:
-        problem: robot, recordings, parameters.
-        method: options.
-        say: progress.
     """
     say(f"{method.label}: filtering the records")
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
@@ -49,14 +44,7 @@ def least_squares_on(
     kinematics: Sequence[Kinematics],
     say: Say,
 ) -> Identification:
-    """The same on given motions and torques.
-
-    Args:
-        problem: robot, recordings, parameters.
-        method: options.
-        kinematics: one for each recording.
-        say: progress.
-    """
+    """The same on given motions and torques."""
     limits = [problem.speed_limits(r) for r in problem.recordings]
     theta = estimate_without_load(problem, kinematics, limits)
     run, settled = Run(), False

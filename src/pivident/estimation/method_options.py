@@ -27,12 +27,7 @@ _PARTS = {
 
 
 def method_of_options(options: Mapping[str, Any]) -> Method | None:
-    """The method whose options these are; None: of no method of this version.
-
-    Args:
-        options: fields of the method as a file holds them; the problem's ``mask`` may be among
-                them.
-    """
+    """The method whose options these are; None: of no method of this version."""
     values = {key: value for key, value in options.items() if key != "mask"}
     try:
         for key, kinds in _PARTS.items():

@@ -129,14 +129,11 @@ class Repetition(AutoRegressive):
 
     Standard errors that the paper's formula gives with it would describe repeatability alone; those
     of the sandwich contain the model error as it differs from one part of the record to the next.
-
-    Attributes:
-        motion_band: none is needed: model error is gone from the residual.
-        period: samples of a period of the reference; None: found from it.
     """
 
+    #: None is needed: model error is gone from the residual.
     motion_band: Literal["auto"] | float | None = None
-    period: int | None = None
+    period: int | None = None  # samples of a period of the reference; None: found from it
 
 
 @dataclass(frozen=True)
@@ -310,11 +307,7 @@ METHODS: dict[str, Method] = {
 
 
 def method_named(method: Method | str) -> Method:
-    """A method, given itself or one of the names in ``METHODS``.
-
-    Raises:
-        IdentificationError: an unknown name, with the nearest ones.
-    """
+    """A method, given itself or one of the names in ``METHODS``."""
     if not isinstance(method, str):
         return method
     if method not in METHODS:

@@ -21,11 +21,7 @@ REACH, TRIED = 1e4, 81
 
 
 def missing_inertia(problem: Problem) -> list[str]:
-    """What the robot's description lacks, one sentence for links and one for rotors.
-
-    Args:
-        problem: robot, recordings and loop of a simulation that failed.
-    """
+    """What the robot's description lacks, one sentence for links and one for rotors."""
     return [*_links(problem), *_rotors(problem)]
 
 

@@ -48,24 +48,19 @@ class Motion(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class SimulatedMotion:
-    """Noise-free motion of one recording, time **last**, on the samples of the record.
+    """Noise-free motion of one recording, time **last**, on the samples of the record."""
 
-    Attributes:
-        q: positions [rad or m], shape (joints, samples).
-        rate: sampling rate [Hz].
-        derivatives: dq and ddq right after each sample's torque, shape (2, joints, samples);
-            None: from differences of q, as the smoother's. With a torque that is held over each
-            period the acceleration has no value at an instant; this is its mean over the two
-            periods that adjoin it.
-        tau: torque held from each sample on [N m or N]; None where it was not kept.
-        inner: columns with memory or load of this motion, shape (inner entries, samples); None
-            where they were not made.
-    """
-
-    q: np.ndarray
-    rate: float
+    q: np.ndarray  # positions [rad or m], shape (joints, samples)
+    rate: float  # sampling rate [Hz]
+    #: Dq and ddq right after each sample's torque, shape (2, joints, samples); None: from
+    #: differences of q, as the smoother's. With a torque that is held over each period the
+    #: acceleration has no value at an instant; this is its mean over the two periods that adjoin
+    #: it.
     derivatives: np.ndarray | None = None
+    #: Torque held from each sample on [N m or N]; None where it was not kept.
     tau: np.ndarray | None = None
+    #: Columns with memory or load of this motion, shape (inner entries, samples); None where they
+    #: were not made.
     inner: np.ndarray | None = None
 
     @property
@@ -90,12 +85,7 @@ class SimulatedMotion:
 
 
 def central_differences(q: np.ndarray, rate: float) -> tuple[np.ndarray, np.ndarray]:
-    """(q_{k+1} - q_{k-1}) rate/2 and (q_{k+1} - 2 q_k + q_{k-1}) rate², ends repeated.
-
-    Args:
-        q: positions, time first, shape (samples, …).
-        rate: sampling rate [Hz].
-    """
+    """(q_{k+1} - q_{k-1}) rate/2 and (q_{k+1} - 2 q_k + q_{k-1}) rate², ends repeated."""
     dq, ddq = np.empty_like(q), np.empty_like(q)
     dq[1:-1] = 0.5 * rate * (q[2:] - q[:-2])
     ddq[1:-1] = rate**2 * ((q[2:] - q[1:-1]) - (q[1:-1] - q[:-2]))
@@ -112,10 +102,7 @@ def with_inner(
 ) -> AnyMotion:
     """The motion with its inner signals; itself where the friction law has none.
 
-    Args:
-        regressor: the observation matrix.
-        motion: a whole record, time last.
-        theta: parameters that make the load, shape (parameters,); None: no load.
+    ``theta``: parameters that make the load, shape (parameters,); None: no load.
     """
     if regressor.inner_entries.size == 0:
         return motion
@@ -129,18 +116,7 @@ def packed_stretch(
     out: np.ndarray | None = None,
     place: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Packed columns of a stretch of a record, shape (entries, samples).
-
-    Args:
-        regressor: the observation matrix.
-        motion: the whole record with its inner signals, time last.
-        span: samples of the record.
-        out: see :meth:`~pivident.dynamics.regressor.Regressor.packed`; likewise the next one.
-        place: row of ``out`` for each entry.
-
-    Raises:
-        ValueError: the friction law has memory or load, and the motion no inner signals.
-    """
+    """Packed columns of a stretch of a record, shape (entries, samples)."""
     inner = None if motion.inner is None else motion.inner[:, span]
     if inner is None and regressor.inner_entries.size:
         raise ValueError(

@@ -37,9 +37,7 @@ _TILE = 512
 def gram(rows: np.ndarray, part: slice) -> np.ndarray:
     """Σ_t x_i x_j of all pairs of rows, shape (rows, rows), symmetric.
 
-    Args:
-        rows: time last, shape (rows, samples), C order.
-        part: samples to sum over.
+    ``rows``: time last, shape (rows, samples), C order.
     """
     start, stop, _ = part.indices(rows.shape[1])
     out = np.zeros((len(rows), len(rows)))
@@ -50,10 +48,8 @@ def gram(rows: np.ndarray, part: slice) -> np.ndarray:
 def products(left: np.ndarray, right: np.ndarray, part: slice) -> np.ndarray:
     """Σ_t x_i y_j of the rows of two signals, shape (rows of left, rows of right).
 
-    Args:
-        left: x, time last, shape (rows, samples of the part), C order.
-        right: y, time last, shape (rows, samples), C order.
-        part: samples of y that x stands beside.
+    ``left``: x, time last, shape (rows, samples of the part), C order; ``right``: y, time last,
+    shape (rows, samples), C order.
     """
     start, stop, _ = part.indices(right.shape[1])
     out = np.zeros((len(left), len(right)))
@@ -140,33 +136,19 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(eq=False)
 class JointSums:
-    """Sums of one joint over samples, on its own columns.
+    """Sums of one joint over samples, on its own columns."""
 
-    Attributes:
-        name: name of the joint.
-        columns: parameters that act on the joint, shape (k,).
-        zf: Zᵀ Φ, shape (k, k); ``zz`` Zᵀ Z and ``ff`` Φᵀ Φ likewise.
-        zz: Zᵀ Z.
-        ff: Φᵀ Φ.
-        zt: Zᵀ τ, shape (k,); ``ft`` Φᵀ τ likewise.
-        ft: Φᵀ τ.
-        window_zf: Zᵀ Φ of each window of time, shape (windows, k, k), see ``sandwich``.
-        window_zt: Zᵀ τ likewise, shape (windows, k).
-        tt: τᵀ τ.
-        rows: number of samples used.
-    """
-
-    name: str
-    columns: np.ndarray
-    zf: np.ndarray
-    zz: np.ndarray
-    ff: np.ndarray
-    zt: np.ndarray
-    ft: np.ndarray
-    window_zf: np.ndarray
-    window_zt: np.ndarray
-    tt: float = 0.0
-    rows: int = 0
+    name: str  # name of the joint
+    columns: np.ndarray  # parameters that act on the joint, shape (k,)
+    zf: np.ndarray  # Zᵀ Φ, shape (k, k); ``zz`` Zᵀ Z and ``ff`` Φᵀ Φ likewise
+    zz: np.ndarray  # Zᵀ Z
+    ff: np.ndarray  # Φᵀ Φ
+    zt: np.ndarray  # Zᵀ τ, shape (k,); ``ft`` Φᵀ τ likewise
+    ft: np.ndarray  # Φᵀ τ
+    window_zf: np.ndarray  # Zᵀ Φ of each window of time, shape (windows, k, k), see ``sandwich``
+    window_zt: np.ndarray  # Zᵀ τ likewise, shape (windows, k)
+    tt: float = 0.0  # τᵀ τ
+    rows: int = 0  # number of samples used
 
     @classmethod
     def empty(cls, name: str, columns: np.ndarray, windows: int = 0) -> JointSums:
@@ -188,12 +170,8 @@ class JointSums:
     ) -> None:
         """Add samples, time last.
 
-        Args:
-            phi: the joint's columns, shape (k, samples).
-            z: instruments of the same shape; None: Z = Φ.
-            tau: torque, shape (samples,).
-            used: True where a sample is used, shape (samples,); None: all are.
-            shares: the windows that the samples belong to.
+        ``phi``: the joint's columns, shape (k, samples); ``z``: instruments of the same shape;
+        None: Z = Φ; ``used``: True where a sample is used, shape (samples,); None: all are.
         """
         parts = [phi, tau[None]] if z is None else [phi, z, tau[None]]
         self.add_stack(np.concatenate(parts), used, shares)
@@ -203,11 +181,9 @@ class JointSums:
     ) -> None:
         """Add samples whose columns, instruments and torque stand in one array.
 
-        Args:
-            stack: the joint's columns, its instruments (none: Z = Φ) and the torque, one below
-                the other, shape (k + 1, samples) or (2 k + 1, samples); overwritten.
-            used: True where a sample is used, shape (samples,); None: all are.
-            shares: the windows that the samples belong to.
+        ``stack``: the joint's columns, its instruments (none: Z = Φ) and the torque, one below the
+        other, shape (k + 1, samples) or (2 k + 1, samples); overwritten; ``used``: True where a
+        sample is used, shape (samples,); None: all are.
         """
         k, rows = self.columns.size, stack.shape[1]
         if used is not None and not used.all():
@@ -254,36 +230,18 @@ class JointSums:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Solved normal equations.
+    """Solved normal equations."""
 
-    Attributes:
-        theta: parameters, shape (parameters,).
-        covariance: (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters).
-        condition: condition number of the column-scaled observation matrix.
-        weakest: parameters in the least excited direction.
-    """
-
-    theta: np.ndarray
-    covariance: np.ndarray
-    condition: float
-    weakest: tuple[str, ...] = ()
+    theta: np.ndarray  # parameters, shape (parameters,)
+    covariance: np.ndarray  # (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters)
+    condition: float  # condition number of the column-scaled observation matrix
+    weakest: tuple[str, ...] = ()  # parameters in the least excited direction
 
 
 def solve(
     sums: Sequence[JointSums], variance: np.ndarray, names: Sequence[str], weight_power: float = 1.0
 ) -> Solution:
-    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹.
-
-    Args:
-        sums: one per joint.
-        variance: λ_j of each joint, shape (joints,).
-        names: names of the parameters, for the error.
-        weight_power: w; 1 is generalised least squares, 2 what (P-22) and (P-28) amount to.
-
-    Raises:
-        RankDeficientRegressor: names the parameters that the motion does not separate.
-        IdentificationError: names a joint with too few rows.
-    """
+    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹."""
     for joint in sums:
         if joint.rows <= joint.columns.size:
             raise IdentificationError(
@@ -320,17 +278,7 @@ def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
 def weighted_solution(
     sums: Sequence[JointSums], names: Sequence[str], start: np.ndarray, weight_power: float
 ) -> tuple[Solution, np.ndarray]:
-    """Solve with weights from the residual, twice, so that weights and estimate agree.
-
-    Args:
-        sums: normal equations.
-        names: parameter names.
-        start: parameters of the first weights.
-        weight_power: see ``solve``.
-
-    Returns:
-        The solution and the variances λ that belong to it.
-    """
+    """Solve with weights from the residual, twice, so that weights and estimate agree."""
     theta = start
     for _ in range(3):
         variance = joint_variances(sums, theta)
@@ -357,13 +305,7 @@ def _check_rank(
 ) -> tuple[float, tuple[str, ...]]:
     """Condition number of the observation matrix with columns of unit length, and its weakest.
 
-    Args:
-        gram: its Gram matrix, shape (parameters, parameters).
-        empty: indices of columns that are zero.
-        names: names of the parameters.
-
-    Raises:
-        RankDeficientRegressor: if some cannot be told apart.
+    ``gram``: its Gram matrix, shape (parameters, parameters).
     """
     values, vectors = np.linalg.eigh(gram)
     if values[0] > RANK_TOLERANCE**2 * values[-1]:

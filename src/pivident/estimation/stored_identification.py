@@ -164,14 +164,7 @@ def load_identification(path: str | PathLike[str], robot: Robot | None = None) -
 
 
 def json_of_file(file: Path) -> dict[str, Any]:
-    """A JSON object as plain values.
-
-    Args:
-        file: the file.
-
-    Raises:
-        IdentificationFileError: it cannot be read, is too large, or no JSON object.
-    """
+    """A JSON object as plain values."""
     try:
         size = regular_file(file).stat().st_size
         if size > MAX_FILE:

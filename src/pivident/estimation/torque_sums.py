@@ -19,12 +19,6 @@ def torque_sums(identification: Identification) -> TorqueSums:
 
     Where the estimator worked on filtered rows, the torque is taken as Φθ of these rows plus the
     residual of the fit, so that the estimate has the error that it was reported with.
-
-    Args:
-        identification: an estimate with its signals.
-
-    Raises:
-        ValueError: it has no signals, as after reading it from a file.
     """
     if not identification.recordings:
         raise ValueError(
@@ -56,26 +50,14 @@ def torque_sums(identification: Identification) -> TorqueSums:
 
 
 def estimated_in_base(identification: Identification, base: BaseParameters) -> np.ndarray:
-    """The estimate among all base parameters, zero for those that it leaves out, shape (base,).
-
-    Args:
-        identification: the estimate.
-        base: base parameters of its robot.
-
-    Raises:
-        ValueError: a parameter is no base parameter of the robot.
-    """
+    """The estimate among all base parameters, zero for those that it leaves out, shape (base,)."""
     theta = np.zeros(len(base))
     theta[estimated_indices(identification, base)] = identification.theta
     return theta
 
 
 def estimated_indices(identification: Identification, base: BaseParameters) -> np.ndarray:
-    """Which base parameters an estimate holds, shape (parameters,).
-
-    Raises:
-        ValueError: a parameter is no base parameter of the robot.
-    """
+    """Which base parameters an estimate holds, shape (parameters,)."""
     place = {p.name: k for k, p in enumerate(base.parameters)}
     try:
         return np.array([place[p.name] for p in identification.parameters], dtype=np.int64)

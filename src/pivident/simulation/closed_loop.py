@@ -67,24 +67,9 @@ def run_python_loop(
 
     The answer ends with the states of friction, see ``path_arguments``.
 
-    Args:
-        model: robot with parameter values.
-        controller: the law.
-        start: initial positions and speeds, each (joints,).
-        rate: control rate [Hz].
-        delay: time from a sample until the torque that answers it acts [s].
-        q_ref: reference positions, shape (samples, joints).
-        dq_ref: reference speeds.
-        inputs: added to the law's output, shape (samples, joints) or (1, joints).
-        noise: added to the measured positions, likewise.
-        limits: gains and bounds.
-        steps: integration steps of the fast scheme per control period.
-        oracle: None, or Runge–Kutta substeps per control period.
-        channels: receives the motion.
-        failure: receives the value that ended the run.
-
-    Raises:
-        ExperimentError: the law's answer has a wrong shape or is not finite.
+    ``delay``: time from a sample until the torque that answers it acts [s]; ``q_ref``: reference
+    positions, shape (samples, joints); ``inputs``: added to the law's output, shape
+    (samples, joints) or (1, joints); ``oracle``: None, or Runge–Kutta substeps per control period.
     """
     samples, n = q_ref.shape
     # a law without feedback: its reference is what the function says
@@ -129,56 +114,38 @@ MAX_STEP = 2.5e-4
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A simulated motion; all arrays (samples, joints).
+    """A simulated motion; all arrays (samples, joints)."""
 
-    Attributes:
-        rate: samples per second [Hz].
-        q: positions [rad or m].
-        dq: speeds [rad/s or m/s].
-        ddq: accelerations, right after each sample's torque [rad/s² or m/s²].
-        tau: joint torques or forces, held from each sample on [N m or N].
-        command: controller output after saturation [unit of the controller].
-        friction_states: states z of friction that remembers its path, in the order of
-            ``dynamics.forward.friction_states``, shape (samples, states).
-    """
-
-    rate: float
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    tau: np.ndarray
-    command: np.ndarray
+    rate: float  # samples per second [Hz]
+    q: np.ndarray  # positions [rad or m]
+    dq: np.ndarray  # speeds [rad/s or m/s]
+    ddq: np.ndarray  # accelerations, right after each sample's torque [rad/s² or m/s²]
+    tau: np.ndarray  # joint torques or forces, held from each sample on [N m or N]
+    command: np.ndarray  # controller output after saturation [unit of the controller]
+    #: States z of friction that remembers its path, in the order of
+    #: ``dynamics.forward.friction_states``, shape (samples, states).
     friction_states: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSignals:
-    """What drives a simulated loop, sampled at the control rate; arrays (samples, joints).
+    """What drives a simulated loop, sampled at the control rate; arrays (samples, joints)."""
 
-    Attributes:
-        rate: control rate [Hz].
-        q_ref: reference positions [rad or m].
-        dq_ref: reference speeds, or None: the law takes differences where it needs them.
-        inputs: known inputs added to the controller's output [unit of the controller].
-        noise: encoder noise added to the position that the controller reads [rad or m].
-        drive_gain: joint torque per controller output, shape (joints,).
-        limit: largest controller output, shape (joints,); infinite where there is none.
-        bound: largest distance from the reference before the run counts as diverged [rad or m],
-            shape (joints,).
-        speed_bound: largest speed before the run counts as diverged, shape (joints,).
-        drive_delay: time from a sample until the torque that answers it acts [s].
-    """
-
-    rate: float
-    q_ref: np.ndarray
+    rate: float  # control rate [Hz]
+    q_ref: np.ndarray  # reference positions [rad or m]
+    #: Reference speeds, or None: the law takes differences where it needs them.
     dq_ref: np.ndarray | None
+    #: Known inputs added to the controller's output [unit of the controller].
     inputs: np.ndarray | None
+    #: Encoder noise added to the position that the controller reads [rad or m].
     noise: np.ndarray | None
-    drive_gain: np.ndarray
-    limit: np.ndarray
+    drive_gain: np.ndarray  # joint torque per controller output, shape (joints,)
+    limit: np.ndarray  # largest controller output, shape (joints,); infinite where there is none
+    #: Largest distance from the reference before the run counts as diverged [rad or m], shape
+    #: (joints,).
     bound: np.ndarray
-    speed_bound: np.ndarray
-    drive_delay: float = 0.0
+    speed_bound: np.ndarray  # largest speed before the run counts as diverged, shape (joints,)
+    drive_delay: float = 0.0  # time from a sample until the torque that answers it acts [s]
 
 
 def simulate(
@@ -191,21 +158,8 @@ def simulate(
 ) -> Trajectory:
     """Simulate the closed loop over all samples of the reference.
 
-    Args:
-        model: robot with parameter values, from ``make_model``.
-        controller: the sampled law, or a Python function (then at the speed of Python).
-        signals: reference, known inputs, noise, gains and bounds.
-        joint_names: for messages.
-        start: initial positions and speeds, each (joints,); default: at rest on the reference.
-        oracle: None: the fast scheme; else Runge–Kutta 4 with so many substeps per control period.
-
-    Returns:
-        The trajectory at the control rate.
-
-    Raises:
-        SimulationDiverged: names the joint, the time and the distance from the reference.
-        MassMatrixNotPositiveDefinite: names the joint, the time and the pivot.
-        ShapeMismatch: signals that do not belong together.
+    ``start``: initial positions and speeds, each (joints,); default: at rest on the reference;
+    ``oracle``: None: the fast scheme; else Runge–Kutta 4 with so many substeps per control period.
     """
     samples = len(signals.q_ref)
     blocks = simulate_blocks(model, controller, signals, joint_names, start, oracle, samples)
@@ -224,24 +178,9 @@ def simulate_blocks(
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Simulate a stretch at a time, so that a long run needs no memory for all of its channels.
 
-    Args:
-        model: see :func:`simulate`; likewise the next five.
-        controller: the sampled law. A Python function is simulated in one stretch.
-        signals: reference, known inputs, noise, gains and bounds.
-        joint_names: for messages.
-        start: initial positions and speeds.
-        oracle: see :func:`simulate`.
-        block: samples of a stretch.
-
-    Yields:
-        The samples, the channels q, dq, ddq, tau and command on them, shape
-        (5, stretch, joints), and the states of friction, shape (stretch, states). The next
-        stretch overwrites both.
-
-    Raises:
-        SimulationDiverged: see :func:`simulate`; likewise the others.
-        MassMatrixNotPositiveDefinite: M(q) is indefinite on the way.
-        ShapeMismatch: signals that do not belong together.
+    Result: the samples, the channels q, dq, ddq, tau and command on them, shape
+    (5, stretch, joints), and the states of friction, shape (stretch, states). The next stretch
+    overwrites both.
     """
     n = len(model.inertia)
     rate, samples = float(signals.rate), len(signals.q_ref)

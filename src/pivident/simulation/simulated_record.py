@@ -154,19 +154,8 @@ def loop_motion(
 ) -> Trajectory:
     """The closed loop with given parameters along a reference, from the reference's own start.
 
-    Args:
-        robot: the robot.
-        loop: control law, drive gains, limits and feed-forward.
-        rate: control rate [Hz].
-        reference: q, dq, ddq, each (samples, joints).
-        parameters: heads of base groups; the others are zero.
-        theta: their values, shape (parameters,).
-        controller: a law in place of the loop's, with the gravity that it adds itself.
-        noise: position noise that the control law reads, shape (samples, joints) [rad or m].
-        clip: whether negative friction levels count as zero.
-
-    Raises:
-        SimulationDiverged: names the joint and the time.
+    ``reference``: q, dq, ddq, each (samples, joints); ``noise``: position noise that the control
+    law reads, shape (samples, joints) [rad or m].
     """
     q_ref, dq_ref, _ = reference
     n = robot.size

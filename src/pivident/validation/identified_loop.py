@@ -42,21 +42,14 @@ _VISCOUS = ("fv", "fvm")
 
 @dataclass(frozen=True, eq=False)
 class InertiaRange:
-    """Inertia of one joint over the postures of a record, M_jj.
+    """Inertia of one joint over the postures of a record, M_jj."""
 
-    Attributes:
-        lowest: smallest [kg m² or kg].
-        mean: mean over the postures.
-        highest: largest.
-        std: deviation of each of the three, from the covariance of the estimate, shape (3,).
-        slope: ∂(mean)/∂θ, shape (parameters,).
-    """
-
-    lowest: float
-    mean: float
-    highest: float
+    lowest: float  # smallest [kg m² or kg]
+    mean: float  # mean over the postures
+    highest: float  # largest
+    #: Deviation of each of the three, from the covariance of the estimate, shape (3,).
     std: np.ndarray
-    slope: np.ndarray
+    slope: np.ndarray  # ∂(mean)/∂θ, shape (parameters,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,11 +155,7 @@ def identified_loop(identification: Identification) -> IdentifiedLoop | None:
 
 
 def inertia_ranges(identification: Identification) -> tuple[InertiaRange, ...]:
-    """M_jj of every joint over the postures of the fitted recordings, with deviations.
-
-    Args:
-        identification: the result, with its recordings.
-    """
+    """M_jj of every joint over the postures of the fitted recordings, with deviations."""
     postures = np.concatenate([r.q for r in identification.recordings])
     chosen = np.linspace(0, len(postures) - 1, min(POSTURES, len(postures))).round().astype(int)
     postures = np.ascontiguousarray(postures[chosen])
@@ -287,11 +276,8 @@ def _notes(identification: Identification) -> tuple[str, ...]:
 def disagreement(used: float, wanted: float, spread: float = 0.0, tolerance: float = 1.5) -> int:
     """-1 where a frequency is clearly lower than a rule of thumb wants, 1 clearly higher, else 0.
 
-    Args:
-        used: frequency that was used [Hz].
-        wanted: frequency of the rule [Hz].
-        spread: half the interval of that [Hz]; nothing within it is clear.
-        tolerance: factor within which they agree.
+    ``used``: frequency that was used [Hz]; ``wanted``: frequency of the rule [Hz]; ``spread``: half
+    the interval of that [Hz]; nothing within it is clear.
     """
     if used * tolerance < wanted - spread:
         return -1
@@ -303,13 +289,8 @@ def too_slow_smoothers(
 ) -> list[tuple[str, float, float]]:
     """Joints whose smoother takes more than a thousandth of the motion up to f_dyn.
 
-    Args:
-        loop: the identified loops.
-        f50: half-power frequencies of the smoothers [Hz], one per joint; NaN without one.
-        order: order of the random walk.
-
-    Returns:
-        Name, f50 and the f50 that (A13) wants [Hz].
+    ``f50``: half-power frequencies of the smoothers [Hz], one per joint; NaN without one. Result:
+    name, f50 and the f50 that (A13) wants [Hz].
     """
     from pivident.signals.random_walk_model import required_f50
 

@@ -21,15 +21,10 @@ STRONG_CORRELATION = 0.9
 
 @dataclass(frozen=True, eq=False)
 class ParameterCorrelation:
-    """Correlations of the estimates.
+    """Correlations of the estimates."""
 
-    Attributes:
-        names: parameters in the order of the map.
-        matrix: ρ in that order, shape (parameters, parameters).
-    """
-
-    names: tuple[str, ...]
-    matrix: np.ndarray
+    names: tuple[str, ...]  # parameters in the order of the map
+    matrix: np.ndarray  # ρ in that order, shape (parameters, parameters)
 
     def largest(self, count: int) -> list[tuple[str, str, float]]:
         """The pairs of the largest |ρ|, the largest first."""
@@ -47,12 +42,8 @@ class ParameterCorrelation:
 def parameter_correlation(identification: Identification) -> ParameterCorrelation | None:
     """Correlations by the covariance of the estimate, ordered for a map.
 
-    Args:
-        identification: the result.
-
-    Returns:
-        The correlations of the parameters whose variance is known and not zero; None where fewer
-        than two are.
+    Result: the correlations of the parameters whose variance is known and not zero; None where
+    fewer than two are.
     """
     std = identification.std
     kept = np.flatnonzero(np.isfinite(std) & (std > 0.0))

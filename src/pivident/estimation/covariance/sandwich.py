@@ -23,14 +23,7 @@ def sandwich(
     variance: np.ndarray,
     weight_power: float = 1.0,
 ) -> np.ndarray:
-    """Covariance of the estimate, shape (parameters, parameters).
-
-    Args:
-        sums: normal equations with their windows, one per joint.
-        theta: parameters, shape (parameters,).
-        variance: λ of each joint, shape (joints,).
-        weight_power: power of λ in the weights, see ``solve``.
-    """
+    """Covariance of the estimate, shape (parameters, parameters)."""
     count, size = len(sums[0].window_zf), theta.size
     zf, scores = np.zeros((count, size, size)), np.zeros((count, size))
     for joint, lam in zip(sums, np.asarray(variance) ** weight_power, strict=True):

@@ -27,32 +27,20 @@ OVERLAP = 0.75
 
 @dataclass(frozen=True)
 class Share:
-    """Part of a stretch between the centres of two neighbouring windows.
+    """Part of a stretch between the centres of two neighbouring windows."""
 
-    Attributes:
-        part: samples of the stretch.
-        window: the window that falls here; the next one rises.
-        rising: weight of the rising one, shape (samples of the part,).
-    """
-
-    part: slice
-    window: int
-    rising: np.ndarray
+    part: slice  # samples of the stretch
+    window: int  # the window that falls here; the next one rises
+    rising: np.ndarray  # weight of the rising one, shape (samples of the part,)
 
 
 @dataclass(frozen=True)
 class Windows:
-    """Raised cosines along one record.
+    """Raised cosines along one record."""
 
-    Attributes:
-        samples: length of the record.
-        count: number of windows.
-        first: number of the first one among those of all records.
-    """
-
-    samples: int
-    count: int
-    first: int = 0
+    samples: int  # length of the record
+    count: int  # number of windows
+    first: int = 0  # number of the first one among those of all records
 
     def shares(self, span: slice) -> Iterator[Share]:
         """How the samples of a stretch are shared out among the windows."""
@@ -66,11 +54,7 @@ class Windows:
 
 
 def windows_of(lengths: Sequence[int]) -> list[Windows]:
-    """Windows of all records, numbered through.
-
-    Args:
-        lengths: samples of each record.
-    """
+    """Windows of all records, numbered through."""
     made, first = [], 0
     for samples in lengths:
         count = int(np.clip(samples // 2, 2, max(FEWEST, WINDOWS // len(lengths))))

@@ -33,29 +33,17 @@ Instruments = Literal["phi", "z"]
 
 @dataclass(frozen=True, eq=False)
 class AddedMoments:
-    """The vector m and what belongs to it.
+    """The vector m and what belongs to it."""
 
-    Attributes:
-        statistic: windowed statistic of m.
-        square: mᵀ(UᵀU)⁻¹m, a sum of squares of the weighted residual.
-        directions: number of instruments that U is left with.
-    """
-
-    statistic: WindowedStatistic
-    square: float
-    directions: int
+    statistic: WindowedStatistic  # windowed statistic of m
+    square: float  # mᵀ(UᵀU)⁻¹m, a sum of squares of the weighted residual
+    directions: int  # number of instruments that U is left with
 
 
 def added_moments(
     sums: MomentSums, base: Instruments, further: Literal["z", "extra"]
 ) -> AddedMoments:
-    """What the estimate from ``base`` leaves over on ``further``.
-
-    Args:
-        sums: with columns of unit length.
-        base: instruments of the estimate; ``phi`` is least squares.
-        further: the others.
-    """
+    """What the estimate from ``base`` leaves over on ``further``."""
     base_phi, base_tau = sums.block(base, "phi"), sums.block(base, "tau")[:, 0]
     x_phi, x_tau = sums.block(further, "phi"), sums.block(further, "tau")[:, 0]
     projection = np.linalg.solve(base_phi.T, x_phi.T).T
@@ -74,12 +62,7 @@ def added_moments(
 
 
 def estimate(sums: MomentSums, instruments: Instruments) -> np.ndarray:
-    """θ = (WᵀΦ)⁻¹Wᵀτ, shape (parameters,).
-
-    Args:
-        sums: the sums.
-        instruments: W.
-    """
+    """θ = (WᵀΦ)⁻¹Wᵀτ, shape (parameters,)."""
     return np.linalg.solve(sums.block(instruments, "phi"), sums.block(instruments, "tau")[:, 0])
 
 
@@ -87,10 +70,6 @@ def estimate_steps(sums: MomentSums, instruments: Instruments) -> np.ndarray:
     """Change of that estimate by each window, shape (windows, parameters).
 
     In its linear form, which an almost empty rest of the record does not upset.
-
-    Args:
-        sums: the sums.
-        instruments: W.
     """
     theta = estimate(sums, instruments)
     parts = sums.window(instruments, "phi")
@@ -101,19 +80,13 @@ def estimate_steps(sums: MomentSums, instruments: Instruments) -> np.ndarray:
 def covariance_of_steps(steps: np.ndarray) -> np.ndarray:
     """Covariance by the jackknife over windows, shape (parameters, parameters).
 
-    Args:
-        steps: shape (windows, parameters).
+    ``steps``: shape (windows, parameters).
     """
     return steps.T @ steps / OVERLAP
 
 
 def residual_square(sums: MomentSums, theta: np.ndarray) -> float:
-    """‖τ - Φθ‖² of the weighted equations.
-
-    Args:
-        sums: the sums.
-        theta: parameters, shape (parameters,).
-    """
+    """‖τ - Φθ‖² of the weighted equations."""
     tau = float(sums.block("tau", "tau")[0, 0])
     linear = float(theta @ sums.block("phi", "tau")[:, 0])
     return max(tau - 2.0 * linear + float(theta @ sums.block("phi", "phi") @ theta), 0.0)

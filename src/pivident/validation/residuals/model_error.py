@@ -50,26 +50,16 @@ LITTLE, MOST = 0.25, 0.75
 
 @dataclass(frozen=True)
 class JointModelError:
-    """One joint's residual, split below the motion's highest frequency.
+    """One joint's residual, split below the motion's highest frequency."""
 
-    Attributes:
-        name: name of the joint.
-        unit: N m or N.
-        residual: rms of the residual [unit].
-        noise: rms of the part that does not come again [unit].
-        model: rms of the part that does [unit].
-        noise_share: share of the noise in the residual's variance, 0 to 1.
-        share_std: standard deviation of that share, NaN where there is too little for one.
-        noise_share_all: share of the noise over all frequencies; NaN for held-out blocks.
-    """
-
-    name: str
-    unit: str
-    residual: float
-    noise: float
-    model: float
-    noise_share: float
-    share_std: float
+    name: str  # name of the joint
+    unit: str  # N m or N
+    residual: float  # rms of the residual [unit]
+    noise: float  # rms of the part that does not come again [unit]
+    model: float  # rms of the part that does [unit]
+    noise_share: float  # share of the noise in the residual's variance, 0 to 1
+    share_std: float  # standard deviation of that share, NaN where there is too little for one
+    #: Share of the noise over all frequencies; NaN for held-out blocks.
     noise_share_all: float = np.nan
 
     @property
@@ -88,25 +78,16 @@ class JointModelError:
 
 @dataclass(frozen=True, eq=False)
 class ModelError:
-    """The residual split into model error and noise.
+    """The residual split into model error and noise."""
 
-    Attributes:
-        method: whose residual it is.
-        source: ``repetition`` or ``held-out blocks``.
-        description: what was compared, in words.
-        band: highest frequency of the motion [Hz].
-        joints: the split of each joint.
-        identification: the estimate.
-        repeatability: standard deviations from the noise alone, shape (parameters,): by how much
-            estimates from repetitions of this record would differ. None where it is not known.
-    """
-
-    method: str
-    source: Literal["repetition", "held-out blocks"]
-    description: str
-    band: float
-    joints: tuple[JointModelError, ...]
-    identification: Identification
+    method: str  # whose residual it is
+    source: Literal["repetition", "held-out blocks"]  # ``repetition`` or ``held-out blocks``
+    description: str  # what was compared, in words
+    band: float  # highest frequency of the motion [Hz]
+    joints: tuple[JointModelError, ...]  # the split of each joint
+    identification: Identification  # the estimate
+    #: Standard deviations from the noise alone, shape (parameters,): by how much estimates from
+    #: repetitions of this record would differ. None where it is not known.
     repeatability: np.ndarray | None = None
 
     @property
@@ -216,17 +197,7 @@ class ModelError:
 def model_error_by_repetition(
     problem: Problem, identification: Identification, *, period: int | None = None
 ) -> ModelError:
-    """Split the residual of an estimate by what repeats.
-
-    Args:
-        problem: what was given; one recording must be periodic, or two follow the same motion.
-        identification: an estimate of its parameters, by any method. Deviations from the noise
-            alone are made for estimates at the full sampling rate.
-        period: samples of a period, where it is known.
-
-    Raises:
-        IdentificationError: no motion repeats.
-    """
+    """Split the residual of an estimate by what repeats."""
     records = _full_rate_records(identification)
     kinematics = (
         [r.kinematics for r in records]
@@ -256,12 +227,7 @@ def model_error_by_repetition(
 
 
 def model_error_by_held_out_blocks(validation: CrossValidation) -> ModelError:
-    """Split the prediction error on held-out motion, below the motion's highest frequency.
-
-    Args:
-        validation: of the method; with nothing held out it is the training error that is split,
-            and the description says so.
-    """
+    """Split the prediction error on held-out motion, below the motion's highest frequency."""
     errors = [h.prediction for h in validation.held_out if h.prediction is not None]
     band = errors[0].band
     seen = "the fitted data" if validation.training_only else "motion that was not fitted"
@@ -286,13 +252,7 @@ def model_error(
 ) -> ModelError | None:
     """By repetition where the motion repeats, by held-out blocks otherwise.
 
-    Args:
-        problem: what was given.
-        identification: an estimate.
-        validation: its cross-validation, where there is one.
-
-    Returns:
-        The split; None where nothing repeats and nothing was held out.
+    Result: the split; None where nothing repeats and nothing was held out.
     """
     try:
         return model_error_by_repetition(problem, identification)
@@ -355,12 +315,7 @@ def _joint(
 ) -> JointModelError:
     """The split of a joint from sums of squares by block, with a jackknife over the blocks.
 
-    Args:
-        name: of the joint.
-        unit: of its torque.
-        noise: Σ v² of each block, shape (blocks,).
-        total: Σ ε² likewise.
-        samples: how many there are in all.
+    ``noise``: Σ v² of each block, shape (blocks,).
     """
     used = total > 0
     noise, total = noise[used], total[used]
