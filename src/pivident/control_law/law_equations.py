@@ -40,7 +40,7 @@ SETPOINT: tuple[Term, ...] = ("position_gain", "speed_gain", "integral_gain", "d
 F_PROBABILITY = 0.999
 WORTHWHILE = 0.01
 
-#: Residual relative to the output, squared, that is rounding: nothing can be told from it.
+#: Residual relative to the output, squared, that is rounding: nothing follows from it.
 ROUNDING = 1e-20
 
 #: Lags T searched, in sampling periods.

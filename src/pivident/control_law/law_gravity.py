@@ -50,12 +50,12 @@ PLACE_TEXTS: dict[Place, str] = {
 #: Share of the output (rms) that a law with a gravity model may leave unexplained.
 COMPLETE = 0.1
 
-#: Share of the residual's sum of squares that a gravity model takes at least, and deviations that
-#: the best known of its parameters has at least: 2σ are then a fifth of it.
+#: Share of the residual's sum of squares that a gravity model takes at least, and standard errors
+#: that the best known of its parameters has at least: 2σ are then a fifth of it.
 MOST = 0.8
-DEVIATIONS = 10.0
+MIN_RATIO = 10.0
 
-#: Postures that tell which columns are independent, and the length of a remainder that is not.
+#: Postures that show which columns are independent, and the length of a remainder that is not.
 POSTURES = 60
 DEPENDENT = 1e-9
 
@@ -70,7 +70,7 @@ class JointGravity:
     place: Place  # ``gravity``: at the measured position; ``gravity_reference``: at the reference
     parameters: tuple[Parameter, ...]  # heads of the groups of parameters in use
     values: np.ndarray  # as the controller knows them, shape (parameters,) [kg m or kg]
-    std: np.ndarray  # their robust standard deviations
+    std: np.ndarray  # their robust standard errors
     statistic: float  # F of all of them together
     taken: float  # share of the residual's sum of squares that they take
 
@@ -86,9 +86,9 @@ class JointGravity:
         }
 
     @property
-    def told(self) -> bool:
-        """Whether the record tells it, even if what the law leaves is no white noise."""
-        return bool(np.any(np.abs(self.values) > DEVIATIONS * self.std))
+    def is_significant(self) -> bool:
+        """Whether it is significant, even if what the law leaves is no white noise."""
+        return bool(np.any(np.abs(self.values) > MIN_RATIO * self.std))
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +97,9 @@ class GravityColumns:
 
     regressor: Regressor  # columns of all parameters that gravity acts on
     joint: int  # index of the joint
-    chosen: tuple[int, ...]  # columns that its torque tells apart; none where it carries no weight
+    chosen: tuple[
+        int, ...
+    ]  # columns that its torque distinguishes; none where it carries no weight
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:

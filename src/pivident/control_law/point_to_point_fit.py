@@ -100,7 +100,7 @@ class PointToPoint:
 
 
 def fit_point_to_point(q: np.ndarray, dq: np.ndarray, rate: float) -> PointToPoint | None:
-    """The moves of a motion, or None where there is no rest between moves to tell them by.
+    """The moves of a motion, or None where there is no rest between moves to separate them.
 
     ``q``: smoothed positions, shape (samples, joints) [rad or m].
     """
@@ -110,7 +110,7 @@ def fit_point_to_point(q: np.ndarray, dq: np.ndarray, rate: float) -> PointToPoi
     points = _via_points(q, spans)
     moves = []
     for k, span in enumerate(spans):
-        # the rests around the move tell where it starts and ends
+        # the rests around the move show where it starts and ends
         before = (spans[k - 1].stop + span.start) // 2 if k else max(0, span.start - 50)
         after = (span.stop + spans[k + 1].start) // 2 if k + 1 < len(spans) else span.stop + 50
         window = slice(before, min(after, len(q)))

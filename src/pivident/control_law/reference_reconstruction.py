@@ -21,7 +21,7 @@ from pivident.signals.random_walk import smooth_channels
 #: of moderate gains leaves between its reference and its motion.
 BELIEVED = 5e-3
 
-#: Samples per parameter that a reference must be told from.
+#: Samples per parameter that a reference must be fitted to.
 MIN_SAMPLES = 50
 
 

@@ -1,11 +1,11 @@
-"""A drive that is given a speed: its law, told from how the axis follows its speed setpoint.
+"""A drive that is given a speed: its law, from how the axis follows its speed setpoint.
 
     s = D q_ref + K e + i/k_v,     u = k_v (w + k_i ∫w),     w = s(t - T) - D q
 
 e = q_ref - q; i are the known inputs, which enter before the integrator; T is the way of the
 setpoint to the drive. Least squares on u fails here: the integrator is so stiff (1/(k_v k_i) is of
 the order of 10 µrad per unit of u) that errors of that size in positions and times outweigh
-the output, and gains come out with the wrong sign. Positions are then what the law tells to the
+the output, and gains come out with the wrong sign. Positions are then what the law commands to the
 last digit. Integrated over time the law is
 
     q_ref(t - T) - q(t) - u/(k_v k_i) = -K ∫e(t - T) - 1/k_v ∫i(t - T) + c + b t
@@ -39,7 +39,7 @@ LAGS = np.arange(0.0, 1.6, 0.25)
 BEYOND, MOTION = 8.0, 0.999
 UPPER = 0.25
 
-#: Passes between the two equations, and deviations that k_v k_i must have to be used in the first.
+#: Passes between the two equations, and standard errors that k_v k_i must have to be used there.
 PASSES, STIFF = 3, 2.0
 
 #: Windows of the jackknife in each recording: the residual is slow.
@@ -56,10 +56,10 @@ class SpeedSetpoint:
     position_gain: float  # K [1/s]
     #: k_v [u per rad/s or m/s], from the known inputs; without them, from the noise.
     speed_gain: float
-    noise_gain: float  # k_v as the output beyond the band of the motion tells it
+    noise_gain: float  # k_v from the output beyond the band of the motion
     integral_gain: float  # k_i [1/s], from k_v k_i of the output beyond the motion's band
     delay: float  # T [s]
-    std: np.ndarray  # robust deviations of these five, same order
+    std: np.ndarray  # robust standard errors of these five, same order
     explained: float  # share of the position error's variance that the setpoint explains
     #: Share of the output's variance beyond ``cutoff`` that the speed loop does.
     loop_explained: float
@@ -72,7 +72,7 @@ class SpeedSetpoint:
 
     @property
     def believable(self) -> bool:
-        """Whether the position error is explained and all gains are positive beyond doubt."""
+        """Whether the position error is explained and all gains are significantly positive."""
         gains = (self.position_gain, self.speed_gain, self.noise_gain, self.integral_gain)
         return self.explained > EXPLAINED and bool(np.all(gains > 2.0 * self.std[:4]))
 
@@ -137,7 +137,7 @@ def as_seen_by_the_drive(recording: Recording, laws: Sequence[SpeedSetpoint]) ->
 
 
 class _OuterLoop(NamedTuple):
-    """Gains [K, 1/k_v if there are inputs, offsets], T, deviations with that of T last, and fit."""
+    """Gains [K, 1/k_v if there are inputs, offsets], T, standard errors (T last), and fit."""
 
     gains: np.ndarray
     delay: float
@@ -204,7 +204,7 @@ def _speed_loop(
     output: Sequence[np.ndarray],
     cutoff: float,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Gains [k_v, k_v k_i], their deviations, and the share of the output that they explain."""
+    """Gains [k_v, k_v k_i], their standard errors, and the share of the output explained."""
     from scipy.signal import butter, sosfiltfilt
 
     rate = channels[0].rate
@@ -270,7 +270,7 @@ def _smallest(cost: Callable[[float], float], tried: np.ndarray) -> float:
 def _deviations(
     columns: np.ndarray, residual: np.ndarray, channels: Sequence[Channel]
 ) -> np.ndarray:
-    """Robust deviations of the linear fit with these columns: a jackknife over long windows."""
+    """Robust standard errors of the linear fit with these columns, a jackknife over windows."""
     from pivident.estimation.covariance.sandwich import sandwich
     from pivident.estimation.covariance.windows import Windows
     from pivident.estimation.normal_equations import JointSums

@@ -126,7 +126,7 @@ def diagnose(
     try:
         split = model_error(problem, identifications[name], validation)
     except IdentificationError as error:
-        notes.append(f"Noise and model error could not be told apart: {error}.")
+        notes.append(f"Noise and model error could not be separated: {error}.")
     return Diagnostics(
         identifications,
         diagnostics.residuals,

@@ -38,7 +38,7 @@ _OWN_POSITION = 3
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What a robot can do, as far as it or its record tells."""
+    """What a robot can do, as far as its description or its record shows."""
 
     low: np.ndarray  # least positions [rad or m], shape (joints,)
     high: np.ndarray  # largest positions
@@ -50,7 +50,7 @@ class Limits:
 
     @classmethod
     def of(cls, robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Limits:
-        """Limits of a robot, from a motion where the robot does not tell them.
+        """Limits of a robot, from a motion where the robot does not give them.
 
         ``q``: positions of a motion, shape (samples, joints); ``dq`` and ``ddq`` likewise.
         """

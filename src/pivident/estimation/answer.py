@@ -110,8 +110,8 @@ def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
     if loop.identified is None:
         return [Finding("warning", "loop", "reconstructed", text) for text in loop.notes], []
     notes = [Finding("note", "law", "found", text) for text in loop.notes]
-    doubts = loop.identified.warnings
-    return notes, [Finding("warning", "law", "uncertain", text) for text in doubts]
+    warnings = loop.identified.warnings
+    return notes, [Finding("warning", "law", "uncertain", text) for text in warnings]
 
 
 def simulated_loop(problem: Problem, method: Method) -> Loop | None:

@@ -39,7 +39,7 @@ class ExogeneityTest:
             "the regressors carry noise that the instruments do not, so that least squares would "
             "be biased"
             if self.p_value < 0.05
-            else "regressors and instruments tell the same, and least squares would do as well"
+            else "regressors and instruments agree, and least squares would do as well"
         )
         return (
             f"Exogeneity (Durbin-Wu-Hausman, for a white residual): F = {self.statistic:.3g} on "

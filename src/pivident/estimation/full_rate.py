@@ -56,7 +56,7 @@ class FullRateRecord:
 
     @property
     def usable_rows(self) -> int:
-        """Samples between the ends that the smoother spoils."""
+        """Samples between the ends that the smoother distorts."""
         return self.kinematics.stop - self.kinematics.start
 
     @property

@@ -38,7 +38,7 @@ from pivident.estimation.whitening import Prefilters
 from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity
 
-#: Change of an estimate, in standard deviations, below which its load has settled; and relative to
+#: Change of an estimate, in standard errors, below which its load has settled; and relative to
 #: its size, for records without noise.
 SETTLED, SETTLED_RELATIVE = 0.01, 1e-12
 

@@ -20,7 +20,7 @@ from pivident.signals.random_walk import SmoothedSignal, smooth_channels
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.threads import run_in_threads
 
-#: Samples that must remain between the ends that the filters spoil.
+#: Samples that must remain between the ends that the filters distort.
 MIN_RUN = 100
 
 
@@ -114,7 +114,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
 
 
 def usable_samples(kinematics: Kinematics) -> np.ndarray:
-    """Samples between the ends that the smoother spoils, shape (joints, samples)."""
+    """Samples between the ends that the smoother distorts, shape (joints, samples)."""
     usable = np.zeros(kinematics.q.shape, bool)
     usable[:, kinematics.start : kinematics.stop] = True
     return usable

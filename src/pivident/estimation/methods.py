@@ -224,13 +224,13 @@ class PrefilteredIV:
         noise: the noise model.
         prefilter: ``controller``: inverse of the law's proportional and derivative part, then
             the AR whitener; ``direct``: the AR whitener on the torque residual.
-        covariance: what the deviations come from: ``stationary``, the autocovariance of the
+        covariance: what the standard errors come from: ``stationary``, the autocovariance of the
             residual; ``sandwich``, windows of time, which also holds where the residual comes in
             bursts; ``auto``: stationary on simulated records, where the residual is noise,
             sandwich on measured ones; or the paper's ``formula`` (P-31).
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
             deviations by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
-            the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 unless told otherwise.
+            the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 by default.
         start: what the first simulation is made with: ``least-squares`` on the record, or the
             problem's ``initial`` values, as the paper does.
         regressor: what the observation matrix is made of: ``measured``, smoothed positions, or

@@ -10,7 +10,7 @@ from itertools import combinations
 
 from pivident.estimation.identification import Identification
 
-#: Estimates further apart than this many combined standard deviations contradict each other.
+#: Estimates further apart than this many combined standard errors contradict each other.
 CONTRADICTION = 3.0
 
 
@@ -20,8 +20,8 @@ class ParameterRow:
 
     name: str  # base parameter
     value: float  # estimate [unit]
-    std: float  # standard deviation by the method's covariance [unit]
-    robust_std: float  # standard deviation by the sandwich [unit]
+    std: float  # standard error by the method's covariance [unit]
+    robust_std: float  # standard error by the sandwich [unit]
     relative_std: float  # 100 σ/|θ| [%]
     unit: str  # unit of the parameter
     expression: str  # its group written out
@@ -99,7 +99,7 @@ def largest_difference(rows: Sequence[ParameterRow | None]) -> tuple[float, int,
     The estimates share their record, so their errors are not independent; as a rule they are
     correlated positively, and the ratio is then on the small side.
 
-    Result: difference in combined standard deviations, i and j; (0, 0, 0) with fewer than two rows.
+    Result: difference in combined standard errors, i and j; (0, 0, 0) with fewer than two rows.
     """
     best = (0.0, 0, 0)
     present = [(k, row) for k, row in enumerate(rows) if row is not None]

@@ -33,7 +33,7 @@ from pivident.text.finding import Finding, Quantity, Severity
 #: Larger files are not identifications [bytes].
 MAX_FILE = 2**27
 
-#: Largest asymmetry of a covariance, relative to its standard deviations.
+#: Largest asymmetry of a covariance, relative to its standard errors.
 ASYMMETRY = 1e-9
 
 #: Most negative eigenvalue of a matrix of correlations that rounding explains.

@@ -20,7 +20,7 @@ ENCODER, TORQUE, COLOURED = 0, 1, 2
 Seed = int | tuple[int, int]
 
 #: A standard deviation of all joints, or one for each.
-Deviation = float | tuple[float, ...]
+Spread = float | tuple[float, ...]
 
 #: Share of the start of an autoregressive noise that may be left when it is used.
 SETTLED = 1e-9
@@ -31,10 +31,10 @@ class Noise:
     """Noise of a simulated record."""
 
     #: Standard deviation of white position noise [rad or m].
-    encoder: Deviation = 3.5e-6 / np.sqrt(3.0)
+    encoder: Spread = 3.5e-6 / np.sqrt(3.0)
     #: Standard deviation of the torque sensor, on the record only [N m or N].
-    torque: Deviation = 0.05
-    coloured: Deviation = 0.0  # standard deviation of further position noise, AR(2) [rad or m]
+    torque: Spread = 0.05
+    coloured: Spread = 0.0  # standard deviation of further position noise, AR(2) [rad or m]
     frequency: float = 600.0  # at which its spectrum peaks [Hz]
     radius: float = 0.998  # of the poles of its AR(2) model, of modulus below one
     #: Encoder counts per joint revolution (or metre); positions are rounded to them. 0: they are
@@ -91,7 +91,7 @@ class Noise:
         return lfilter([1.0], self.denominator, white, axis=0)[settling:] / self.gain
 
     def quantised(self, q: np.ndarray) -> np.ndarray:
-        """Positions as the encoder's counts tell them [rad or m]."""
+        """Positions as the encoder counts them [rad or m]."""
         if not self.counts:
             return q
         step = 2.0 * np.pi / self.counts

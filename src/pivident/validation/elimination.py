@@ -31,7 +31,7 @@ class Elimination:
     unit: str  # its unit
     round: int  # number of the round, counted from one; a new identification follows each
     value: float  # its estimate when it was left out [unit]
-    std: float  # standard deviation of that by the sandwich [unit]
+    std: float  # standard error of that by the sandwich [unit]
     statistic: float  # W = (value/std)²
     p_value: float  # probability of a larger W if the parameter is zero
     together: int  # number of parameters left out in this round so far
@@ -85,7 +85,7 @@ class EliminationRound:
 
     Attributes:
         kept: indices of what stays.
-        theta: its foretold values; ``std`` their deviations by the sandwich.
+        theta: its predicted values; ``std`` their standard errors by the sandwich.
     """
 
     found: Identification  # the identification
@@ -156,7 +156,7 @@ class EliminationRound:
         return self.found.parameters[self.kept[place]]
 
     def _weakest(self) -> tuple[int, float, float] | None:
-        """Place, W and p of the parameter with the largest relative deviation that may go."""
+        """Place, W and p of the parameter with the largest relative standard error that may go."""
         from scipy.stats import f as f_distribution
 
         statistic = (self.theta / self.std) ** 2

@@ -200,7 +200,7 @@ def block_bootstrap(
 ) -> BlockBootstrap:
     """Moving block bootstrap of the scores in one step, θ* = θ + (ZᵀΦ)⁻¹ Σ s*.
 
-    Blocks begin anywhere and are drawn with replacement (Künsch 1989), tapered unless told
+    Blocks begin anywhere and are drawn with replacement (Künsch 1989), tapered unless set
     otherwise (Paparoditis and Politis 2001). Nothing is simulated again.
     """
     shortest = min(len(s) for s in scores.records)
@@ -241,11 +241,11 @@ class RobustCovariances:
     andrews_lags: int  # what Andrews' AR(1) plug-in asks for [samples]
 
     def std(self, estimate: CovarianceEstimate = "windows") -> np.ndarray:
-        """Standard deviations, shape (parameters,) [unit of each]."""
+        """Standard errors, shape (parameters,) [unit of each]."""
         return np.sqrt(np.diag(getattr(self, estimate)))
 
     def ratio(self, estimate: CovarianceEstimate) -> float:
-        """Deviations over those of the windows, geometric mean over the parameters."""
+        """Standard errors over those of the windows, geometric mean over the parameters."""
         return float(np.exp(np.mean(np.log(self.std(estimate) / self.std()))))
 
     def __str__(self) -> str:
@@ -257,7 +257,7 @@ class RobustCovariances:
             ("bootstrap", "block bootstrap"),
         )
         parts = ", ".join(f"{words} {self.ratio(name):.2f}" for name, words in others)
-        return f"Deviations relative to the jackknife over windows of time: {parts}."
+        return f"Standard errors relative to the jackknife over windows of time: {parts}."
 
 
 def robust_covariances(

@@ -32,7 +32,7 @@ from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
 #: Longest lag of the autocovariance [s]: ten periods of the highest frequency of the motion. With
-#: half of it the scenario *loop* gets deviations 8 % too large, with four times nothing changes.
+#: half of it the scenario *loop* gets standard errors 8 % too large, with four times the same.
 MAX_LAG = 10.0 / MOTION_BAND
 
 #: Fewest lags of it, for slow logs.

@@ -314,7 +314,7 @@ def _replay_notes(problem: Problem) -> tuple[str, ...]:
     if problem.loop is not None and problem.loop.reference == "smoothed":
         return (
             "The replayed loop is virtual: its reference is the measured motion itself, so its "
-            "position error tells nothing about the estimate, and its torque error little.",
+            "position error says nothing about the estimate, and its torque error little.",
         )
     return ()
 

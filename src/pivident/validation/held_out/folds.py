@@ -1,6 +1,6 @@
 """Contiguous blocks of a record that are held out, and what is left to fit.
 
-Neighbouring samples of a motion tell almost the same, so single samples cannot be held out: whole
+Neighbouring samples of a motion are almost the same, so single samples cannot be held out: whole
 blocks are, with a gap on either side over which noise and model error forget each other. The rest
 is cut into recordings of its own. Filters, smoothers and simulated loops start anew in each, so
 that nothing of a held-out block reaches the fit: neither its torques nor its positions.

@@ -47,7 +47,7 @@ class Ratio:
 
     @property
     def could_be_chance(self) -> bool:
-        """Whether the interval of the difference contains zero; without one nobody knows."""
+        """Whether the interval of the difference contains zero; unknown without one."""
         return self.low <= 1.0 <= self.high
 
     @property
@@ -302,7 +302,7 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
 
 
 def _contradictions(a: Identification, b: Identification) -> str:
-    """The parameters in which two estimates contradict each other most, by robust deviations."""
+    """The parameters in which two estimates differ most, by robust standard errors."""
     spread = np.hypot(a.robust_std, b.robust_std)
     distance = np.abs(a.theta - b.theta) / np.maximum(spread, 1e-300)
     most = [k for k in np.argsort(-distance)[:3] if distance[k] > CONTRADICTION]

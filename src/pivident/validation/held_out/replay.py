@@ -90,7 +90,7 @@ def as_logged(tau: np.ndarray, recording: Recording) -> np.ndarray:
     lag = recording.delay * recording.rate
     if recording.torque_timing == "averaged":
         lag += recording.rate / recording.control_rate
-    # the log holds what the drive was told, the simulation what acts
+    # the log holds what the drive was commanded, the simulation what acts
     waiting = np.ceil(recording.drive_delay * recording.control_rate - 1e-9)
     lag -= waiting * recording.rate / recording.control_rate
     source = np.floor(np.arange(len(tau)) - lag + 1e-6).astype(int)

@@ -81,7 +81,7 @@ class SegmentSums:
 
 
 def effective_rows(residuals: Sequence[np.ndarray]) -> float:
-    """Number of independent rows that tell as much about a mean: n/(1 + 2 Σ ρ_k).
+    """Number of independent rows that determine a mean as well: n/(1 + 2 Σ ρ_k).
 
     Correlations are summed as long as neighbouring pairs of them are positive (Geyer 1992).
     """

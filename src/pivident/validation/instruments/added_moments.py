@@ -7,7 +7,7 @@ from instruments W leaves over on others, X, is
 
 zero on average where both are valid. With W = Φ and X = Z it is the test of Durbin, Wu and
 Hausman, whose augmented regression has RSS₀ - RSS₁ = mᵀ(UᵀU)⁻¹m, (E2); with W = Z and further X
-the one of Sargan and Hansen, (E1). Its sums over windows of time tell the covariance of m.
+the one of Sargan and Hansen, (E1). Its sums over windows of time give the covariance of m.
 """
 
 from __future__ import annotations
@@ -97,7 +97,7 @@ def _window_moments(
 ) -> np.ndarray:
     """Uᵀε of each window, shape (windows, instruments).
 
-    Not m without each window, which is what the deviations use: that frees residuals of their
+    Not m without each window, which is what the standard errors use: that frees residuals of their
     leverage, and made the test of an arm in closed loop reject in 0.7 instead of 2 % of the cases.
     """
     theta = estimate(sums, base)

@@ -25,8 +25,8 @@ from pivident.validation.instruments.moment_sums import MomentSums
 #: Probability from which on a test rejects.
 LEVEL = 0.05
 
-#: Shift of an estimate, in its own standard deviations, from which on it matters: an interval of
-#: two deviations that is shifted by so much still covers the truth in 94 of 100 cases.
+#: Shift of an estimate, in its own standard errors, from which on it matters: an interval of
+#: two standard errors that is shifted by so much still covers the truth in 94 of 100 cases.
 PRACTICAL_SHIFT = 0.25
 
 #: Words for the further instruments.
@@ -45,7 +45,7 @@ class ShiftTest:
 
     @property
     def practical_size(self) -> float:
-        """Largest change of a parameter, in robust deviations of the IV estimate."""
+        """Largest change of a parameter, in robust standard errors of the IV estimate."""
         return float(np.abs(self.shift).max())
 
     @property
@@ -67,19 +67,19 @@ class DurbinWuHausmanTest(ShiftTest):
     statistic: float  # robust F
     degrees: tuple[float, float]  # its effective degrees of freedom
     p_value: float  # probability of a larger F where the regressors carry no noise
-    directions: int  # instruments that tell something that the regressors do not
+    directions: int  # instruments that add to the regressors
     white_statistic: float  # F of the augmented regression, (E2), for white residuals
     white_degrees: tuple[int, int]  # its degrees of freedom
     white_p_value: float  # its probability
     difference: np.ndarray  # θ_LS - θ_IV of the same equations, shape (parameters,) [unit of each]
-    difference_std: np.ndarray  # its standard deviation over windows of time, likewise
-    #: The difference in robust standard deviations of the IV estimate, shape (parameters,).
+    difference_std: np.ndarray  # its standard error over windows of time, likewise
+    #: The difference in robust standard errors of the IV estimate, shape (parameters,).
     shift: np.ndarray
     relative: np.ndarray  # the difference relative to the IV estimate, shape (parameters,)
 
     @property
-    def deviations(self) -> np.ndarray:
-        """By how many of its own deviations each parameter differs, shape (parameters,)."""
+    def z_values(self) -> np.ndarray:
+        """By how many of its own standard errors each parameter differs, shape (parameters,)."""
         std = np.maximum(self.difference_std, 1e-300)
         return np.where(self.difference == 0.0, 0.0, self.difference / std)
 
@@ -111,7 +111,7 @@ class OveridentificationTest(ShiftTest):
     j: float  # J = εᵀP_Z ε/s², (E1), for white residuals
     directions: int  # its degrees of freedom, the number of further instruments
     j_p_value: float  # its probability
-    #: Change of the estimate if all instruments were used, in robust standard deviations of the IV
+    #: Change of the estimate if all instruments were used, in robust standard errors of the IV
     #: estimate, shape (parameters,).
     shift: np.ndarray
     relative: np.ndarray  # the same relative to the estimate

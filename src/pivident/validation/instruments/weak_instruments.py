@@ -1,7 +1,7 @@
 """Relevance: how much of each column of the observation matrix do the instruments explain?
 
 Each column φ_i is regressed on all instruments (first stage). Shea's partial R² asks how much of
-what φ_i tells beyond the other columns its instruments explain; F compares with none at all, and
+what φ_i adds to the other columns its instruments explain; F compares with none at all, and
 below 10 instruments are called weak (Staiger and Stock 1997). F is the effective one of Montiel
 Olea and Pflueger (2013), over windows of time, since a first stage's residual is as correlated as
 any. A column that is its own instrument, such as an offset's, is partialled out. Cragg and

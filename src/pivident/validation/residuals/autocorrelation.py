@@ -21,7 +21,7 @@ What the test finds behind an AR model is often real. Torque that was averaged o
 as the alignment with the positions does, is a moving average with a zero at the Nyquist frequency,
 which no AR model of finite order whitens, and AIC stops where a further coefficient would cost
 more than it explains. So the share of the variance that the past predicts stands beside p. High
-orders on short records also spoil the test: the ends of the record add about 1.5 p²/n to Q.
+orders on short records also distort the test: the ends of the record add about 1.5 p²/n to Q.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ PRACTICAL_SHARE = 0.01
 #: Step of the grid on which the distribution of Q is computed.
 _STEP = 0.05
 
-#: A correlation this many of its deviations large is not there by chance, at any of many lags.
+#: A correlation this many of its standard errors large is not there by chance, at any of many lags.
 BEYOND_CHANCE = 4.5
 
 

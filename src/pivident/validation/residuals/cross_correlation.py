@@ -33,7 +33,7 @@ SHIFTS = (-1, 1)
 #: Lags of the cross-correlations, in stretches to both sides.
 LAGS = 20
 
-#: Rows that must be left to tell the residual's variance from.
+#: Rows that must be left for the residual's variance.
 MIN_ROWS = 20
 
 #: Smallest part of a shifted instrument, beside the others, that counts as a direction.

@@ -22,7 +22,7 @@ from pivident.validation.residuals.autocorrelation import variance_factor
 from pivident.validation.residuals.residual import SIGNIFICANCE, probability, reading
 
 #: Ratio of variances, between the quarters of the samples where a driver is largest and smallest,
-#: below which it does not matter: deviations then differ by a third.
+#: below which it does not matter: standard errors then differ by a third.
 PRACTICAL_RATIO = 1.8
 
 
