@@ -187,8 +187,8 @@ def _finished(
 def _variances(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Variances of the linear fit with these columns: the sandwich's, or those of a white residual.
 
-    The larger one is taken for each gain. A motion that begins or stops hard determines a gain within
-    a few windows, and a jackknife over windows then does not know how uncertain it is.
+    The larger one is taken for each gain. A motion that begins or stops hard determines a gain
+    within a few windows, and a jackknife over windows then does not know how uncertain it is.
     """
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale[scale == 0.0] = 1.0

@@ -175,13 +175,13 @@ def reconstruct_loop(
             found.law, drive_gain, limit, identified=found, notes=found.notes
         )
     notes: list[str] = []
-    found: tuple[Feedback, ...] = ()
+    feedback: tuple[Feedback, ...] = ()
     signals = [r.q for r in recordings]
     if controller is None:
         by_recording = [feedback_from_noise(r, gain) for r in recordings]
         best = [max(own, key=lambda f: f.explained) for own in zip(*by_recording, strict=True)]
         if all(f.known for f in best):
-            law, found = _law(best), tuple(best)
+            law, feedback = _law(best), tuple(best)
             controller, signals = law, [_implied_reference(r, law, gain) for r in recordings]
             notes.append(_identified(best))
         else:
@@ -203,7 +203,7 @@ def reconstruct_loop(
         controller,
         drive_gain,
         limit,
-        feedback=found,
+        feedback=feedback,
         reconstructed=tuple(made),
         notes=tuple(notes),
     )
@@ -250,6 +250,6 @@ def _unidentified(feedback: Sequence[Feedback]) -> str:
     shares = ", ".join(f"{f.name} {100 * f.explained:.0f} %" for f in feedback)
     return (
         "Law and reference are unknown, and the gains cannot be identified from this record: "
-        f"feedback explains only part of the torque beyond the motion's band ({shares}). A declared "
-        "virtual PD law carries the simulation instead."
+        f"feedback explains only part of the torque beyond the motion's band ({shares}). A "
+        "declared virtual PD law carries the simulation instead."
     )

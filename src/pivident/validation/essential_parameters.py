@@ -10,8 +10,8 @@ and so on with the next one, until the first rejection. For least squares the se
 ratio of residual sums; IV does not minimise such a sum, so the Wald form is used for all.
 
 What decides is σ. With r = 200,000 rows of a residual that is not white, formula standard errors
-are ten times too small and everything is "significant". σ_i is therefore taken from the sandwich over
-windows of time, with ν its degrees of freedom, and the joint test counts r/d rows, where the
+are ten times too small and everything is "significant". σ_i is therefore taken from the sandwich
+over windows of time, with ν its degrees of freedom, and the joint test counts r/d rows, where the
 design effect d is the mean ratio of sandwich to formula variances. On the public TX40 record d is
 about 120 with PIV; of 61 parameters there remain the laboratory's 28, give or take two that are
 three standard errors large. By formula standard errors 58 would remain.
