@@ -4,7 +4,8 @@
 
 near ±1 says that the motion determines only a sum or a difference of the two; a motion that moves
 them apart makes both certain. For the map, parameters are put next to those that they are
-correlated with: the order of the leaves of a tree that joins the nearest first, by the distance 1 - |ρ|.
+correlated with: the order of the leaves of a tree that joins the nearest first, by the distance 1 -
+|ρ|.
 """
 
 from __future__ import annotations
