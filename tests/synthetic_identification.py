@@ -13,7 +13,7 @@ from pivident.control_law.unknown_loop import Feedback
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.fitted_recording import FittedRecording
+from pivident.estimation.equation_record import FittedRecording
 from pivident.estimation.identification import (
     Identification,
     Iteration,

@@ -110,5 +110,5 @@ def test_staubli_tx40_with_an_unknown_loop(public_data):
     experiment = load_experiment(EXAMPLES / "staubli_tx40" / "unknown_loop.toml")
     problem = experiment.problem()
     assert len(problem.loop.reconstructed[0].moves.moves) == 13
-    assert any("cannot be told" in note for note in problem.loop.notes)
+    assert any("cannot be identified" in note for note in problem.loop.notes)
     assert set(experiment.methods()) == {"iv-full-rate", "piv"}

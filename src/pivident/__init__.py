@@ -13,4 +13,11 @@ from pivident.text import display
 
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
-display.provided_by("pivident.notebook.displays")
+display.provided_by(
+    html="pivident.notebook.displays.html_of",
+    text="pivident.estimation.summary_tables.identification_table",
+    headline="pivident.estimation.summary_tables.headline",
+    files="pivident.estimation.identification_file.save_identification",
+    missing_inertia="pivident.estimation.missing_inertia.missing_inertia",
+    pinocchio_joints="pivident.robot.pinocchio_model.model_joints",
+)

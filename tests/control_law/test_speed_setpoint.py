@@ -1,4 +1,4 @@
-"""Drives that follow a speed setpoint: their law found again, and what cannot be told refused."""
+"""Drives that follow a speed setpoint: their law identified again, or refused."""
 
 import dataclasses
 from pathlib import Path

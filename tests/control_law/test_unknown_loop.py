@@ -112,7 +112,7 @@ def test_emps_with_the_law_identified_and_with_everything_hidden(public_data):
     for k in range(3):  # M, Fv, Fc
         spread = max(hidden.std[k], reference.std[k])
         assert abs(hidden.theta[k] - reference.theta[k]) < 2 * spread
-    assert "cannot be told" in " ".join(w.message for w in hidden.warnings)
+    assert "cannot be identified" in " ".join(w.message for w in hidden.warnings)
 
 
 @pytest.mark.record

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from pivident.estimation.covariance.sandwich import windows_of
-from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.row_products import gram, products
+from pivident.estimation.covariance.windows import windows_of
+from pivident.estimation.normal_equations import JointSums, gram, products
 
 
 @pytest.mark.parametrize("rows", [1, 3, 4, 7, 21])

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 from pivident.errors import IrregularSampling, RecordingError
+from pivident.recording.checks import clipped_samples
 from pivident.recording.datasets import dataset_files
 from pivident.recording.load import load_recording
 from pivident.recording.public_records import (
@@ -12,7 +13,6 @@ from pivident.recording.public_records import (
     load_kuka_kr300,
     load_staubli_tx40,
 )
-from pivident.recording.saturation import clipped_samples
 from pivident.robot.gallery import load_robot
 
 pytestmark = pytest.mark.record

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pivident.recording.saturation import clipped_samples
+from pivident.recording.checks import clipped_samples
 
 T = np.arange(5000) / 1000.0
 Q = np.sin(1.3 * T)

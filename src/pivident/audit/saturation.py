@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from pivident.logs.log import Log
-from pivident.recording.checks import TOLERATED_CLIPPING
-from pivident.recording.saturation import clipped_samples
+from pivident.recording.checks import TOLERATED_CLIPPING, clipped_samples
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
 #: A spike stands out of its neighbourhood by so many of its standard deviations.

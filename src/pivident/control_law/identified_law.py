@@ -2,7 +2,7 @@
 
 The error e = q_ref - q_m and the output u of a controller are its own signals, both exact:
 encoder noise is part of e. Least squares on the law's terms is therefore consistent, and noise in
-the loop helps to tell gains apart. The law is linear in its gains,
+the loop helps to distinguish gains. The law is linear in its gains,
 
     u = kp e - kd D q + [kv_ref D q_ref] + [ki ∫e] + [ka_ref D D q_ref] + [offset]
 
@@ -126,11 +126,11 @@ def identify_controller(
         limit: largest output; samples that reach it are left out, likewise those whose torque
             is visibly cut off.
         terms: terms of the law; None: ``kp`` and ``kd``, and those others that an F-test wants.
-        robot: its geometry tells what gravity does, so that a law that compensates it is found
+        robot: its geometry determines what gravity does, so that a law that compensates it is found
             too, if no ``terms`` are given; None: laws without gravity only.
 
     Returns:
-        The law of each joint with its gains, their deviations and its fit.
+        The law of each joint with its gains, their standard errors and its fit.
 
     Raises:
         ExperimentError: a recording has no reference.
@@ -247,8 +247,8 @@ def _setpoint_warnings(laws: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoi
         "No law on the position error explains the output. The drives follow a speed setpoint, "
         f"dq_ref + K e + inputs/kv, which leaves {left:.2g} % (rms) of the position error or less. "
         "The reference that is simulated is the setpoint as it arrives, with the known inputs.",
-        "The integrator of the speed loop is told from the output beyond the band of the motion, "
-        f"of which the loop explains {seen}; there the speed gains look like {noise}.",
+        "The integrator of the speed loop is identified from the output beyond the band of the "
+        f"motion, of which the loop explains {seen}; there the speed gains look like {noise}.",
         *(text for law in laws for text in diagnostics_of(law)),
     ]
 
@@ -276,11 +276,7 @@ def _refusal(refused: Sequence[JointLaw], setpoints: Sequence[SpeedSetpoint]) ->
 def _law_of(
     laws: Sequence[JointLaw], robot: Robot | None, drive_gain: np.ndarray
 ) -> LinearLaw | GravityCompensated:
-    """The controller of all joints.
-
-    Raises:
-        IdentificationError: one pushes away from its reference.
-    """
+    """The controller of all joints."""
     for law in laws:
         for term in ALWAYS:
             if law.gain(term) < 0.0:

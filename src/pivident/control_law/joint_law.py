@@ -1,8 +1,8 @@
-"""The control law of one joint: gains, lag, gravity model, deviations and doubts.
+"""The control law of one joint: gains, lag, gravity model, standard errors and warnings.
 
 Its columns and its differentiator are chosen in ``law_equations``, its gravity model in
-``law_gravity``. Here they become a law: gains with deviations from a sandwich, which holds for a
-residual that is correlated and of changing variance, but not below those of a white residual.
+``law_gravity``. Here they become a law: gains with standard errors from a sandwich, which holds for
+a residual that is correlated and of changing variance, but not below those of a white residual.
 """
 
 from __future__ import annotations
@@ -29,7 +29,8 @@ from pivident.control_law.law_gravity import (
     best_gravity,
 )
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import sandwich, windows_of
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.recording.recording import Recording
 from pivident.text.numbers import plus_minus
@@ -37,36 +38,21 @@ from pivident.text.numbers import plus_minus
 
 @dataclass(frozen=True, eq=False)
 class JointLaw:
-    """The law of one joint.
+    """The law of one joint."""
 
-    Attributes:
-        name: name of the joint.
-        terms: terms in use.
-        gains: their gains, shape (terms,).
-        std: robust standard deviations of the gains.
-        derivative_time: lag T of the differentiator [s].
-        derivative_time_std: its standard deviation [s].
-        averaged: whether two-sample means are differenced.
-        rms: rms of what the law does not explain [u].
-        relative_error: that over the rms of u.
-        f_tests: F statistic of every extra term when it was tried last.
-        samples: samples used; saturated ones are left out.
-        saturated: samples left out.
-        gravity: the gravity model that it adds; None: it does not compensate gravity.
-    """
-
-    name: str
-    terms: tuple[Term, ...]
-    gains: np.ndarray
-    std: np.ndarray
-    derivative_time: float
-    derivative_time_std: float
-    averaged: bool
-    rms: float
-    relative_error: float
-    f_tests: dict[str, float]
-    samples: int
-    saturated: int
+    name: str  # name of the joint
+    terms: tuple[Term, ...]  # terms in use
+    gains: np.ndarray  # their gains, shape (terms,)
+    std: np.ndarray  # robust standard errors of the gains
+    derivative_time: float  # lag T of the differentiator [s]
+    derivative_time_std: float  # its standard error [s]
+    averaged: bool  # whether two-sample means are differenced
+    rms: float  # rms of what the law does not explain [u]
+    relative_error: float  # that over the rms of u
+    f_tests: dict[str, float]  # F statistic of every extra term when it was tried last
+    samples: int  # samples used; saturated ones are left out
+    saturated: int  # samples left out
+    #: The gravity model that it adds; None: it does not compensate gravity.
     gravity: JointGravity | None = None
 
     def gain(self, term: Term) -> float:
@@ -75,9 +61,9 @@ class JointLaw:
 
     @property
     def cascade(self) -> tuple[float, float, float, float]:
-        """The law as a cascade kv (kp e - v̂): kp [1/s] and its deviation, kv and its deviation.
+        """The law as a cascade kv (kp e - v̂): kp [1/s] and kv, each with its standard error.
 
-        The deviation of the ratio is that of independent gains, an upper bound where they are
+        The standard error of the ratio is that of independent gains, an upper bound where they are
         positively correlated.
         """
         kp, kv = self.gain("kp"), self.gain("kd")
@@ -131,7 +117,7 @@ def joint_law(
     if fit is not None and weights is not None:
         law, model = _finished(name, fit.channels, fit.equations, fit.columns, fit.tests)
         law = _with_gravity(law, fit, weights, drive_gain)
-        if law.gravity is not None and law.gravity.told:
+        if law.gravity is not None and law.gravity.is_significant:
             return law, model
     return _finished(name, channels, equations, columns, tests)
 
@@ -160,9 +146,9 @@ def _finished(
     chosen: tuple[Column, ...],
     tests: dict[str, float],
 ) -> tuple[JointLaw, np.ndarray]:
-    """Gains with robust deviations; the lag's column is the derivative of the fit by T.
+    """Gains with robust standard errors; the lag's column is the derivative of the fit by T.
 
-    Of a law with a gravity model, gains and deviations are those of all of its columns.
+    Of a law with a gravity model, gains and standard errors are those of all of its columns.
     """
     time, averaged = equations.time, equations.averaged
     gains = equations.fit(chosen)[0]
@@ -201,8 +187,8 @@ def _finished(
 def _variances(columns: np.ndarray, residual: np.ndarray) -> np.ndarray:
     """Variances of the linear fit with these columns: the sandwich's, or those of a white residual.
 
-    The larger one is taken for each gain. A motion that begins or stops hard tells a gain within a
-    few windows, and a jackknife over windows then does not know how uncertain it is.
+    The larger one is taken for each gain. A motion that begins or stops hard determines a gain
+    within a few windows, and a jackknife over windows then does not know how uncertain it is.
     """
     scale = np.sqrt(np.mean(columns**2, axis=0))
     scale[scale == 0.0] = 1.0
@@ -229,6 +215,6 @@ def diagnostics_of(law: JointLaw) -> list[str]:
         if std > 0.5 * abs(gain):
             out.append(
                 f"{term} of joint {law.name!r} is {plus_minus(gain, 2 * std)}: this record hardly "
-                "tells it."
+                "determines it."
             )
     return out

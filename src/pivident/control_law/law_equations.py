@@ -15,8 +15,8 @@ from typing import Literal
 
 import numpy as np
 
+from pivident.recording.checks import clipped_samples
 from pivident.recording.recording import Recording
-from pivident.recording.saturation import clipped_samples
 from pivident.simulation.linear_law import differentiated, reference_derivatives
 
 Term = Literal[
@@ -40,7 +40,7 @@ SETPOINT: tuple[Term, ...] = ("position_gain", "speed_gain", "integral_gain", "d
 F_PROBABILITY = 0.999
 WORTHWHILE = 0.01
 
-#: Residual relative to the output, squared, that is rounding: nothing can be told from it.
+#: Residual relative to the output, squared, that is rounding: nothing follows from it.
 ROUNDING = 1e-20
 
 #: Lags T searched, in sampling periods.
@@ -94,22 +94,13 @@ def channel_of(recording: Recording, j: int, gain: float, limit: float) -> Chann
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """All columns and the output for one differentiator, as the triangle of their QR factors.
+    """All columns and the output for one differentiator, as the triangle of their QR factors."""
 
-    Attributes:
-        time: lag T [s].
-        averaged: whether two-sample means are differenced.
-        triangle: R of (columns of unit length, output), shape
-            (columns + 1, columns + 1).
-        scale: length of each column.
-        rows: number of equations.
-    """
-
-    time: float
-    averaged: bool
-    triangle: np.ndarray
-    scale: np.ndarray
-    rows: int
+    time: float  # lag T [s]
+    averaged: bool  # whether two-sample means are differenced
+    triangle: np.ndarray  # R of (columns of unit length, output), shape (columns + 1, columns + 1)
+    scale: np.ndarray  # length of each column
+    rows: int  # number of equations
 
     @classmethod
     def build(cls, channels: Sequence[Channel], time: float, averaged: bool) -> Equations:
@@ -169,10 +160,7 @@ def best_equations(
 ) -> tuple[Equations, tuple[Column, ...], dict[str, float]]:
     """Equations for the best differentiator, their columns and the F statistics of extra terms.
 
-    Args:
-        channels: one joint in each recording.
-        begin: columns that every law has.
-        wanted: terms of the law; None: those of ``begin``, and others that an F-test wants.
+    ``wanted``: terms of the law; None: those of ``begin``, and others that an F-test wants.
     """
     candidates = [Equations.build(channels, 0.0, True), Equations.build(channels, 0.0, False)]
     terms, _ = select_terms(candidates[1], wanted, begin)

@@ -50,12 +50,12 @@ PLACE_TEXTS: dict[Place, str] = {
 #: Share of the output (rms) that a law with a gravity model may leave unexplained.
 COMPLETE = 0.1
 
-#: Share of the residual's sum of squares that a gravity model takes at least, and deviations that
-#: the best known of its parameters has at least: 2σ are then a fifth of it.
+#: Share of the residual's sum of squares that a gravity model takes at least, and standard errors
+#: that the best known of its parameters has at least: 2σ are then a fifth of it.
 MOST = 0.8
-DEVIATIONS = 10.0
+MIN_RATIO = 10.0
 
-#: Postures that tell which columns are independent, and the length of a remainder that is not.
+#: Postures that show which columns are independent, and the length of a remainder that is not.
 POSTURES = 60
 DEPENDENT = 1e-9
 
@@ -65,23 +65,14 @@ BLOCK = 4096
 
 @dataclass(frozen=True, eq=False)
 class JointGravity:
-    """The gravity model in the law of one joint.
+    """The gravity model in the law of one joint."""
 
-    Attributes:
-        place: ``gravity``: at the measured position; ``gravity_reference``: at the reference.
-        parameters: heads of the groups of parameters in use.
-        values: as the controller knows them, shape (parameters,) [kg m or kg].
-        std: their robust standard deviations.
-        statistic: F of all of them together.
-        taken: share of the residual's sum of squares that they take.
-    """
-
-    place: Place
-    parameters: tuple[Parameter, ...]
-    values: np.ndarray
-    std: np.ndarray
-    statistic: float
-    taken: float
+    place: Place  # ``gravity``: at the measured position; ``gravity_reference``: at the reference
+    parameters: tuple[Parameter, ...]  # heads of the groups of parameters in use
+    values: np.ndarray  # as the controller knows them, shape (parameters,) [kg m or kg]
+    std: np.ndarray  # their robust standard errors
+    statistic: float  # F of all of them together
+    taken: float  # share of the residual's sum of squares that they take
 
     def to_values(self) -> dict[str, Any]:
         """The model as plain values, for the file of a result."""
@@ -95,24 +86,20 @@ class JointGravity:
         }
 
     @property
-    def told(self) -> bool:
-        """Whether the record tells it, even if what the law leaves is no white noise."""
-        return bool(np.any(np.abs(self.values) > DEVIATIONS * self.std))
+    def is_significant(self) -> bool:
+        """Whether it is significant, even if what the law leaves is no white noise."""
+        return bool(np.any(np.abs(self.values) > MIN_RATIO * self.std))
 
 
 @dataclass(frozen=True, eq=False)
 class GravityColumns:
-    """What the gravity model of one joint's law can be made of.
+    """What the gravity model of one joint's law can be made of."""
 
-    Attributes:
-        regressor: columns of all parameters that gravity acts on.
-        joint: index of the joint.
-        chosen: columns that its torque tells apart; none where it carries no weight.
-    """
-
-    regressor: Regressor
-    joint: int
-    chosen: tuple[int, ...]
+    regressor: Regressor  # columns of all parameters that gravity acts on
+    joint: int  # index of the joint
+    chosen: tuple[
+        int, ...
+    ]  # columns that its torque distinguishes; none where it carries no weight
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -122,8 +109,7 @@ class GravityColumns:
     def at(self, q: np.ndarray) -> np.ndarray:
         """The columns in postures q, shape (samples, joints) [rad or m].
 
-        Returns:
-            Torque per parameter, shape (samples, parameters).
+        Result: torque per parameter, shape (samples, parameters).
         """
         out = np.empty((len(q), len(self.chosen)))
         for first in range(0, len(q), BLOCK):
@@ -136,33 +122,19 @@ class GravityColumns:
 
 @dataclass(frozen=True, eq=False)
 class GravityFit:
-    """A law with a gravity model.
+    """A law with a gravity model."""
 
-    Attributes:
-        place: where the model is evaluated.
-        channels: the joint's signals with the columns of the model.
-        equations: for the best differentiator.
-        columns: terms, and numbers of the model's columns.
-        tests: F statistics of the extra terms.
-        statistic: F of the model.
-        taken: share of the residual's sum of squares that it takes.
-    """
-
-    place: Place
-    channels: list[Channel]
-    equations: Equations
-    columns: tuple[Column, ...]
-    tests: dict[str, float]
-    statistic: float
-    taken: float
+    place: Place  # where the model is evaluated
+    channels: list[Channel]  # the joint's signals with the columns of the model
+    equations: Equations  # for the best differentiator
+    columns: tuple[Column, ...]  # terms, and numbers of the model's columns
+    tests: dict[str, float]  # F statistics of the extra terms
+    statistic: float  # F of the model
+    taken: float  # share of the residual's sum of squares that it takes
 
 
 def gravity_columns(robot: Robot) -> list[GravityColumns]:
-    """What gravity models of the laws of all joints can be made of.
-
-    Args:
-        robot: the robot.
-    """
+    """What gravity models of the laws of all joints can be made of."""
     heads = tuple(p for p in base_parameters(robot).parameters if p.stem in MASS_STEMS)
     regressor = Regressor.build(robot, heads)
     postures = np.random.default_rng(19991231).uniform(-np.pi, np.pi, (POSTURES, robot.size))
@@ -196,14 +168,7 @@ def best_gravity(
     columns: GravityColumns,
     plain: tuple[Equations, tuple[Column, ...]],
 ) -> GravityFit | None:
-    """The best law with a gravity model, or None where none earns its place.
-
-    Args:
-        channels: the joint's signals.
-        recordings: the runs that they are from, with a reference.
-        columns: what its gravity model can be made of.
-        plain: equations and terms of the best law without.
-    """
+    """The best law with a gravity model, or None where none earns its place."""
     equations, terms = plain
     rss = equations.fit(terms)[1]
     if not columns.parameters or rss <= ROUNDING * equations.total:
@@ -284,10 +249,8 @@ def gravity_models(
 ) -> dict[Place, GravityModel]:
     """The gravity models of all joints together, for each place where there are some.
 
-    Args:
-        robot: the robot.
-        found: the model of each joint, None where its law has none.
-        drive_gain: joint torque per controller output, shape (joints,).
+    ``found``: the model of each joint, None where its law has none; ``drive_gain``: joint torque
+    per controller output, shape (joints,).
     """
     n = robot.size
     masses = {place: np.zeros((n, n, len(MASS_STEMS))) for place in PLACES}
@@ -302,9 +265,7 @@ def gravity_models(
 def gravity_notes(names: Sequence[str], found: Sequence[JointGravity | None]) -> tuple[str, ...]:
     """Which joints' laws compensate gravity, a sentence for each place where they do.
 
-    Args:
-        names: of the joints.
-        found: the model of each joint, None where its law has none.
+    ``found``: the model of each joint, None where its law has none.
     """
     notes = []
     for place in PLACES:

@@ -12,9 +12,6 @@ def controller_table(found: IdentifiedLaw) -> str:
     """An identified control law: gains with intervals, differentiator, fit, for each joint.
 
     Where laws compensate gravity, their gravity models come as a second table.
-
-    Args:
-        found: the law.
     """
     names = list(dict.fromkeys(term for law in found.joints for term in law.terms))
     columns = [column("joint", [law.name for law in found.joints], "<")]
@@ -62,10 +59,7 @@ def _gravity_tables(found: IdentifiedLaw) -> list[str]:
 def differentiator_text(averaged: bool, time: float = 0.0, std: float = 0.0) -> str:
     """How a law differentiates the position.
 
-    Args:
-        averaged: whether two-sample means are differenced.
-        time: lag T [s].
-        std: its standard deviation [s].
+    ``time``: lag T [s].
     """
     if averaged:
         return "two-sample means"

@@ -33,19 +33,12 @@ GOOD_FIT = 1e-7
 
 @dataclass(frozen=True)
 class Move:
-    """Timing of one move.
+    """Timing of one move."""
 
-    Attributes:
-        start: [s].
-        acceleration: ta [s].
-        cruise: tc [s].
-        rounding: w [s].
-    """
-
-    start: float
-    acceleration: float
-    cruise: float
-    rounding: float
+    start: float  # [s]
+    acceleration: float  # ta [s]
+    cruise: float  # tc [s]
+    rounding: float  # w [s]
 
     @property
     def duration(self) -> float:
@@ -69,15 +62,10 @@ class Move:
 
 @dataclass(frozen=True)
 class QuinticMove:
-    """A move on the polynomial of degree five, s = 10x³ - 15x⁴ + 6x⁵ with x = (t - start)/T.
+    """A move on the polynomial of degree five, s = 10x³ - 15x⁴ + 6x⁵ with x = (t - start)/T."""
 
-    Attributes:
-        start: [s].
-        duration: T [s].
-    """
-
-    start: float
-    duration: float
+    start: float  # [s]
+    duration: float  # T [s]
 
     def shape(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """S from 0 to 1, its speed [1/s] and acceleration [1/s²], each of the shape of t."""
@@ -89,15 +77,10 @@ class QuinticMove:
 
 @dataclass(frozen=True, eq=False)
 class PointToPoint:
-    """A motion of several moves.
+    """A motion of several moves."""
 
-    Attributes:
-        moves: their timing.
-        points: via points, one more than moves, shape (moves + 1, joints) [rad or m].
-    """
-
-    moves: tuple[Move | QuinticMove, ...]
-    points: np.ndarray
+    moves: tuple[Move | QuinticMove, ...]  # their timing
+    points: np.ndarray  # via points, one more than moves, shape (moves + 1, joints) [rad or m]
 
     def reference(self, t: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, dq, ddq at the times, each of shape (samples, joints)."""
@@ -117,12 +100,9 @@ class PointToPoint:
 
 
 def fit_point_to_point(q: np.ndarray, dq: np.ndarray, rate: float) -> PointToPoint | None:
-    """The moves of a motion, or None where there is no rest between moves to tell them by.
+    """The moves of a motion, or None where there is no rest between moves to separate them.
 
-    Args:
-        q: smoothed positions, shape (samples, joints) [rad or m].
-        dq: speeds [rad/s or m/s].
-        rate: sampling rate [Hz].
+    ``q``: smoothed positions, shape (samples, joints) [rad or m].
     """
     spans = moving_spans(dq, rate)
     if not spans:
@@ -130,7 +110,7 @@ def fit_point_to_point(q: np.ndarray, dq: np.ndarray, rate: float) -> PointToPoi
     points = _via_points(q, spans)
     moves = []
     for k, span in enumerate(spans):
-        # the rests around the move tell where it starts and ends
+        # the rests around the move show where it starts and ends
         before = (spans[k - 1].stop + span.start) // 2 if k else max(0, span.start - 50)
         after = (span.stop + spans[k + 1].start) // 2 if k + 1 < len(spans) else span.stop + 50
         window = slice(before, min(after, len(q)))
@@ -144,12 +124,7 @@ def fit_point_to_point(q: np.ndarray, dq: np.ndarray, rate: float) -> PointToPoi
 
 
 def moving_spans(dq: np.ndarray, rate: float) -> list[slice]:
-    """Samples of each move: where some joint is faster than a rest.
-
-    Args:
-        dq: speeds, shape (samples, joints).
-        rate: sampling rate [Hz].
-    """
+    """Samples of each move: where some joint is faster than a rest."""
     largest = np.abs(dq).max(axis=0)
     moving = (np.abs(dq) > REST * np.where(largest > 0, largest, 1.0)).any(axis=1)
     edges = np.flatnonzero(np.diff(np.r_[False, moving, False].astype(np.int8)))

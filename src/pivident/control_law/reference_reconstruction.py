@@ -21,33 +21,22 @@ from pivident.signals.random_walk import smooth_channels
 #: of moderate gains leaves between its reference and its motion.
 BELIEVED = 5e-3
 
-#: Samples per parameter that a reference must be told from.
+#: Samples per parameter that a reference must be fitted to.
 MIN_SAMPLES = 50
 
 
 @dataclass(frozen=True, eq=False)
 class ReconstructedReference:
-    """A reference and how far it can be trusted.
+    """A reference and how far it can be trusted."""
 
-    Attributes:
-        kind: ``point_to_point`` or ``spline``.
-        q: positions, shape (samples, joints) [rad or m]; ``dq ddq`` likewise.
-        dq: speeds.
-        ddq: accelerations.
-        moves: the moves, where it is made of such.
-        rms: deviation of the signal that it was fitted to, shape (joints,) [rad or m].
-        relative: that over the joint's range, shape (joints,).
-        freedom: parameters per sample: what share of the noise it can follow.
-    """
-
-    kind: str
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    moves: PointToPoint | None
-    rms: np.ndarray
-    relative: np.ndarray
-    freedom: float
+    kind: str  # ``point_to_point`` or ``spline``
+    q: np.ndarray  # positions, shape (samples, joints) [rad or m]; ``dq ddq`` likewise
+    dq: np.ndarray  # speeds
+    ddq: np.ndarray  # accelerations
+    moves: PointToPoint | None  # the moves, where it is made of such
+    rms: np.ndarray  # deviation of the signal that it was fitted to, shape (joints,) [rad or m]
+    relative: np.ndarray  # that over the joint's range, shape (joints,)
+    freedom: float  # parameters per sample: what share of the noise it can follow
 
     def to_values(self) -> dict[str, Any]:
         """Kind and fit as plain values, for the file of a result."""
@@ -76,10 +65,8 @@ class ReconstructedReference:
 def reconstruct_reference(signal: np.ndarray, rate: float) -> ReconstructedReference:
     """The simplest reference that a motion allows.
 
-    Args:
-        signal: positions, or what a control law says its reference was, (samples, joints)
-            [rad or m].
-        rate: sampling rate [Hz].
+    ``signal``: positions, or what a control law says its reference was, (samples, joints)
+    [rad or m].
     """
     smoothed = smooth_channels(signal, rate)
     span = np.maximum(np.ptp(signal, axis=0), 1e-12)

@@ -1,11 +1,11 @@
-"""A drive that is given a speed: its law, told from how the axis follows its speed setpoint.
+"""A drive that is given a speed: its law, from how the axis follows its speed setpoint.
 
     s = D q_ref + K e + i/k_v,     u = k_v (w + k_i ∫w),     w = s(t - T) - D q
 
 e = q_ref - q; i are the known inputs, which enter before the integrator; T is the way of the
 setpoint to the drive. Least squares on u fails here: the integrator is so stiff (1/(k_v k_i) is of
 the order of 10 µrad per unit of u) that errors of that size in positions and times outweigh
-the output, and gains come out with the wrong sign. Positions are then what the law tells to the
+the output, and gains come out with the wrong sign. Positions are then what the law commands to the
 last digit. Integrated over time the law is
 
     q_ref(t - T) - q(t) - u/(k_v k_i) = -K ∫e(t - T) - 1/k_v ∫i(t - T) + c + b t
@@ -39,7 +39,7 @@ LAGS = np.arange(0.0, 1.6, 0.25)
 BEYOND, MOTION = 8.0, 0.999
 UPPER = 0.25
 
-#: Passes between the two equations, and deviations that k_v k_i must have to be used in the first.
+#: Passes between the two equations, and standard errors that k_v k_i must have to be used there.
 PASSES, STIFF = 3, 2.0
 
 #: Windows of the jackknife in each recording: the residual is slow.
@@ -51,41 +51,28 @@ EXPLAINED = 0.99
 
 @dataclass(frozen=True, eq=False)
 class SpeedSetpoint:
-    """The law of one joint as a cascade with a speed setpoint.
+    """The law of one joint as a cascade with a speed setpoint."""
 
-    Attributes:
-        position_gain: K [1/s].
-        speed_gain: k_v [u per rad/s or m/s], from the known inputs; without them, from the noise.
-        noise_gain: k_v as the output beyond the band of the motion tells it.
-        integral_gain: k_i [1/s], from k_v k_i of the output beyond the motion's band.
-        delay: T [s].
-        std: robust deviations of these five, same order.
-        explained: share of the position error's variance that the setpoint explains.
-        loop_explained: share of the output's variance beyond ``cutoff`` that the speed loop does.
-        cutoff: of the high-pass H [Hz].
-        error: recorded q_ref(t - T) - q of the first recording [rad or m], shape (samples,).
-        model: what the law makes of it.
-        rms: of the difference over all recordings [rad or m].
-        samples: samples used.
-    """
-
-    position_gain: float
+    position_gain: float  # K [1/s]
+    #: k_v [u per rad/s or m/s], from the known inputs; without them, from the noise.
     speed_gain: float
-    noise_gain: float
-    integral_gain: float
-    delay: float
-    std: np.ndarray
-    explained: float
+    noise_gain: float  # k_v from the output beyond the band of the motion
+    integral_gain: float  # k_i [1/s], from k_v k_i of the output beyond the motion's band
+    delay: float  # T [s]
+    std: np.ndarray  # robust standard errors of these five, same order
+    explained: float  # share of the position error's variance that the setpoint explains
+    #: Share of the output's variance beyond ``cutoff`` that the speed loop does.
     loop_explained: float
-    cutoff: float
+    cutoff: float  # of the high-pass H [Hz]
+    #: Recorded q_ref(t - T) - q of the first recording [rad or m], shape (samples,).
     error: np.ndarray
-    model: np.ndarray
-    rms: float
-    samples: int
+    model: np.ndarray  # what the law makes of it
+    rms: float  # of the difference over all recordings [rad or m]
+    samples: int  # samples used
 
     @property
     def believable(self) -> bool:
-        """Whether the position error is explained and all gains are positive beyond doubt."""
+        """Whether the position error is explained and all gains are significantly positive."""
         gains = (self.position_gain, self.speed_gain, self.noise_gain, self.integral_gain)
         return self.explained > EXPLAINED and bool(np.all(gains > 2.0 * self.std[:4]))
 
@@ -93,9 +80,7 @@ class SpeedSetpoint:
 def speed_setpoint(channels: Sequence[Channel], inputs: Sequence[np.ndarray]) -> SpeedSetpoint:
     """Find the speed setpoint and the speed loop of one joint.
 
-    Args:
-        channels: the joint in each recording.
-        inputs: sum of the known inputs in each recording, shape (samples,) [u].
+    ``inputs``: sum of the known inputs in each recording, shape (samples,) [u].
     """
     known = any(np.ptp(i) > 0.0 for i in inputs)
     cutoff = BEYOND * _motion_band(channels)
@@ -138,12 +123,7 @@ def speed_setpoint(channels: Sequence[Channel], inputs: Sequence[np.ndarray]) ->
 
 
 def as_seen_by_the_drive(recording: Recording, laws: Sequence[SpeedSetpoint]) -> Recording:
-    """The recording with the reference as it arrives: T later, known inputs part of its speed.
-
-    Args:
-        recording: a run with a recorded reference.
-        laws: the setpoints of its joints.
-    """
+    """The recording with the reference as it arrives: T later, known inputs part of its speed."""
     assert recording.q_ref is not None
     t = np.arange(recording.samples) / recording.rate
     inputs = sum(recording.inputs.values(), np.zeros(recording.q.shape))
@@ -157,7 +137,7 @@ def as_seen_by_the_drive(recording: Recording, laws: Sequence[SpeedSetpoint]) ->
 
 
 class _OuterLoop(NamedTuple):
-    """Gains [K, 1/k_v if there are inputs, offsets], T, deviations with that of T last, and fit."""
+    """Gains [K, 1/k_v if there are inputs, offsets], T, standard errors (T last), and fit."""
 
     gains: np.ndarray
     delay: float
@@ -224,7 +204,7 @@ def _speed_loop(
     output: Sequence[np.ndarray],
     cutoff: float,
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Gains [k_v, k_v k_i], their deviations, and the share of the output that they explain."""
+    """Gains [k_v, k_v k_i], their standard errors, and the share of the output explained."""
     from scipy.signal import butter, sosfiltfilt
 
     rate = channels[0].rate
@@ -290,8 +270,9 @@ def _smallest(cost: Callable[[float], float], tried: np.ndarray) -> float:
 def _deviations(
     columns: np.ndarray, residual: np.ndarray, channels: Sequence[Channel]
 ) -> np.ndarray:
-    """Robust deviations of the linear fit with these columns: a jackknife over long windows."""
-    from pivident.estimation.covariance.sandwich import Windows, sandwich
+    """Robust standard errors of the linear fit with these columns, a jackknife over windows."""
+    from pivident.estimation.covariance.sandwich import sandwich
+    from pivident.estimation.covariance.windows import Windows
     from pivident.estimation.normal_equations import JointSums
 
     scale = np.sqrt(np.mean(columns**2, axis=0))

@@ -9,7 +9,7 @@ the torque answers nothing but the measured position,
 Least squares on it gives kp and kd with the loop's own noise as excitation, where there is enough
 of it. The reference is then what the law must have been given, r = q + (u + kd D q)/kp, made
 smooth. Where the torque is hardly explained in this way (a coarse log, an unknown structure) the
-law cannot be told, and a declared one takes its place.
+law cannot be identified, and a declared one takes its place.
 """
 
 from __future__ import annotations
@@ -45,13 +45,13 @@ EXPLAINED = 0.9
 
 @dataclass(frozen=True)
 class Feedback:
-    """Feedback of one joint, told from the noise in the loop.
+    """Feedback of one joint, identified from the noise in the loop.
 
     Attributes:
         name: name of the joint.
-        kp: [u per rad or m]; ``kp_std`` its deviation.
+        kp: [u per rad or m]; ``kp_std`` its standard error.
         kp_std: see ``kp``.
-        kd: [u per rad/s or m/s]; ``kd_std`` its deviation.
+        kd: [u per rad/s or m/s]; ``kd_std`` its standard error.
         kd_std: see ``kd``.
         averaged: whether the speed is the difference of two-sample means.
         cutoff: of the high-pass that explained most [Hz].
@@ -112,8 +112,8 @@ def feedback_from_noise(recording: Recording, drive_gain: np.ndarray) -> tuple[F
         ]
         if not trials:
             raise IdentificationError(
-                f"recording {recording.name!r} at {recording.rate:g} Hz is too slow to tell a "
-                f'control law from its noise; log faster, or declare type = "virtual_pd"'
+                f"recording {recording.name!r} at {recording.rate:g} Hz is too slow to identify "
+                f'a control law from its noise; log faster, or declare type = "virtual_pd"'
             )
         found.append(max(trials, key=lambda f: f.explained))
     return tuple(found)
@@ -175,21 +175,21 @@ def reconstruct_loop(
             found.law, drive_gain, limit, identified=found, notes=found.notes
         )
     notes: list[str] = []
-    told: tuple[Feedback, ...] = ()
+    feedback: tuple[Feedback, ...] = ()
     signals = [r.q for r in recordings]
     if controller is None:
         by_recording = [feedback_from_noise(r, gain) for r in recordings]
         best = [max(own, key=lambda f: f.explained) for own in zip(*by_recording, strict=True)]
         if all(f.known for f in best):
-            law, told = _law(best), tuple(best)
+            law, feedback = _law(best), tuple(best)
             controller, signals = law, [_implied_reference(r, law, gain) for r in recordings]
-            notes.append(_told(best))
+            notes.append(_identified(best))
         else:
             posture = np.mean([r.q.mean(axis=0) for r in recordings], axis=0)
             # the declared law makes joint torques by itself: no drive, no limit, no inputs
             controller, drive_gain, limit = virtual_pd(robot, posture), 1.0, np.inf
             recordings = tuple(replace(r, inputs={}) for r in recordings)
-            notes.append(_not_told(best))
+            notes.append(_unidentified(best))
     made = [reconstruct_reference(x, r.rate) for x, r in zip(signals, recordings, strict=True)]
     notes += [
         f"The reference of recording {r.name!r} is reconstructed: {own}."
@@ -203,7 +203,7 @@ def reconstruct_loop(
         controller,
         drive_gain,
         limit,
-        feedback=told,
+        feedback=feedback,
         reconstructed=tuple(made),
         notes=tuple(notes),
     )
@@ -235,21 +235,21 @@ def _implied_reference(recording: Recording, law: LinearLaw, gain: np.ndarray) -
     return reference
 
 
-def _told(feedback: Sequence[Feedback]) -> str:
+def _identified(feedback: Sequence[Feedback]) -> str:
     gains = "; ".join(
         f"{f.name}: kp {plus_minus(f.kp, 2 * f.kp_std)}, kd {plus_minus(f.kd, 2 * f.kd_std)}"
         for f in feedback
     )
     return (
-        "Law and reference are unknown: the feedback is told from the noise in the loop "
-        f"({gains}); feed-forward of the reference cannot be told from the reference itself."
+        "Law and reference are unknown: the feedback is identified from the noise in the loop "
+        f"({gains}); feed-forward cannot be distinguished from the reference itself."
     )
 
 
-def _not_told(feedback: Sequence[Feedback]) -> str:
+def _unidentified(feedback: Sequence[Feedback]) -> str:
     shares = ", ".join(f"{f.name} {100 * f.explained:.0f} %" for f in feedback)
     return (
-        "Law and reference are unknown, and the gains cannot be told from this record: feedback "
-        f"explains only part of the torque beyond the motion's band ({shares}). A declared "
-        "virtual PD law carries the simulation instead."
+        "Law and reference are unknown, and the gains cannot be identified from this record: "
+        f"feedback explains only part of the torque beyond the motion's band ({shares}). A "
+        "declared virtual PD law carries the simulation instead."
     )

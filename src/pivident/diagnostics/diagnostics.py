@@ -126,7 +126,7 @@ def diagnose(
     try:
         split = model_error(problem, identifications[name], validation)
     except IdentificationError as error:
-        notes.append(f"Noise and model error could not be told apart: {error}.")
+        notes.append(f"Noise and model error could not be separated: {error}.")
     return Diagnostics(
         identifications,
         diagnostics.residuals,
@@ -138,11 +138,7 @@ def diagnose(
 
 
 def diagnose_one(identifications: Mapping[str, Identification]) -> Diagnostics:
-    """The tests that need nothing but the results.
-
-    Args:
-        identifications: results by short name.
-    """
+    """The tests that need nothing but the results."""
     residuals, instruments, notes = {}, {}, []
     for name, result in identifications.items():
         residuals[name] = residual_tests(result)

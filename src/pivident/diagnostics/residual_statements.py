@@ -109,8 +109,8 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     )
     signs = _signs_of_another_law(tests, {joints[j].name for _, j in own})
     split = diagnostics.model_error
-    doubtful = bool(signs) and split is not None and split.mostly_model_error
-    if doubtful:
+    uncertain = bool(signs) and split is not None and split.mostly_model_error
+    if uncertain:
         text += (
             f" It may not be the machine's: {signs}, and most of the error is the model's. Another "
             "law may move these values by more than their intervals; `pivident friction` shows "
@@ -121,7 +121,7 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
             f" It may not quite be the machine's: {signs}, as with another law or with noise of "
             "the speed. Look at `pivident friction`."
         )
-    severity: Severity = "warning" if doubtful else "note"
+    severity: Severity = "warning" if uncertain else "note"
     yield Finding(severity, "friction", "assumed law", text)
 
 

@@ -124,12 +124,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
 
 
 def save_verdict(found: Verdict, path: Path) -> None:
-    """Write a verdict as JSON.
-
-    Args:
-        found: the verdict.
-        path: file to write.
-    """
+    """Write a verdict as JSON."""
     import json
 
     content = {

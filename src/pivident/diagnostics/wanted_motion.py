@@ -38,32 +38,21 @@ _OWN_POSITION = 3
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """What a robot can do, as far as it or its record tells.
+    """What a robot can do, as far as its description or its record shows."""
 
-    Attributes:
-        low: least positions [rad or m], shape (joints,).
-        high: largest positions.
-        speed: largest speeds [rad/s or m/s].
-        acceleration: usual largest accelerations [rad/s² or m/s²].
-        used: shares of the ranges of position, speed and acceleration that a motion used,
-            shape (joints, 3).
-    """
-
-    low: np.ndarray
-    high: np.ndarray
-    speed: np.ndarray
-    acceleration: np.ndarray
+    low: np.ndarray  # least positions [rad or m], shape (joints,)
+    high: np.ndarray  # largest positions
+    speed: np.ndarray  # largest speeds [rad/s or m/s]
+    acceleration: np.ndarray  # usual largest accelerations [rad/s² or m/s²]
+    #: Shares of the ranges of position, speed and acceleration that a motion used, shape
+    #: (joints, 3).
     used: np.ndarray
 
     @classmethod
     def of(cls, robot: Robot, q: np.ndarray, dq: np.ndarray, ddq: np.ndarray) -> Limits:
-        """Limits of a robot, from a motion where the robot does not tell them.
+        """Limits of a robot, from a motion where the robot does not give them.
 
-        Args:
-            robot: the robot.
-            q: positions of a motion, shape (samples, joints); ``dq`` and ``ddq`` likewise.
-            dq: speeds.
-            ddq: accelerations.
+        ``q``: positions of a motion, shape (samples, joints); ``dq`` and ``ddq`` likewise.
         """
         room = [0.5 if joint.kind == "revolute" else 0.1 for joint in robot.joints]
         bounds = [
@@ -84,13 +73,7 @@ class Limits:
 
 
 def column_parts(robot: Robot, parameters: tuple[Parameter, ...], limits: Limits) -> np.ndarray:
-    """Rms of each parameter's column by posture, speed and acceleration, shape (parameters, 3).
-
-    Args:
-        robot: the robot.
-        parameters: whose columns.
-        limits: within which the random motions lie.
-    """
+    """Rms of each parameter's column by posture, speed and acceleration, shape (parameters, 3)."""
     rng = np.random.default_rng(1988)
     shape = (SAMPLES, robot.size)
     q = rng.uniform(limits.low, limits.high, shape)
@@ -114,11 +97,7 @@ def motion_for(
 
     Quantities are 0 posture, 1 speed, 2 acceleration, 3 position of the joint alone.
 
-    Args:
-        robot: the robot.
-        parameter: which is badly determined.
-        parts: of its column, see :func:`column_parts`, shape (3,).
-        limits: with what was used of them.
+    ``parts``: of its column, see :func:`column_parts`, shape (3,).
     """
     joints = sorted(robot.ancestors(parameter.joint))
     if parameter.coupling is not None:
@@ -134,12 +113,7 @@ def motion_for(
 
 
 def wanted_motions(identification: Identification, names: tuple[str, ...]) -> tuple[str, ...]:
-    """Motions that would determine some parameters, one sentence for each kind of motion.
-
-    Args:
-        identification: the result.
-        names: the parameters that it does not determine.
-    """
+    """Motions that would determine some parameters, one sentence for each kind of motion."""
     if not names or not identification.recordings:
         return ()
     robot = identification.robot

@@ -21,12 +21,11 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
-from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.motion import SimulatedMotion, packed_stretch, with_inner
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
 

@@ -27,11 +27,11 @@ from pivident.drives.drive_equations import (
 )
 from pivident.drives.log_units import independent_columns, restricted, solved_row
 from pivident.errors import ExperimentError, IdentificationError
-from pivident.estimation.covariance.sandwich import Windows
+from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
-from pivident.estimation.inner_signals import packed_stretch, with_inner
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import RandomWalk
+from pivident.estimation.motion import packed_stretch, with_inner
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording

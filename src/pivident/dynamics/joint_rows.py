@@ -1,7 +1,7 @@
 """Columns without inertial parameter in a tile: rotor, friction, spring and coupling of joints.
 
 They are functions of the motion of one joint or two at one instant; see ``regressor_kernels`` for
-the tile, and ``friction_memory`` for friction that needs the path so far.
+the tile, and ``friction`` for friction that needs the path so far.
 """
 
 from __future__ import annotations

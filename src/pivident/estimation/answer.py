@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import asdict
 
 import numpy as np
 
@@ -12,7 +13,6 @@ from pivident.estimation.equations import Equations
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
-from pivident.estimation.method_options import method_options
 from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import JointSums, relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
@@ -26,15 +26,7 @@ from pivident.version import __version__
 def answer(
     problem: Problem, method: Method, estimate: Estimate, run: Run, warnings: Sequence[Finding] = ()
 ) -> Identification:
-    """Everything that comes with an estimate.
-
-    Args:
-        problem: what was given.
-        method: how it was estimated.
-        estimate: the last one.
-        run: its iterations.
-        warnings: of the method.
-    """
+    """Everything that comes with an estimate."""
     regressor, theta, variance = problem.regressor, estimate.theta, estimate.variance
     records, filters = estimate.records, estimate.prefilters.filters
     residuals = [r.residual(regressor, theta) for r in records]
@@ -74,7 +66,7 @@ def answer(
         relative_error=relative_error,
         condition=estimate.solution.condition,
         recordings=fitted,
-        options=method_options(method) | {"mask": problem.mask},
+        options=asdict(method) | {"mask": problem.mask},
         method_used=method,
         warnings=_warnings(problem, estimate, run, np.sqrt(np.diag(covariance)), warnings),
         sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},
@@ -89,13 +81,7 @@ def answer(
 def loop_warnings(
     problem: Problem, sums: Sequence[JointSums], variance: np.ndarray
 ) -> list[Finding]:
-    """Reservations about instruments from this loop.
-
-    Args:
-        problem: what is given.
-        sums: normal equations of the last iteration.
-        variance: λ of each joint, shape (joints,).
-    """
+    """Reservations about instruments from this loop."""
     if problem.loop is None:
         return []
     notes, warnings = law_findings(problem.loop)
@@ -117,16 +103,15 @@ def loop_warnings(
 def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
     """Notes on the loop, and warnings about a law found from the record.
 
-    Args:
-        loop: the loop, or None.
+    ``loop``: the loop, or None.
     """
     if loop is None:
         return [], []
     if loop.identified is None:
         return [Finding("warning", "loop", "reconstructed", text) for text in loop.notes], []
     notes = [Finding("note", "law", "found", text) for text in loop.notes]
-    doubts = loop.identified.warnings
-    return notes, [Finding("warning", "law", "uncertain", text) for text in doubts]
+    warnings = loop.identified.warnings
+    return notes, [Finding("warning", "law", "uncertain", text) for text in warnings]
 
 
 def simulated_loop(problem: Problem, method: Method) -> Loop | None:

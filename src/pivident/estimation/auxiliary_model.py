@@ -14,9 +14,8 @@ from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.missing_inertia import missing_inertia
+from pivident.estimation.motion import SimulatedMotion, central_differences
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_motion import SimulatedMotion, central_differences
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
@@ -34,6 +33,7 @@ from pivident.simulation.feed_forward import (
     with_measured_gravity,
 )
 from pivident.simulation.loop_kernel import TORQUE
+from pivident.text import display
 from pivident.threads import run_in_threads
 
 #: How often a step may be halved before the loop is declared impossible to simulate.
@@ -164,7 +164,7 @@ class AuxiliaryModel:
                 return self.simulate(step), step, halvings
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 if previous is None or halvings == HALVINGS:
-                    for sentence in missing_inertia(self.problem):
+                    for sentence in display.provided("missing_inertia")(self.problem):
                         error.add_note(sentence)
                     raise
                 step = previous + 0.5 * (step - previous)
@@ -176,15 +176,7 @@ def loop_signals(
 ) -> tuple[LoopSignals, tuple[np.ndarray, np.ndarray]]:
     """What drives the simulated loop of one recording, and its initial positions and speeds.
 
-    Args:
-        robot: the robot; its nominal parameters make the feed-forward, where there is one.
-        loop: the control loop.
-        recording: the run.
-        q: its smoothed positions, shape (samples, joints) [rad or m].
-        dq: their derivatives.
-
-    Raises:
-        ExperimentError: if the reference is to be taken from the record and is not there.
+    ``q``: its smoothed positions, shape (samples, joints) [rad or m].
     """
     n = recording.joints
     q_ref: np.ndarray = q

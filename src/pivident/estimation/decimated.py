@@ -9,14 +9,12 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.sandwich import Windows
-from pivident.estimation.equation_record import JointColumns
-from pivident.estimation.fitted_recording import FittedRecording
-from pivident.estimation.inner_signals import packed_stretch
+from pivident.estimation.covariance.windows import Windows
+from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Bandpass
+from pivident.estimation.motion import SimulatedMotion, packed_stretch
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,
@@ -33,25 +31,15 @@ Rows = TypeVar("Rows")
 
 @dataclass(frozen=True, eq=False)
 class DecimatedRecord:
-    """Decimated equations of one recording, time **last**.
+    """Decimated equations of one recording, time **last**."""
 
-    Attributes:
-        kinematics: the motion they were made from.
-        t: time of each row [s], shape (rows,).
-        phi: packed observation matrix, shape (entries, rows).
-        z: packed instruments, likewise; None: least squares.
-        tau: torque, shape (joints, rows) [N m or N].
-        dq: speeds that decide which rows are used, shape (joints, rows).
-        used: rows that the estimate uses, shape (joints, rows).
-    """
-
-    kinematics: Kinematics
-    t: np.ndarray
-    phi: np.ndarray
-    z: np.ndarray | None
-    tau: np.ndarray
-    dq: np.ndarray
-    used: np.ndarray
+    kinematics: Kinematics  # the motion they were made from
+    t: np.ndarray  # time of each row [s], shape (rows,)
+    phi: np.ndarray  # packed observation matrix, shape (entries, rows)
+    z: np.ndarray | None  # packed instruments, likewise; None: least squares
+    tau: np.ndarray  # torque, shape (joints, rows) [N m or N]
+    dq: np.ndarray  # speeds that decide which rows are used, shape (joints, rows)
+    used: np.ndarray  # rows that the estimate uses, shape (joints, rows)
 
     full_rate: ClassVar[bool] = False
     motion: ClassVar[None] = None
@@ -165,13 +153,7 @@ def decimate_record(
 ) -> DecimatedRecord:
     """Build and decimate the equations of one recording.
 
-    Args:
-        regressor: the observation matrix.
-        kinematics: estimated motion and torque.
-        signals: the recipe.
-        limits: speeds below which a joint's rows are excluded, shape (joints,).
-        motion: simulated motion for the instruments.
-        earlier: an earlier result, whose Φ and τ are kept (only the instruments are new).
+    ``limits``: speeds below which a joint's rows are excluded, shape (joints,).
     """
     factor, like = signals.factor(kinematics.recording.rate), signals.convention
     part = slice(kinematics.start, kinematics.stop)

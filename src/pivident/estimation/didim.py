@@ -36,13 +36,12 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.full_rate import FullRateRecord, records_without_instruments
 from pivident.estimation.identification import Identification
-from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.iteration import Pass, Say, Signals, Simulated, initial_pass
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.motion import SimulatedMotion, with_inner
 from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.whitening import Prefilters, Whitening
 from pivident.text.finding import Finding
 
@@ -65,20 +64,7 @@ FAR_FROM_MEASURED = 2.0
 
 
 def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
-    """Iterate simulation, noise models and estimate.
-
-    Args:
-        problem: robot, recordings, loop, parameters.
-        method: options of IDIM-PIV, with ``regressor="simulated"``.
-        say: progress.
-
-    Raises:
-        ExperimentError: the reference was not recorded.
-        IdentificationError: the loop does not forget its start within half a record.
-        SimulationDiverged: the controller does not stabilise the simulated robot.
-        MassMatrixNotPositiveDefinite: the parameters make no physical mass matrix.
-        RankDeficientRegressor: the motion does not separate the parameters.
-    """
+    """Iterate simulation, noise models and estimate."""
     if problem.loop is not None and problem.loop.reference == "smoothed":
         raise ExperimentError(
             f"{method.label} takes the motion from the simulated loop, and with reference = "
@@ -147,13 +133,7 @@ class SimulatedSteps:
 
 
 def simulated_kinematics(kinematics: Kinematics, motion: SimulatedMotion, start: int) -> Kinematics:
-    """The simulated motion in place of the smoothed one, with the measured torque.
-
-    Args:
-        kinematics: measured.
-        motion: simulated, on the same samples.
-        start: first sample that may be used.
-    """
+    """The simulated motion in place of the smoothed one, with the measured torque."""
     unsmoothed = np.full(kinematics.f50.shape, np.nan)
     return dataclasses.replace(
         kinematics, q=motion.q, dq=motion.dq, ddq=motion.ddq, start=start, f50=unsmoothed
@@ -170,15 +150,6 @@ def settled_starts(
 
     The loop is simulated once more from another start, at rest on its reference. What differs
     comes from the start.
-
-    Args:
-        auxiliary: simulates the recordings.
-        theta: parameters, shape (parameters,).
-        motions: simulated with them from the measured start.
-        kinematics: of the same recordings; their usable range is kept.
-
-    Raises:
-        IdentificationError: names the recording whose first half is not enough.
     """
     other = copy.copy(auxiliary)
     other.signals = [(s, (s.q_ref[0].copy(), np.zeros_like(s.q_ref[0]))) for s, _ in other.signals]

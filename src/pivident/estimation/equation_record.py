@@ -7,17 +7,43 @@ holds them. Both answer the same questions, so that no estimator or test has to 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.sandwich import Windows, windows_of
-from pivident.estimation.fitted_recording import FittedRecording
+from pivident.estimation.covariance.windows import Windows, windows_of
 from pivident.estimation.kinematics import Kinematics
+from pivident.estimation.motion import SimulatedMotion
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.simulated_motion import SimulatedMotion
+from pivident.logs.torque_scale import TorqueScale
 from pivident.signals.prefilter import Prefilter
+
+
+@dataclass(frozen=True, eq=False)
+class FittedRecording:
+    """Signals of one recording as the estimator saw them, for plots; arrays (rows, joints)."""
+
+    name: str  # name of the recording
+    t: np.ndarray  # time of each row [s], shape (rows,)
+    q: np.ndarray  # estimated positions [rad or m]
+    dq: np.ndarray  # estimated speeds [rad/s or m/s]
+    ddq: np.ndarray  # estimated accelerations [rad/s² or m/s²]
+    q_measured: np.ndarray  # measured positions on the same rows [rad or m]
+    tau: np.ndarray  # measured torque, aligned with the positions [N m or N]
+    tau_model: np.ndarray  # reconstructed torque Φθ
+    used: np.ndarray  # True for rows that the estimate used
+    #: Residual of the equation that was solved, scaled to unit variance, on the rows of the
+    #: estimator, shape (rows, joints); NaN on rows that were not used.
+    whitened: np.ndarray
+    whitened_rate: float  # rate of ``whitened`` [Hz]
+    #: Recorded or reconstructed reference on the same rows [rad or m], or None.
+    q_ref: np.ndarray | None = None
+    #: How the record was logged and what was done to its samples, in sentences.
+    account: tuple[str, ...] = ()
+    torque_scale: tuple[TorqueScale, ...] = ()  # joints whose torque has an unverified scale
+
 
 #: Φ, Z, (filtered further instruments) and τ of one joint, time last.
 JointColumns = tuple[np.ndarray, np.ndarray | None, np.ndarray | None, np.ndarray]
@@ -104,14 +130,7 @@ def accumulate(
     filters: Sequence[Prefilter],
     by_window: bool = True,
 ) -> list[JointSums]:
-    """Normal equations of all joints over all recordings.
-
-    Args:
-        regressor: the observation matrix.
-        records: recordings with instruments.
-        filters: one prefilter per joint; of no use to decimated records.
-        by_window: whether the sums of each window are kept for the sandwich.
-    """
+    """Normal equations of all joints over all recordings."""
     windows = windows_of([r.used.shape[1] for r in records])
     count = sum(w.count for w in windows) if by_window else 0
     sums = [

@@ -11,12 +11,13 @@ are made again block by block. Nothing of the size of the observation matrix is 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord, JointColumns
 from pivident.estimation.motion import Motion
@@ -25,57 +26,34 @@ from pivident.signals.prefilter import Prefilter
 
 @dataclass(frozen=True, eq=False)
 class JointRows:
-    """Weighted and prefiltered rows of one joint in one block; zero where a sample is not used.
+    """Weighted and prefiltered rows of one joint in one block; zero where a sample is not used."""
 
-    Attributes:
-        columns: parameters that act on the joint, shape (k,).
-        phi: observation matrix, shape (k, samples), time last.
-        z: instruments, likewise; the observation matrix itself for least squares.
-        extra: further instruments, likewise, or None.
-        tau: torque, shape (samples,).
-        used: samples that the estimate uses, shape (samples,).
-    """
-
-    columns: np.ndarray
-    phi: np.ndarray
-    z: np.ndarray
-    extra: np.ndarray | None
-    tau: np.ndarray
-    used: np.ndarray
+    columns: np.ndarray  # parameters that act on the joint, shape (k,)
+    phi: np.ndarray  # observation matrix, shape (k, samples), time last
+    z: np.ndarray  # instruments, likewise; the observation matrix itself for least squares
+    extra: np.ndarray | None  # further instruments, likewise, or None
+    tau: np.ndarray  # torque, shape (samples,)
+    used: np.ndarray  # samples that the estimate uses, shape (samples,)
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """A stretch of one record.
+    """A stretch of one record."""
 
-    Attributes:
-        record: its number.
-        span: rows of the record.
-        joints: rows of each joint.
-    """
-
-    record: int
-    span: slice
-    joints: tuple[JointRows, ...]
+    record: int  # its number
+    span: slice  # rows of the record
+    joints: tuple[JointRows, ...]  # rows of each joint
 
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """Everything that the last pass of an estimator was made of.
+    """Everything that the last pass of an estimator was made of."""
 
-    Attributes:
-        regressor: the observation matrix.
-        records: recordings with instruments.
-        filters: prefilter of each joint; of no use to decimated records.
-        variance: λ of each joint, shape (joints,).
-        weight_power: w, power of λ in the weights.
-    """
-
-    regressor: Regressor
-    records: tuple[EquationRecord, ...]
-    filters: tuple[Prefilter, ...]
-    variance: np.ndarray
-    weight_power: float = 1.0
+    regressor: Regressor  # the observation matrix
+    records: tuple[EquationRecord, ...]  # recordings with instruments
+    filters: tuple[Prefilter, ...]  # prefilter of each joint; of no use to decimated records
+    variance: np.ndarray  # λ of each joint, shape (joints,)
+    weight_power: float = 1.0  # w, power of λ in the weights
 
     @property
     def size(self) -> int:
@@ -100,14 +78,7 @@ class Equations:
     def blocks(
         self, extra: Sequence[Motion] | Sequence[np.ndarray] | None = None
     ) -> Iterator[Block]:
-        """The rows of all records in order.
-
-        Args:
-            extra: for each record another motion (of decimated records its packed columns),
-                whose columns less the instruments' own are further instruments. The difference
-                spans with Z what the columns themselves do, and keeps its digits where they are
-                almost alike.
-        """
+        """The rows of all records in order."""
         for number, record in enumerate(self.records):
             other: Any = None if extra is None else extra[number]
             made = record.blocks(self.regressor, self.filters, other, self._weighted)
@@ -128,3 +99,76 @@ class Equations:
             tau * left,
             used,
         )
+
+
+@dataclass(frozen=True, eq=False)
+class TorqueSums:
+    """Torque error of any parameters from sums over the fitted record, without its signals.
+
+    Over the rows in use, with all base parameters β as columns of Φ and W = 1/rms² of each joint,
+
+        G = ΦᵀWΦ,   g = ΦᵀWτ,   t = τᵀWτ,        ‖τ - Φβ‖²_W = t - 2 gᵀβ + βᵀGβ
+
+    The sums have the size of the parameters. From them follows exactly what another set of
+    parameters, a consistent one for instance, costs in torque on that record.
+    """
+
+    gram: np.ndarray  # G, shape (base, base)
+    moment: np.ndarray  # g, shape (base,)
+    square: float  # t
+    rows: int  # number of rows, all joints together
+
+    def squared_error(self, base: np.ndarray) -> float:
+        """‖τ - Φβ‖²_W.
+
+        ``base``: all base parameters, shape (base,).
+        """
+        value = self.square - 2.0 * self.moment @ base + base @ self.gram @ base
+        return max(float(value), 0.0)
+
+    def relative_error(self, base: np.ndarray) -> float:
+        """‖τ - Φβ‖/‖τ‖ over all joints, weighted by joint, 0 to 1 and more.
+
+        ``base``: all base parameters, shape (base,).
+        """
+        return float(np.sqrt(self.squared_error(base) / max(self.square, 1e-300)))
+
+    def to_values(self) -> dict[str, Any]:
+        """Plain values for a file; of G the lower triangle by rows."""
+        lower = np.tril_indices(self.moment.size)
+        return {
+            "gram": self.gram[lower].tolist(),
+            "moment": self.moment.tolist(),
+            "square": self.square,
+            "rows": self.rows,
+        }
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], base: BaseParameters) -> TorqueSums:
+        """The sums of :meth:`to_values`."""
+        size = len(base)
+        numbers = {}
+        for key, wanted in (
+            ("gram", (size * (size + 1) // 2,)),
+            ("moment", (size,)),
+            ("square", ()),
+            ("rows", ()),
+        ):
+            try:
+                numbers[key] = np.asarray(values[key], dtype=float)
+            except (KeyError, TypeError, ValueError) as error:
+                raise ValueError(f"torque_sums: {key!r} is missing or not a number") from error
+            if numbers[key].shape != wanted or not np.isfinite(numbers[key]).all():
+                raise ValueError(
+                    f"torque_sums: {key!r} has shape {numbers[key].shape} or is not finite; "
+                    f"{size} base parameters need {wanted}"
+                )
+        if min(numbers["square"], numbers["rows"]) < 0.0:
+            raise ValueError("torque_sums: square and rows cannot be negative")
+        gram = np.zeros((size, size))
+        gram[np.tril_indices(size)] = numbers["gram"]
+        gram += np.tril(gram, -1).T
+        scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
+        if np.linalg.eigvalsh(gram / np.outer(scale, scale))[0] < -1e-6:
+            raise ValueError("torque_sums: 'gram' is not positive semidefinite")
+        return cls(gram, numbers["moment"], float(numbers["square"]), int(numbers["rows"]))

@@ -27,26 +27,19 @@ SMALLEST = 1e-10
 
 @dataclass(frozen=True)
 class ExogeneityTest:
-    """The test's outcome.
+    """The test's outcome."""
 
-    Attributes:
-        statistic: F.
-        directions: d.
-        rows: n.
-        p_value: probability of a larger F where the regressors are exogenous.
-    """
-
-    statistic: float
-    directions: int
-    rows: int
-    p_value: float
+    statistic: float  # F
+    directions: int  # d
+    rows: int  # n
+    p_value: float  # probability of a larger F where the regressors are exogenous
 
     def __str__(self) -> str:
         verdict = (
             "the regressors carry noise that the instruments do not, so that least squares would "
             "be biased"
             if self.p_value < 0.05
-            else "regressors and instruments tell the same, and least squares would do as well"
+            else "regressors and instruments agree, and least squares would do as well"
         )
         return (
             f"Exogeneity (Durbin-Wu-Hausman, for a white residual): F = {self.statistic:.3g} on "
@@ -56,13 +49,7 @@ class ExogeneityTest:
 
 
 def durbin_wu_hausman(sums: Sequence[JointSums], variance: np.ndarray, size: int) -> ExogeneityTest:
-    """Test on the normal equations of all joints, whose columns are whitened.
-
-    Args:
-        sums: one per joint, with instruments.
-        variance: λ of each joint, shape (joints,).
-        size: number of parameters.
-    """
+    """Test on the normal equations of all joints, whose columns are whitened."""
     from scipy.special import fdtrc  # scipy.stats takes half a second to import
 
     gram, right = np.zeros((2 * size, 2 * size)), np.zeros(2 * size)

@@ -14,14 +14,11 @@ from typing import ClassVar, TypeVar
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.covariance.sandwich import Windows
-from pivident.estimation.equation_record import JointColumns
-from pivident.estimation.fitted_recording import FittedRecording
-from pivident.estimation.inner_signals import packed_stretch
+from pivident.estimation.covariance.windows import Windows
+from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.motion import Motion
+from pivident.estimation.motion import Motion, SimulatedMotion, packed_stretch
 from pivident.estimation.normal_equations import JointSums
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
@@ -37,17 +34,12 @@ Rows = TypeVar("Rows")
 
 @dataclass(frozen=True, eq=False)
 class FullRateRecord:
-    """One recording at full rate with its instruments.
+    """One recording at full rate with its instruments."""
 
-    Attributes:
-        kinematics: estimated motion and torque.
-        motion: simulated motion that makes the instruments; None: least squares.
-        used: True for samples of a joint that the estimate uses, shape (joints, samples).
-    """
-
-    kinematics: Kinematics
+    kinematics: Kinematics  # estimated motion and torque
+    #: Simulated motion that makes the instruments; None: least squares.
     motion: SimulatedMotion | None
-    used: np.ndarray
+    used: np.ndarray  # True for samples of a joint that the estimate uses, shape (joints, samples)
 
     full_rate: ClassVar[bool] = True
     z: ClassVar[None] = None
@@ -64,7 +56,7 @@ class FullRateRecord:
 
     @property
     def usable_rows(self) -> int:
-        """Samples between the ends that the smoother spoils."""
+        """Samples between the ends that the smoother distorts."""
         return self.kinematics.stop - self.kinematics.start
 
     @property
@@ -152,14 +144,7 @@ class FullRateRecord:
         extra: Motion | None,
         make: Callable[[int, JointColumns, np.ndarray], Rows],
     ) -> Iterator[tuple[slice, tuple[Rows, ...]]]:
-        """Walk through the samples: ``make(joint, columns, used)`` of each block and joint.
-
-        Args:
-            regressor: the observation matrix.
-            filters: prefilter of each joint.
-            extra: another motion, whose columns less those of Z are further instruments.
-            make: makes what is yielded, in threads.
-        """
+        """Walk through the samples: ``make(joint, columns, used)`` of each block and joint."""
         motions = [*self._sources(), *([] if extra is None else [extra])]
         joints = range(regressor.robot.size)
         streams = [
@@ -192,10 +177,8 @@ class FullRateRecord:
 def valid_samples(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.ndarray:
     """Samples that may be used: inside the usable range, and faster than the joint's limit.
 
-    Args:
-        kinematics: gives the usable range.
-        dq: speeds that decide, shape (joints, samples): the instruments', where there are any.
-        limits: shape (joints,) [rad/s or m/s]; zero: all samples count.
+    ``dq``: speeds that decide, shape (joints, samples): the instruments', where there are any;
+    ``limits``: shape (joints,) [rad/s or m/s]; zero: all samples count.
     """
     valid = np.ones(dq.shape, bool)
     for j in np.flatnonzero(limits > 0.0):
@@ -210,13 +193,7 @@ def records_with_instruments(
     motions: Sequence[SimulatedMotion],
     limits: Sequence[np.ndarray],
 ) -> list[FullRateRecord]:
-    """All recordings with simulated instruments, whose speeds decide which samples are used.
-
-    Args:
-        kinematics: one for each recording.
-        motions: likewise.
-        limits: speeds below which a joint's samples are excluded, likewise.
-    """
+    """All recordings with simulated instruments, whose speeds decide which samples are used."""
     return [
         FullRateRecord(kin, motion, valid_samples(kin, motion.dq, lim))
         for kin, motion, lim in zip(kinematics, motions, limits, strict=True)
@@ -226,12 +203,7 @@ def records_with_instruments(
 def records_without_instruments(
     kinematics: Sequence[Kinematics], limits: Sequence[np.ndarray]
 ) -> list[FullRateRecord]:
-    """All recordings for least squares; measured speeds decide which samples are used.
-
-    Args:
-        kinematics: one for each recording.
-        limits: speeds below which a joint's samples are excluded, likewise.
-    """
+    """All recordings for least squares; measured speeds decide which samples are used."""
     return [
         FullRateRecord(kin, None, valid_samples(kin, kin.dq, lim))
         for kin, lim in zip(kinematics, limits, strict=True)

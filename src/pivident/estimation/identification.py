@@ -1,15 +1,17 @@
-"""The answer: estimated parameters, their covariance, and what is needed to doubt them."""
+"""The answer: estimated parameters, their covariance, and what is needed to judge them."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 
 from pivident.dynamics.parameters import Parameter
-from pivident.estimation.equations import Equations
-from pivident.estimation.fitted_recording import FittedRecording
+from pivident.dynamics.regressor import Regressor
+from pivident.estimation.equation_record import FittedRecording
+from pivident.estimation.equations import Equations, TorqueSums
 from pivident.estimation.methods import Bandpass, Method
 from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
@@ -17,62 +19,38 @@ from pivident.simulation.control_loop import Loop
 from pivident.text import display
 from pivident.text.finding import Finding
 
-if TYPE_CHECKING:
-    from pivident.estimation.torque_sums import TorqueSums
-
 
 @dataclass(frozen=True, eq=False)
 class Iteration:
-    """One pass of an iterative estimator.
+    """One pass of an iterative estimator."""
 
-    Attributes:
-        theta: parameters after it, shape (parameters,).
-        change: largest |Δθ| / max(|θ|, 2σ).
-        residual: relative error of the reconstructed torque, weighted as in the estimate.
-        halvings: how often the step had to be halved before the loop could be simulated.
-        ar_orders: orders of the noise models used, one per joint, empty without noise models.
-    """
-
-    theta: np.ndarray
-    change: float
-    residual: float
-    halvings: int = 0
+    theta: np.ndarray  # parameters after it, shape (parameters,)
+    change: float  # largest |Δθ| / max(|θ|, 2σ)
+    residual: float  # relative error of the reconstructed torque, weighted as in the estimate
+    halvings: int = 0  # how often the step had to be halved before the loop could be simulated
+    #: Orders of the noise models used, one per joint, empty without noise models.
     ar_orders: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True)
 class JointFit:
-    """How one joint was fitted.
+    """How one joint was fitted."""
 
-    Attributes:
-        name: joint.
-        torque_unit: N m or N.
-        relative_error: ‖τ - Φθ‖/‖τ‖ over the rows that the estimate used, unfiltered by the
-            noise model.
-        rms_error: rms of τ - Φθ over the same rows [torque_unit].
-        noise_std: standard deviation of the innovations, in the unit of the filtered equation
-            (the joint's torque, or the encoder where the controller was inverted).
-        noise_unit: that unit.
-        ar_order: order of the noise model; 0 without one.
-        ar_at_bound: whether the order criterion had its minimum at the largest order allowed.
-        rows: number of rows (samples) used.
-        masked: share of the samples left out at low speed, 0 to 1.
-        f50: half-power frequency of the position smoother [Hz], NaN with a fixed band-pass.
-        encoder_std: measurement noise found by the smoother [rad or m], NaN likewise.
-    """
-
-    name: str
-    torque_unit: str
+    name: str  # joint
+    torque_unit: str  # N m or N
+    #: ‖τ - Φθ‖/‖τ‖ over the rows that the estimate used, unfiltered by the noise model.
     relative_error: float
-    rms_error: float
+    rms_error: float  # rms of τ - Φθ over the same rows [torque_unit]
+    #: Standard deviation of the innovations, in the unit of the filtered equation
+    #: (the joint's torque, or the encoder where the controller was inverted).
     noise_std: float
-    noise_unit: str
-    ar_order: int
-    ar_at_bound: bool
-    rows: int
-    masked: float
-    f50: float
-    encoder_std: float
+    noise_unit: str  # that unit
+    ar_order: int  # order of the noise model; 0 without one
+    ar_at_bound: bool  # whether the order criterion had its minimum at the largest order allowed
+    rows: int  # number of rows (samples) used
+    masked: float  # share of the samples left out at low speed, 0 to 1
+    f50: float  # half-power frequency of the position smoother [Hz], NaN with a fixed band-pass
+    encoder_std: float  # measurement noise found by the smoother [rad or m], NaN likewise
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,8 +125,13 @@ class Identification:
 
     @property
     def torque_scale(self) -> tuple[TorqueScale, ...]:
-        """Scales of the logged torques that nobody vouches for; all parameters rest on them."""
+        """Unverified scales of the logged torques; all parameters rest on them."""
         return tuple(dict.fromkeys(s for r in self.recordings for s in r.torque_scale))
+
+    @property
+    def params(self) -> dict[str, float]:
+        """Estimates by the names of their parameters, in the order of ``names``."""
+        return dict(zip(self.names, self.theta.tolist(), strict=True))
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -157,17 +140,17 @@ class Identification:
 
     @property
     def std(self) -> np.ndarray:
-        """Standard deviations by the method's covariance, shape (parameters,)."""
+        """Standard errors by the method's covariance, shape (parameters,)."""
         return np.sqrt(np.diag(self.covariance))
 
     @property
     def robust_std(self) -> np.ndarray:
-        """Standard deviations by the sandwich, shape (parameters,)."""
+        """Standard errors by the sandwich, shape (parameters,)."""
         return np.sqrt(np.diag(self.robust_covariance))
 
     @property
     def formula_std(self) -> np.ndarray:
-        """Standard deviations by (P-31), for white residuals, shape (parameters,)."""
+        """Standard errors by (P-31), for white residuals, shape (parameters,)."""
         return np.sqrt(np.diag(self.formula_covariance))
 
     @property
@@ -175,6 +158,26 @@ class Identification:
         """100 σ/|θ| [%], shape (parameters,); infinite for an estimate of zero."""
         size = np.abs(self.theta)
         return np.divide(100.0 * self.std, size, out=np.full(size.shape, np.inf), where=size > 0)
+
+    def conf_int(self, level: float = 0.95) -> np.ndarray:
+        """Confidence intervals θ ± z σ with z = Φ⁻¹((1 + level)/2) of the normal distribution.
+
+        They rest on ``std``, and hold for a model without systematic error. As with statsmodels
+        the lower bound stands in the first column.
+
+        Args:
+            level: probability that an interval holds the true value, between 0 and 1.
+
+        Returns:
+            Lower and upper bounds in ``units``, shape (parameters, 2).
+
+        Raises:
+            ValueError: ``level`` is not between 0 and 1.
+        """
+        if not 0.0 < level < 1.0:
+            raise ValueError(f"level must be between 0 and 1, not {level}; 0.95 is usual")
+        half = float(ndtri(0.5 * (1.0 + level))) * self.std
+        return np.column_stack([self.theta - half, self.theta + half])
 
     def value(self, name: str) -> float:
         """Estimate of one parameter, by its name with or without the trailing ``r``.
@@ -195,26 +198,20 @@ class Identification:
             dq: joint speeds [rad/s or m/s].
             ddq: joint accelerations [rad/s² or m/s²].
         """
-        from pivident.dynamics.regressor import Regressor
-
         return Regressor.build(self.robot, self.parameters).torque(q, dq, ddq, self.theta)
 
     def __str__(self) -> str:
         return self.summary()
 
     def __repr__(self) -> str:
-        from pivident.estimation.summary_tables import headline
-
-        return f"<Identification: {len(self.names)} parameters by {headline(self)}>"
+        return f"<Identification: {len(self.names)} parameters by {display.headline_of(self)}>"
 
     def _repr_html_(self) -> str:
         return display.html_of(self)
 
     def summary(self) -> str:
         """The result as a table: name, value, σ, relative σ, unit, group."""
-        from pivident.estimation.summary_tables import identification_table
-
-        return identification_table(self)
+        return display.text_of(self)
 
     def save(self, folder: Any) -> None:
         """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.
@@ -222,6 +219,4 @@ class Identification:
         Args:
             folder: folder to create or to write into.
         """
-        from pivident.estimation.identification_file import save_identification
-
-        save_identification(self, folder)
+        display.save(self, folder)

@@ -13,6 +13,7 @@ from typing import Any
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.torque_sums import torque_sums
 from pivident.files import atomic_folder
 from pivident.robot.robot_values import robot_values
 from pivident.simulation.control_loop import Loop
@@ -26,15 +27,7 @@ CSV_COLUMNS = ("name", "value", "std", "robust_std", "relative_std", "unit", "ex
 
 
 def save_identification(identification: Identification, folder: str | PathLike[str]) -> None:
-    """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing.
-
-    Args:
-        identification: the result.
-        folder: folder to create or to write into; its other files stay.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
+    """Write ``identification.json`` and ``parameters.csv`` into a folder, all or nothing."""
     with atomic_folder(folder) as build:
         for name, text in (
             ("identification.json", to_json(identification)),
@@ -45,11 +38,7 @@ def save_identification(identification: Identification, folder: str | PathLike[s
 
 
 def to_dict(identification: Identification) -> dict[str, Any]:
-    """The result as plain values, ready for JSON; signals are left out.
-
-    Args:
-        identification: the result.
-    """
+    """The result as plain values, ready for JSON; signals are left out."""
     parameters = [
         {key: getattr(row, key) for key in CSV_COLUMNS} for row in parameter_rows(identification)
     ]
@@ -88,15 +77,9 @@ def _loop_values(loop: Loop | None) -> dict[str, Any]:
 
 
 def torque_sums_values(identification: Identification) -> dict[str, Any] | None:
-    """Sums of the fitted record as plain values; None where neither they nor signals are there.
-
-    Args:
-        identification: the result.
-    """
+    """Sums of the fitted record as plain values; None where neither they nor signals are there."""
     sums = identification.torque_sums
     if sums is None and identification.recordings:
-        from pivident.estimation.torque_sums import torque_sums
-
         sums = torque_sums(identification)
     return None if sums is None else sums.to_values()
 

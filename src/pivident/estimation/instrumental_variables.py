@@ -29,18 +29,7 @@ from pivident.estimation.whitening import Prefilters
 
 
 def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:
-    """Iterate instruments and estimate.
-
-    Args:
-        problem: robot, recordings, loop, parameters.
-        method: options.
-        say: progress.
-
-    Raises:
-        SimulationDiverged: the controller does not stabilise the simulated robot.
-        MassMatrixNotPositiveDefinite: the parameters make no physical mass matrix.
-        RankDeficientRegressor: the motion does not separate the parameters.
-    """
+    """Iterate instruments and estimate."""
     say(f"{method.label}: smoothing the records")
     signals = Signals.of(problem, method)
     steps: Steps

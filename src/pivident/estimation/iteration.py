@@ -3,6 +3,10 @@
     Pass → (a) simulate → Simulated → Equations of all records → (b) solve → Estimate → (c) → …
 
 `prefiltered_iv.piv` is the loop; IDIM-PIV, IDIM-IV and DIDIM give it their own `Steps`.
+
+Friction that grows with the load depends on the parameters that are sought: the load of a joint is
+the torque of inertia, gravity and springs, Φ_r θ_r. Estimators take it from their last estimate
+and repeat until it has settled; the first one does without that friction.
 """
 
 from __future__ import annotations
@@ -13,15 +17,16 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from pivident.dynamics.regressor import Regressor
 from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
+from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Iteration
-from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
-from pivident.estimation.load_dependence import estimate_without_load
 from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
+from pivident.estimation.motion import SimulatedMotion, with_inner
 from pivident.estimation.normal_equations import (
     JointSums,
     Solution,
@@ -29,9 +34,45 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.estimation.whitening import Prefilters
+from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity
+
+#: Change of an estimate, in standard errors, below which its load has settled; and relative to
+#: its size, for records without noise.
+SETTLED, SETTLED_RELATIVE = 0.01, 1e-12
+
+#: Estimates after which a load that does not settle is given up.
+MAX_PASSES = 30
+
+
+def estimate_without_load(
+    problem: Problem, kinematics: Sequence[Kinematics], limits: Sequence[np.ndarray]
+) -> np.ndarray | None:
+    """Least squares without the friction that grows with the load: what makes the first load.
+
+    Result: parameters, shape (parameters,), zero for the friction left out; None where no column
+    depends on the load.
+    """
+    if not problem.regressor.depends_on_load:
+        return None
+    others = np.flatnonzero(~problem.regressor.load_parameters)
+    parameters = [problem.regressor.parameters[k] for k in others]
+    regressor = Regressor.build(problem.robot, parameters)
+    known = [with_inner(regressor, k) for k in kinematics]
+    filters = [Prefilter()] * problem.robot.size
+    records = records_without_instruments(known, limits)
+    sums = accumulate(regressor, records, filters, by_window=False)
+    names = [problem.names[k] for k in others]
+    theta = np.zeros(len(problem.names))
+    theta[others] = weighted_solution(sums, names, np.zeros(others.size), 1.0)[0].theta
+    return theta
+
+
+def has_settled(theta: np.ndarray, last: np.ndarray, std: np.ndarray) -> bool:
+    """Whether an estimate changed so little that its load stands still."""
+    return bool((np.abs(theta - last) <= SETTLED * std + SETTLED_RELATIVE * np.abs(theta)).all())
+
 
 #: Condition number from which on a motion hardly separates some parameters.
 LARGE_CONDITION = 200.0
@@ -48,18 +89,12 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """All recordings smoothed, before there is a simulation.
+    """All recordings smoothed, before there is a simulation."""
 
-    Attributes:
-        problem: what is given.
-        kinematics: motion and torque of each recording.
-        limits: speeds below which a joint's samples are excluded, likewise.
-        without_load: estimate that makes the first load of friction; None: there is no such.
-    """
-
-    problem: Problem
-    kinematics: list[Kinematics]
-    limits: list[np.ndarray]
+    problem: Problem  # what is given
+    kinematics: list[Kinematics]  # motion and torque of each recording
+    limits: list[np.ndarray]  # speeds below which a joint's samples are excluded, likewise
+    #: Estimate that makes the first load of friction; None: there is no such.
     without_load: np.ndarray | None
 
     @classmethod
@@ -95,21 +130,14 @@ class Simulated(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Pass:
-    """Where the iteration stands.
+    """Where the iteration stands."""
 
-    Attributes:
-        number: how many estimates have been made; 0: θ are initial values.
-        theta: parameters, shape (parameters,).
-        simulated: parameters that were simulated last, to halve the way to θ; None: none were.
-        records: equations of all recordings that θ was estimated from.
-        prefilters: what they were filtered with.
-    """
-
-    number: int
-    theta: np.ndarray
+    number: int  # how many estimates have been made; 0: θ are initial values
+    theta: np.ndarray  # parameters, shape (parameters,)
+    #: Parameters that were simulated last, to halve the way to θ; None: none were.
     simulated: np.ndarray | None
-    records: Sequence[EquationRecord]
-    prefilters: Prefilters
+    records: Sequence[EquationRecord]  # equations of all recordings that θ was estimated from
+    prefilters: Prefilters  # what they were filtered with
 
     @property
     def reservations(self) -> list[Finding]:
@@ -119,17 +147,11 @@ class Pass:
 
 @dataclass(frozen=True, eq=False)
 class Estimate(Pass):
-    """Step (b): what the equations were solved to.
+    """Step (b): what the equations were solved to."""
 
-    Attributes:
-        sums: normal equations, one per joint.
-        solution: θ̂ and its covariance.
-        variance: λ of each joint, shape (joints,).
-    """
-
-    sums: list[JointSums]
-    solution: Solution
-    variance: np.ndarray
+    sums: list[JointSums]  # normal equations, one per joint
+    solution: Solution  # θ̂ and its covariance
+    variance: np.ndarray  # λ of each joint, shape (joints,)
 
     @property
     def reservations(self) -> list[Finding]:
@@ -182,12 +204,7 @@ def initial_pass(problem: Problem, prefilters: Prefilters) -> Pass:
 
 
 def simulate(auxiliary: AuxiliaryModel, last: Pass) -> Simulated:
-    """Step (a): simulate θ, or the first point of half the way to it that can be simulated.
-
-    Raises:
-        SimulationDiverged: even the smallest step cannot be simulated.
-        MassMatrixNotPositiveDefinite: likewise.
-    """
+    """Step (a): simulate θ, or the first point of half the way to it that can be simulated."""
     try:
         return Simulated(*auxiliary.simulate_or_halve(last.simulated, last.theta))
     except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:

@@ -20,40 +20,30 @@ from pivident.signals.random_walk import SmoothedSignal, smooth_channels
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.threads import run_in_threads
 
-#: Samples that must remain between the ends that the filters spoil.
+#: Samples that must remain between the ends that the filters distort.
 MIN_RUN = 100
 
 
 @dataclass(frozen=True, eq=False)
 class Kinematics:
-    """Estimated motion of one recording, time **last**, with the torque on the same instants.
+    """Estimated motion of one recording, time **last**, with the torque on the same instants."""
 
-    Attributes:
-        recording: where it comes from.
-        q: positions [rad or m], shape (joints, samples); ``dq ddq tau`` likewise.
-        dq: speeds.
-        ddq: accelerations.
-        tau: torque [N m or N].
-        start: first sample that may be used.
-        stop: one past the last.
-        f50: half-power frequency of the smoother [Hz], shape (joints,); NaN with a band-pass.
-        encoder_std: measurement noise found [rad or m], shape (joints,); NaN with a band-pass.
-            Where there are lines, its white floor.
-        lines: spectral lines found in each joint's measurement noise; empty where not searched.
-        inner: columns with memory or load, shape (inner entries, samples), see
-            ``Regressor.inner``; None where they were not made.
-    """
-
-    recording: Recording
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    tau: np.ndarray
-    start: int
-    stop: int
+    recording: Recording  # where it comes from
+    q: np.ndarray  # positions [rad or m], shape (joints, samples); ``dq ddq tau`` likewise
+    dq: np.ndarray  # speeds
+    ddq: np.ndarray  # accelerations
+    tau: np.ndarray  # torque [N m or N]
+    start: int  # first sample that may be used
+    stop: int  # one past the last
+    #: half-power frequency of the smoother [Hz], shape (joints,); NaN with a band-pass.
     f50: np.ndarray
+    #: Measurement noise found [rad or m], shape (joints,); NaN with a band-pass. Where there are
+    #: lines, its white floor.
     encoder_std: np.ndarray
+    #: Spectral lines found in each joint's measurement noise; empty where not searched.
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
+    #: Columns with memory or load, shape (inner entries, samples), see ``Regressor.inner``; None
+    #: where they were not made.
     inner: np.ndarray | None = None
 
     def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -124,7 +114,7 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
 
 
 def usable_samples(kinematics: Kinematics) -> np.ndarray:
-    """Samples between the ends that the smoother spoils, shape (joints, samples)."""
+    """Samples between the ends that the smoother distorts, shape (joints, samples)."""
     usable = np.zeros(kinematics.q.shape, bool)
     usable[:, kinematics.start : kinematics.stop] = True
     return usable

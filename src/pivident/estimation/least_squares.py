@@ -11,15 +11,17 @@ from pivident.estimation.decimated import decimate_record
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Identification, Iteration
-from pivident.estimation.inner_signals import with_inner
-from pivident.estimation.iteration import Estimate, Run, Say
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
-from pivident.estimation.load_dependence import (
+from pivident.estimation.iteration import (
     MAX_PASSES,
+    Estimate,
+    Run,
+    Say,
     estimate_without_load,
     has_settled,
 )
+from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.motion import with_inner
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
 from pivident.estimation.whitening import Prefilters
@@ -30,11 +32,6 @@ def identify_ls(problem: Problem, method: LeastSquares, say: Say) -> Identificat
 
     Biased where the positions were measured inside a feedback loop. Friction that grows with the
     load is estimated again with the load of the last estimate until that stands still.
-
-    Args:
-        problem: robot, recordings, parameters.
-        method: options.
-        say: progress.
     """
     say(f"{method.label}: filtering the records")
     kinematics = [estimate_kinematics(r, method.signals) for r in problem.recordings]
@@ -47,14 +44,7 @@ def least_squares_on(
     kinematics: Sequence[Kinematics],
     say: Say,
 ) -> Identification:
-    """The same on given motions and torques.
-
-    Args:
-        problem: robot, recordings, parameters.
-        method: options.
-        kinematics: one for each recording.
-        say: progress.
-    """
+    """The same on given motions and torques."""
     limits = [problem.speed_limits(r) for r in problem.recordings]
     theta = estimate_without_load(problem, kinematics, limits)
     run, settled = Run(), False

@@ -1,9 +1,9 @@
-"""A method as plain values, as files of results hold it, and back."""
+"""The method whose options a file of results holds."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import fields
 from typing import Any
 
 from pivident.errors import PividentError
@@ -26,18 +26,8 @@ _PARTS = {
 }
 
 
-def method_options(method: Method) -> dict[str, Any]:
-    """A method's options as plain values."""
-    return asdict(method)
-
-
 def method_of_options(options: Mapping[str, Any]) -> Method | None:
-    """The method whose options these are; None: of no method of this version.
-
-    Args:
-        options: what `method_options` returned, after a way through a file; the problem's ``mask``
-            may be among them.
-    """
+    """The method whose options these are; None: of no method of this version."""
     values = {key: value for key, value in options.items() if key != "mask"}
     try:
         for key, kinds in _PARTS.items():

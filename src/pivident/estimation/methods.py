@@ -129,14 +129,11 @@ class Repetition(AutoRegressive):
 
     Standard errors that the paper's formula gives with it would describe repeatability alone; those
     of the sandwich contain the model error as it differs from one part of the record to the next.
-
-    Attributes:
-        motion_band: none is needed: model error is gone from the residual.
-        period: samples of a period of the reference; None: found from it.
     """
 
+    #: None is needed: model error is gone from the residual.
     motion_band: Literal["auto"] | float | None = None
-    period: int | None = None
+    period: int | None = None  # samples of a period of the reference; None: found from it
 
 
 @dataclass(frozen=True)
@@ -227,13 +224,13 @@ class PrefilteredIV:
         noise: the noise model.
         prefilter: ``controller``: inverse of the law's proportional and derivative part, then
             the AR whitener; ``direct``: the AR whitener on the torque residual.
-        covariance: what the deviations come from: ``stationary``, the autocovariance of the
+        covariance: what the standard errors come from: ``stationary``, the autocovariance of the
             residual; ``sandwich``, windows of time, which also holds where the residual comes in
             bursts; ``auto``: stationary on simulated records, where the residual is noise,
             sandwich on measured ones; or the paper's ``formula`` (P-31).
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
             deviations by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
-            the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 unless told otherwise.
+            the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 by default.
         start: what the first simulation is made with: ``least-squares`` on the record, or the
             problem's ``initial`` values, as the paper does.
         regressor: what the observation matrix is made of: ``measured``, smoothed positions, or
@@ -310,11 +307,7 @@ METHODS: dict[str, Method] = {
 
 
 def method_named(method: Method | str) -> Method:
-    """A method, given itself or one of the names in ``METHODS``.
-
-    Raises:
-        IdentificationError: an unknown name, with the nearest ones.
-    """
+    """A method, given itself or one of the names in ``METHODS``."""
     if not isinstance(method, str):
         return method
     if method not in METHODS:

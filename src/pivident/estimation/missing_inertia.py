@@ -1,4 +1,4 @@
-"""Inertia that a description lacks, told where a simulation that starts from it fails.
+"""Inertia that a description lacks, reported where a simulation that starts from it fails.
 
 A URDF has no place for rotors. Behind a gear of ratio r a rotor counts r² times, at the wrist more
 than the link it turns; without it the controller's gains, which were tuned on the machine, act on
@@ -21,16 +21,12 @@ REACH, TRIED = 1e4, 81
 
 
 def missing_inertia(problem: Problem) -> list[str]:
-    """What the robot's description lacks, one sentence for links and one for rotors.
-
-    Args:
-        problem: robot, recordings and loop of a simulation that failed.
-    """
+    """What the robot's description lacks, one sentence for links and one for rotors."""
     return [*_links(problem), *_rotors(problem)]
 
 
 def _links(problem: Problem) -> list[str]:
-    """Which links nobody described."""
+    """Links without a nominal inertia."""
     empty = [
         f"{link.name!r} (joint {joint.name!r})"
         for joint, link in zip(problem.robot.joints, problem.robot.links, strict=True)
@@ -46,7 +42,7 @@ def _links(problem: Problem) -> list[str]:
 
 
 def _rotors(problem: Problem) -> list[str]:
-    """Which rotors of described links nobody described, and how much inertia their loops want."""
+    """Rotors without a nominal inertia, and how much inertia their loops need."""
     robot = problem.robot
     without = [
         j

@@ -10,6 +10,10 @@ afterwards:
 
     θ = (Σ_j Zᵀ Φ / λ_j)⁻¹ Σ_j Zᵀ τ / λ_j             (D5)
     P = (Σ_j Zᵀ Z / λ_j)⁻¹                            (P-31), summed over samples
+
+Products of few rows over many samples are too thin for libraries of linear algebra, which are made
+for large matrices. Here sixteen sums are formed at a time, four rows by four, so that each sample
+that is loaded serves four products; of a symmetric result only the lower half is formed.
 """
 
 from __future__ import annotations
@@ -18,10 +22,110 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from pivident.errors import IdentificationError, RankDeficientRegressor
-from pivident.estimation.covariance.sandwich import Share
-from pivident.estimation.row_products import gram, products
+from pivident.estimation.covariance.windows import Share
+
+#: Rows that are multiplied with each other at a time.
+_SIDE = 4
+
+#: Samples of a tile, whose rows stay in the first-level cache.
+_TILE = 512
+
+
+def gram(rows: np.ndarray, part: slice) -> np.ndarray:
+    """Σ_t x_i x_j of all pairs of rows, shape (rows, rows), symmetric.
+
+    ``rows``: time last, shape (rows, samples), C order.
+    """
+    start, stop, _ = part.indices(rows.shape[1])
+    out = np.zeros((len(rows), len(rows)))
+    _add_products(rows, rows, start, start, stop - start, True, out)
+    return out
+
+
+def products(left: np.ndarray, right: np.ndarray, part: slice) -> np.ndarray:
+    """Σ_t x_i y_j of the rows of two signals, shape (rows of left, rows of right).
+
+    ``left``: x, time last, shape (rows, samples of the part), C order; ``right``: y, time last,
+    shape (rows, samples), C order.
+    """
+    start, stop, _ = part.indices(right.shape[1])
+    out = np.zeros((len(left), len(right)))
+    _add_products(left, right, 0, start, stop - start, False, out)
+    return out
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _add_products(left, right, left_start, right_start, samples, lower, out):
+    """Add the products; with ``lower`` only those of the lower half, of which the upper is a copy.
+
+    Sums may be formed in another order than written, so that they become vectors; nothing else of
+    fast arithmetic is allowed, NaN is kept.
+    """
+    for first in range(0, samples, _TILE):
+        count = min(_TILE, samples - first)
+        t, u = left_start + first, right_start + first
+        for i in range(0, left.shape[0], _SIDE):
+            for j in range(0, i + 1 if lower else right.shape[0], _SIDE):
+                if i + _SIDE <= left.shape[0] and j + _SIDE <= right.shape[0]:
+                    _add_block(left, right, i, j, t, u, count, out)
+                    continue
+                for a in range(i, min(i + _SIDE, left.shape[0])):
+                    x = left[a, t : t + count]
+                    for b in range(j, min(j + _SIDE, right.shape[0])):
+                        y = right[b, u : u + count]
+                        total = 0.0
+                        for k in range(count):
+                            total += x[k] * y[k]
+                        out[a, b] += total
+
+    if lower:
+        for a in range(out.shape[0]):
+            for b in range(a):
+                out[b, a] = out[a, b]
+
+
+@njit(cache=True, nogil=True, fastmath={"contract", "reassoc"})
+def _add_block(left, right, i, j, t, u, count, out):
+    """Four rows by four over a tile; views that begin at zero, or nothing becomes a vector."""
+    a0, a1 = left[i, t : t + count], left[i + 1, t : t + count]
+    a2, a3 = left[i + 2, t : t + count], left[i + 3, t : t + count]
+    b0, b1 = right[j, u : u + count], right[j + 1, u : u + count]
+    b2, b3 = right[j + 2, u : u + count], right[j + 3, u : u + count]
+    s00 = s01 = s02 = s03 = s10 = s11 = s12 = s13 = 0.0
+    s20 = s21 = s22 = s23 = s30 = s31 = s32 = s33 = 0.0
+    for k in range(count):
+        x0, x1, x2, x3 = a0[k], a1[k], a2[k], a3[k]
+        y0, y1, y2, y3 = b0[k], b1[k], b2[k], b3[k]
+        s00 += x0 * y0
+        s01 += x0 * y1
+        s02 += x0 * y2
+        s03 += x0 * y3
+        s10 += x1 * y0
+        s11 += x1 * y1
+        s12 += x1 * y2
+        s13 += x1 * y3
+        s20 += x2 * y0
+        s21 += x2 * y1
+        s22 += x2 * y2
+        s23 += x2 * y3
+        s30 += x3 * y0
+        s31 += x3 * y1
+        s32 += x3 * y2
+        s33 += x3 * y3
+    for a, row in enumerate(
+        (
+            (s00, s01, s02, s03),
+            (s10, s11, s12, s13),
+            (s20, s21, s22, s23),
+            (s30, s31, s32, s33),
+        )
+    ):
+        for b, total in enumerate(row):
+            out[i + a, j + b] += total
+
 
 #: Share of a parameter in the weakest direction from which on it is named.
 WEAKEST_SHARE = 0.3
@@ -32,33 +136,19 @@ RANK_TOLERANCE = 1e-6
 
 @dataclass(eq=False)
 class JointSums:
-    """Sums of one joint over samples, on its own columns.
+    """Sums of one joint over samples, on its own columns."""
 
-    Attributes:
-        name: name of the joint.
-        columns: parameters that act on the joint, shape (k,).
-        zf: Zᵀ Φ, shape (k, k); ``zz`` Zᵀ Z and ``ff`` Φᵀ Φ likewise.
-        zz: Zᵀ Z.
-        ff: Φᵀ Φ.
-        zt: Zᵀ τ, shape (k,); ``ft`` Φᵀ τ likewise.
-        ft: Φᵀ τ.
-        window_zf: Zᵀ Φ of each window of time, shape (windows, k, k), see ``sandwich``.
-        window_zt: Zᵀ τ likewise, shape (windows, k).
-        tt: τᵀ τ.
-        rows: number of samples used.
-    """
-
-    name: str
-    columns: np.ndarray
-    zf: np.ndarray
-    zz: np.ndarray
-    ff: np.ndarray
-    zt: np.ndarray
-    ft: np.ndarray
-    window_zf: np.ndarray
-    window_zt: np.ndarray
-    tt: float = 0.0
-    rows: int = 0
+    name: str  # name of the joint
+    columns: np.ndarray  # parameters that act on the joint, shape (k,)
+    zf: np.ndarray  # Zᵀ Φ, shape (k, k); ``zz`` Zᵀ Z and ``ff`` Φᵀ Φ likewise
+    zz: np.ndarray  # Zᵀ Z
+    ff: np.ndarray  # Φᵀ Φ
+    zt: np.ndarray  # Zᵀ τ, shape (k,); ``ft`` Φᵀ τ likewise
+    ft: np.ndarray  # Φᵀ τ
+    window_zf: np.ndarray  # Zᵀ Φ of each window of time, shape (windows, k, k), see ``sandwich``
+    window_zt: np.ndarray  # Zᵀ τ likewise, shape (windows, k)
+    tt: float = 0.0  # τᵀ τ
+    rows: int = 0  # number of samples used
 
     @classmethod
     def empty(cls, name: str, columns: np.ndarray, windows: int = 0) -> JointSums:
@@ -80,12 +170,8 @@ class JointSums:
     ) -> None:
         """Add samples, time last.
 
-        Args:
-            phi: the joint's columns, shape (k, samples).
-            z: instruments of the same shape; None: Z = Φ.
-            tau: torque, shape (samples,).
-            used: True where a sample is used, shape (samples,); None: all are.
-            shares: the windows that the samples belong to.
+        ``phi``: the joint's columns, shape (k, samples); ``z``: instruments of the same shape;
+        None: Z = Φ; ``used``: True where a sample is used, shape (samples,); None: all are.
         """
         parts = [phi, tau[None]] if z is None else [phi, z, tau[None]]
         self.add_stack(np.concatenate(parts), used, shares)
@@ -95,11 +181,9 @@ class JointSums:
     ) -> None:
         """Add samples whose columns, instruments and torque stand in one array.
 
-        Args:
-            stack: the joint's columns, its instruments (none: Z = Φ) and the torque, one below
-                the other, shape (k + 1, samples) or (2 k + 1, samples); overwritten.
-            used: True where a sample is used, shape (samples,); None: all are.
-            shares: the windows that the samples belong to.
+        ``stack``: the joint's columns, its instruments (none: Z = Φ) and the torque, one below the
+        other, shape (k + 1, samples) or (2 k + 1, samples); overwritten; ``used``: True where a
+        sample is used, shape (samples,); None: all are.
         """
         k, rows = self.columns.size, stack.shape[1]
         if used is not None and not used.all():
@@ -146,36 +230,18 @@ class JointSums:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """Solved normal equations.
+    """Solved normal equations."""
 
-    Attributes:
-        theta: parameters, shape (parameters,).
-        covariance: (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters).
-        condition: condition number of the column-scaled observation matrix.
-        weakest: parameters in the least excited direction.
-    """
-
-    theta: np.ndarray
-    covariance: np.ndarray
-    condition: float
-    weakest: tuple[str, ...] = ()
+    theta: np.ndarray  # parameters, shape (parameters,)
+    covariance: np.ndarray  # (Σ ZᵀZ/λ)⁻¹, shape (parameters, parameters)
+    condition: float  # condition number of the column-scaled observation matrix
+    weakest: tuple[str, ...] = ()  # parameters in the least excited direction
 
 
 def solve(
     sums: Sequence[JointSums], variance: np.ndarray, names: Sequence[str], weight_power: float = 1.0
 ) -> Solution:
-    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹.
-
-    Args:
-        sums: one per joint.
-        variance: λ_j of each joint, shape (joints,).
-        names: names of the parameters, for the error.
-        weight_power: w; 1 is generalised least squares, 2 what (P-22) and (P-28) amount to.
-
-    Raises:
-        RankDeficientRegressor: names the parameters that the motion does not separate.
-        IdentificationError: names a joint with too few rows.
-    """
+    """θ = (Σ ZᵀΦ λ^-w)⁻¹ Σ Zᵀτ λ^-w and its covariance (Σ ZᵀZ/λ)⁻¹."""
     for joint in sums:
         if joint.rows <= joint.columns.size:
             raise IdentificationError(
@@ -212,17 +278,7 @@ def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:
 def weighted_solution(
     sums: Sequence[JointSums], names: Sequence[str], start: np.ndarray, weight_power: float
 ) -> tuple[Solution, np.ndarray]:
-    """Solve with weights from the residual, twice, so that weights and estimate agree.
-
-    Args:
-        sums: normal equations.
-        names: parameter names.
-        start: parameters of the first weights.
-        weight_power: see ``solve``.
-
-    Returns:
-        The solution and the variances λ that belong to it.
-    """
+    """Solve with weights from the residual, twice, so that weights and estimate agree."""
     theta = start
     for _ in range(3):
         variance = joint_variances(sums, theta)
@@ -249,13 +305,7 @@ def _check_rank(
 ) -> tuple[float, tuple[str, ...]]:
     """Condition number of the observation matrix with columns of unit length, and its weakest.
 
-    Args:
-        gram: its Gram matrix, shape (parameters, parameters).
-        empty: indices of columns that are zero.
-        names: names of the parameters.
-
-    Raises:
-        RankDeficientRegressor: if some cannot be told apart.
+    ``gram``: its Gram matrix, shape (parameters, parameters).
     """
     values, vectors = np.linalg.eigh(gram)
     if values[0] > RANK_TOLERANCE**2 * values[-1]:

@@ -10,33 +10,22 @@ from itertools import combinations
 
 from pivident.estimation.identification import Identification
 
-#: Estimates further apart than this many combined standard deviations contradict each other.
+#: Estimates further apart than this many combined standard errors contradict each other.
 CONTRADICTION = 3.0
 
 
 @dataclass(frozen=True)
 class ParameterRow:
-    """One estimate.
+    """One estimate."""
 
-    Attributes:
-        name: base parameter.
-        value: estimate [unit].
-        std: standard deviation by the method's covariance [unit].
-        robust_std: standard deviation by the sandwich [unit].
-        relative_std: 100 σ/|θ| [%].
-        unit: unit of the parameter.
-        expression: its group written out.
-        truth: known value [unit], NaN where none is known.
-    """
-
-    name: str
-    value: float
-    std: float
-    robust_std: float
-    relative_std: float
-    unit: str
-    expression: str
-    truth: float = math.nan
+    name: str  # base parameter
+    value: float  # estimate [unit]
+    std: float  # standard error by the method's covariance [unit]
+    robust_std: float  # standard error by the sandwich [unit]
+    relative_std: float  # 100 σ/|θ| [%]
+    unit: str  # unit of the parameter
+    expression: str  # its group written out
+    truth: float = math.nan  # known value [unit], NaN where none is known
 
     @property
     def error_percent(self) -> float:
@@ -57,12 +46,7 @@ class ParameterRow:
 def parameter_rows(
     identification: Identification, truth: Mapping[str, float] | None = None
 ) -> tuple[ParameterRow, ...]:
-    """The estimates of one identification, in its order.
-
-    Args:
-        identification: the result.
-        truth: known values by parameter name, with or without the trailing ``r``.
-    """
+    """The estimates of one identification, in its order."""
     known = {name.lower(): float(value) for name, value in (truth or {}).items()}
     columns = zip(
         identification.names,
@@ -115,8 +99,7 @@ def largest_difference(rows: Sequence[ParameterRow | None]) -> tuple[float, int,
     The estimates share their record, so their errors are not independent; as a rule they are
     correlated positively, and the ratio is then on the small side.
 
-    Returns:
-        Difference in combined standard deviations, i and j; (0, 0, 0) with fewer than two rows.
+    Result: difference in combined standard errors, i and j; (0, 0, 0) with fewer than two rows.
     """
     best = (0.0, 0, 0)
     present = [(k, row) for k, row in enumerate(rows) if row is not None]

@@ -57,13 +57,6 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
        (P-29) and (P-30).
 
     A simulation keeps one core busy: (c) goes on beside (a) of the next iteration.
-
-    Args:
-        steps: the parts: those of IDIM-PIV, or of IDIM-IV or DIDIM.
-        say: progress.
-
-    Returns:
-        The last estimate, and how the iteration went.
     """
     last, run = steps.start(), Run()
     with ThreadPoolExecutor(1) as beside:
@@ -83,18 +76,7 @@ def piv(steps: Steps, say: Say) -> tuple[Estimate, Run]:
 
 
 def identify_piv(problem: Problem, method: PrefilteredIV, say: Say) -> Identification:
-    """Iterate instruments, estimate and noise models.
-
-    Args:
-        problem: robot, recordings, loop, parameters.
-        method: options.
-        say: progress.
-
-    Raises:
-        SimulationDiverged: the controller does not stabilise the simulated robot.
-        MassMatrixNotPositiveDefinite: the parameters make no physical mass matrix.
-        RankDeficientRegressor: the motion does not separate the parameters.
-    """
+    """Iterate instruments, estimate and noise models."""
     say(f"{method.label}: smoothing the records")
     signals = Signals.of(problem, method)
     auxiliary = AuxiliaryModel(

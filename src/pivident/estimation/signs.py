@@ -25,19 +25,12 @@ _CLEAR = 2.0
 
 @dataclass(frozen=True)
 class NegativeParameter:
-    """An estimate below zero of what cannot be negative.
+    """An estimate below zero of what cannot be negative."""
 
-    Attributes:
-        parameter: head of the estimated group.
-        name: name of the group.
-        value: estimate [unit of the parameter].
-        std: its standard error.
-    """
-
-    parameter: Parameter
-    name: str
-    value: float
-    std: float
+    parameter: Parameter  # head of the estimated group
+    name: str  # name of the group
+    value: float  # estimate [unit of the parameter]
+    std: float  # its standard error
 
     @property
     def is_certain(self) -> bool:
@@ -57,14 +50,7 @@ class NegativeParameter:
 def negative_parameters(
     parameters: Sequence[Parameter], names: Sequence[str], theta: np.ndarray, std: np.ndarray
 ) -> list[NegativeParameter]:
-    """Frictions and rotor inertias that were estimated below zero.
-
-    Args:
-        parameters: heads of the estimated groups.
-        names: names of the groups.
-        theta: estimates, shape (parameters,).
-        std: their standard errors.
-    """
+    """Frictions and rotor inertias that were estimated below zero."""
     return [
         NegativeParameter(p, name, float(value), float(s))
         for p, name, value, s in zip(parameters, names, theta, std, strict=True)
@@ -75,14 +61,7 @@ def negative_parameters(
 def reversed_joints(
     robot: Robot, parameters: Sequence[Parameter], theta: np.ndarray, std: np.ndarray
 ) -> tuple[int, ...]:
-    """Joints whose torque seems to have the wrong sign.
-
-    Args:
-        robot: the robot.
-        parameters: heads of the estimated groups.
-        theta: estimates, shape (parameters,).
-        std: their standard deviations.
-    """
+    """Joints whose torque seems to have the wrong sign."""
     names = [p.stem for p in parameters]
     negative = negative_parameters(parameters, names, theta, std)
 
@@ -102,15 +81,7 @@ def sign_warnings(
     theta: np.ndarray,
     std: np.ndarray,
 ) -> list[Finding]:
-    """Parameters that physics wants positive and the data made negative.
-
-    Args:
-        robot: the robot.
-        parameters: heads of the estimated groups.
-        names: names of the groups.
-        theta: estimates, shape (parameters,).
-        std: their standard deviations.
-    """
+    """Parameters that physics wants positive and the data made negative."""
     joints = reversed_joints(robot, parameters, theta, std)
     found = []
     if joints and len(joints) == robot.size:

@@ -43,14 +43,8 @@ def noisy_standstill(
 
     Only frequencies of the motion count: the rest does not touch the estimate.
 
-    Args:
-        problem: knows which speeds pass for standstill.
-        filters: prefilter of each joint.
-        records: the recordings.
-        residuals: τ - Φθ of each recording, shape (joints, samples).
-
-    Returns:
-        True where the variances differ by more than ``NOISY_STANDSTILL``, shape (joints,).
+    ``residuals``: τ - Φθ of each recording, shape (joints, samples). Result: true where the
+    variances differ by more than ``NOISY_STANDSTILL``, shape (joints,).
     """
     from scipy.signal import butter, sosfiltfilt
 
@@ -92,9 +86,7 @@ def slow_samples(problem: Problem, record: EquationRecord) -> np.ndarray:
 def without_recent(used: np.ndarray, length: int) -> np.ndarray:
     """Samples in use that have none but such among the ``length`` samples before them.
 
-    Args:
-        used: shape (samples,); before the first sample none is.
-        length: memory of a filter in samples.
+    ``used``: shape (samples,); before the first sample none is.
     """
     index = np.arange(used.size)
     latest = np.maximum.accumulate(np.where(used, -1, index))

@@ -33,7 +33,7 @@ from pivident.text.finding import Finding, Quantity, Severity
 #: Larger files are not identifications [bytes].
 MAX_FILE = 2**27
 
-#: Largest asymmetry of a covariance, relative to its standard deviations.
+#: Largest asymmetry of a covariance, relative to its standard errors.
 ASYMMETRY = 1e-9
 
 #: Most negative eigenvalue of a matrix of correlations that rounding explains.
@@ -164,14 +164,7 @@ def load_identification(path: str | PathLike[str], robot: Robot | None = None) -
 
 
 def json_of_file(file: Path) -> dict[str, Any]:
-    """A JSON object as plain values.
-
-    Args:
-        file: the file.
-
-    Raises:
-        IdentificationFileError: it cannot be read, is too large, or no JSON object.
-    """
+    """A JSON object as plain values."""
     try:
         size = regular_file(file).stat().st_size
         if size > MAX_FILE:
@@ -353,7 +346,7 @@ def _joint_fit(values: JointFitValues) -> JointFit:
 def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
     if values is None:
         return None
-    from pivident.estimation.torque_sums import TorqueSums
+    from pivident.estimation.equations import TorqueSums
 
     return TorqueSums.from_values(values, base)
 

@@ -26,11 +26,7 @@ _GAP = "  "
 
 
 def identification_table(identification: Identification) -> str:
-    """One result: how it came about, its parameters with intervals, its joints, its warnings.
-
-    Args:
-        identification: the result.
-    """
+    """One result: how it came about, its parameters with intervals, its joints, its warnings."""
     rows = parameter_rows(identification)
     spreads = [with_spread(row.value, 2.0 * row.std) for row in rows]
     columns = [
@@ -55,12 +51,7 @@ def identification_table(identification: Identification) -> str:
 def comparison_table(
     identifications: Sequence[Identification], truth: Mapping[str, float] | None = None
 ) -> str:
-    """Several methods side by side: value and relative σ of each, and their largest difference.
-
-    Args:
-        identifications: results of the same robot.
-        truth: known values by parameter name; adds them and the error of each method.
-    """
+    """Several methods side by side: value and relative σ of each, and their largest difference."""
     labels = method_labels(identifications)
     table = aligned_rows(identifications, truth)
     columns = [

@@ -41,19 +41,12 @@ DECIDES_ORDERS, DECIDES_MODELS = 1, 2
 
 @dataclass(frozen=True, eq=False)
 class NoiseModel:
-    """D(z⁻¹) v = C(z⁻¹) e.
+    """D(z⁻¹) v = C(z⁻¹) e."""
 
-    Attributes:
-        ar: D, monic.
-        ma: C, monic.
-        at_bound: whether the order is the largest allowed.
-        warnings: what its estimation noticed, whole sentences.
-    """
-
-    ar: np.ndarray
-    ma: np.ndarray
-    at_bound: bool = False
-    warnings: tuple[str, ...] = ()
+    ar: np.ndarray  # D, monic
+    ma: np.ndarray  # C, monic
+    at_bound: bool = False  # whether the order is the largest allowed
+    warnings: tuple[str, ...] = ()  # what its estimation noticed, whole sentences
 
     @property
     def order(self) -> int:
@@ -63,21 +56,14 @@ class NoiseModel:
 
 @dataclass(frozen=True, eq=False)
 class Prefilters:
-    """L_j = A_j C_j⁻¹ of all joints, and the noise models that they come from.
+    """L_j = A_j C_j⁻¹ of all joints, and the noise models that they come from."""
 
-    Attributes:
-        filters: prefilter of each joint; none with decimated equations.
-        models: noise model of each joint; none before the first residual.
-        at_bound: whether each model's order is the largest allowed.
-        without_standstill: joints whose standstill is excluded, shape (joints,).
-        inverts_controller: whether what comes out has the unit of the positions.
-    """
-
-    filters: tuple[Prefilter, ...]
-    models: tuple[NoiseModel, ...] = ()
-    at_bound: tuple[bool, ...] = ()
+    filters: tuple[Prefilter, ...]  # prefilter of each joint; none with decimated equations
+    models: tuple[NoiseModel, ...] = ()  # noise model of each joint; none before the first residual
+    at_bound: tuple[bool, ...] = ()  # whether each model's order is the largest allowed
+    #: Joints whose standstill is excluded, shape (joints,).
     without_standstill: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
-    inverts_controller: bool = False
+    inverts_controller: bool = False  # whether what comes out has the unit of the positions
 
     @classmethod
     def none(cls, problem: Problem) -> Prefilters:
@@ -91,12 +77,7 @@ class Prefilters:
         return tuple(m.order for m in self.models)
 
     def exclude(self, problem: Problem, records: Sequence[EquationRecord]) -> None:
-        """Exclude samples that would bias the estimate: filter transients, noisy standstill.
-
-        Args:
-            problem: knows which speeds pass for standstill.
-            records: all recordings with their instruments; ``used`` of each is changed.
-        """
+        """Exclude samples that would bias the estimate: filter transients, noisy standstill."""
         for record in records:
             used = record.used
             used[slow_samples(problem, record) & self.without_standstill[:, None]] = False
@@ -108,29 +89,18 @@ class Prefilters:
 
 @dataclass(frozen=True, eq=False)
 class Whitening:
-    """How residuals are made white: inverse controllers, and the recipe of the noise models.
+    """How residuals are made white: inverse controllers, and the recipe of the noise models."""
 
-    Attributes:
-        problem: what is given.
-        method: options of IDIM-PIV.
-        numerator: of each joint's inverse controller, shape (joints, coefficients).
-        denominator: likewise.
-    """
-
-    problem: Problem
-    method: PrefilteredIV
-    numerator: np.ndarray
-    denominator: np.ndarray
+    problem: Problem  # what is given
+    method: PrefilteredIV  # options of IDIM-PIV
+    numerator: np.ndarray  # of each joint's inverse controller, shape (joints, coefficients)
+    denominator: np.ndarray  # likewise
 
     @classmethod
     def of(
         cls, problem: Problem, method: PrefilteredIV, kinematics: Sequence[Kinematics]
     ) -> Whitening:
-        """Inverse controllers of a problem's loop, or ones for a ``direct`` prefilter.
-
-        Raises:
-            IdentificationError: an inverse controller forgets its start too slowly.
-        """
+        """Inverse controllers of a problem's loop, or ones for a ``direct`` prefilter."""
         n = problem.robot.size
         numerator = denominator = np.ones((n, 1))
         if method.prefilter == "controller":
@@ -161,14 +131,7 @@ class Whitening:
         theta: np.ndarray,
         records: Sequence[EquationRecord],
     ) -> Prefilters:
-        """Prefilters from the residual (P-30) of an estimate; those before, once settled.
-
-        Args:
-            before: prefilters that the estimate was made with.
-            number: of the estimate, counted from one; zero: there has been none.
-            theta: the estimate, shape (parameters,).
-            records: all recordings with the instruments that it was made with.
-        """
+        """Prefilters from the residual (P-30) of an estimate; those before, once settled."""
         if not DECIDES_ORDERS <= number <= DECIDES_MODELS:
             return before
         own = [replace(r.kinematics, inner=None) for r in records]  # with the load of θ

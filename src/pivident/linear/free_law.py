@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.recording.checks import clipped_samples
 from pivident.recording.recording import Recording
-from pivident.recording.saturation import clipped_samples
 from pivident.simulation.controllers import TAPS
 from pivident.simulation.transfer_law import TransferLaw, split_integrator
 

@@ -21,7 +21,6 @@ from pivident.estimation.full_rate import (
     records_without_instruments,
     torque_of,
 )
-from pivident.estimation.inner_signals import with_inner
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import (
     InstrumentalVariables,
@@ -29,6 +28,7 @@ from pivident.estimation.methods import (
     PrefilteredIV,
     RandomWalk,
 )
+from pivident.estimation.motion import with_inner
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill

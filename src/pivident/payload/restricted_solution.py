@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.covariance.sandwich import OVERLAP
+from pivident.estimation.covariance.windows import OVERLAP
 from pivident.estimation.normal_equations import JointSums, joint_variances
 from pivident.payload.arm_and_load import ArmAndLoad, reduced
 

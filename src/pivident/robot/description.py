@@ -25,7 +25,6 @@ from pivident.errors import RobotDescriptionError
 from pivident.robot.friction import DEFAULT_FRICTION, FrictionLaw
 from pivident.robot.friction_term import SLOPE_AT_RATED_SPEED
 from pivident.robot.naming import find_joint, nearest
-from pivident.robot.pinocchio_model import model_joints
 from pivident.robot.transmission import Transmission
 from pivident.text import display
 from pivident.text.printable import is_printable
@@ -186,7 +185,7 @@ class Robot:
             RobotDescriptionError: a free-flyer, spherical, planar or other joint that has not one
                 degree of freedom about or along a fixed axis; names the joint and the next step.
         """
-        found = model_joints(model)
+        found = display.provided("pinocchio_joints")(model)
         robot = cls(
             name=str(getattr(model, "name", "")) or "pinocchio model",
             joints=tuple(

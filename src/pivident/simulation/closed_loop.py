@@ -6,6 +6,7 @@ held over the period. Accelerations at a sample are those right after the new to
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -19,10 +20,18 @@ from pivident.errors import (
     ShapeMismatch,
     SimulationDiverged,
 )
-from pivident.simulation.controllers import Controller, PythonController, backward_difference
+from pivident.simulation.controllers import (
+    TAPS,
+    Controller,
+    PythonController,
+    SampledLaw,
+    backward_difference,
+)
+from pivident.simulation.integration import Q
 from pivident.simulation.loop_kernel import (
     CHANNELS,
     DISTANCE,
+    DONE,
     GAIN,
     INDEFINITE,
     OUTPUT,
@@ -33,7 +42,68 @@ from pivident.simulation.loop_kernel import (
     path_arguments,
     run_loop,
 )
-from pivident.simulation.python_loop import run_python_loop
+
+#: A law may keep a state of its own: records that are simulated in parallel must not share it.
+_ONE_RUN_AT_A_TIME = threading.Lock()
+
+
+def run_python_loop(
+    model: Model,
+    controller: PythonController,
+    start: tuple[np.ndarray, np.ndarray],
+    rate: float,
+    delay: float,
+    q_ref: np.ndarray,
+    dq_ref: np.ndarray,
+    inputs: np.ndarray,
+    noise: np.ndarray,
+    limits: np.ndarray,
+    steps: int,
+    oracle: int | None,
+    channels: np.ndarray,
+    failure: np.ndarray,
+) -> tuple[int, int, int, np.ndarray | None]:
+    """Simulate all samples of the reference; arguments and answer are those of ``run_loop``.
+
+    The answer ends with the states of friction, see ``path_arguments``.
+
+    ``delay``: time from a sample until the torque that answers it acts [s]; ``q_ref``: reference
+    positions, shape (samples, joints); ``inputs``: added to the law's output, shape
+    (samples, joints) or (1, joints); ``oracle``: None, or Runge–Kutta substeps per control period.
+    """
+    samples, n = q_ref.shape
+    # a law without feedback: its reference is what the function says
+    none, unit = np.zeros((n, TAPS)), np.tile(np.eye(1, TAPS), (n, 1))
+    said = np.zeros((samples, n))
+    law = SampledLaw(none, unit, none, np.zeros(n), said, said).protected()
+    state = initial_state(model, law, start[0], start[1], int(delay * rate + 1e-9))
+    on_path = path_arguments(model.friction, state, samples)
+    heard = read_only(np.zeros((1, n)))
+    q_wanted, dq_wanted = read_only(q_ref), read_only(dq_ref)
+    with _ONE_RUN_AT_A_TIME:
+        if controller.reset is not None:
+            controller.reset()
+        for k in range(samples):
+            measured = state.vectors[Q] + noise[k if len(noise) > 1 else 0]
+            said[k] = _checked(controller.function(k, measured, q_wanted[k], dq_wanted[k]), k, n)
+            what, joint, _ = run_loop(
+                model, law, state, rate, delay, q_ref, inputs, heard, limits, steps, oracle,
+                k, k + 1, 0, channels, failure, *on_path,
+            )  # fmt: skip
+            if what != DONE:
+                return what, joint, k, on_path[-1]
+    return DONE, -1, -1, on_path[-1]
+
+
+def _checked(answer: object, k: int, joints: int) -> np.ndarray:
+    u = np.asarray(answer, dtype=float)
+    if u.shape != (joints,) or not np.isfinite(u).all():
+        raise ExperimentError(
+            f"the Python control law answered {answer!r} at sample {k}; it must return "
+            f"{joints} finite numbers, one for each joint"
+        )
+    return u
+
 
 #: Samples that are simulated at a time where a run is taken in stretches.
 BLOCK = 16384
@@ -44,56 +114,38 @@ MAX_STEP = 2.5e-4
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
-    """A simulated motion; all arrays (samples, joints).
+    """A simulated motion; all arrays (samples, joints)."""
 
-    Attributes:
-        rate: samples per second [Hz].
-        q: positions [rad or m].
-        dq: speeds [rad/s or m/s].
-        ddq: accelerations, right after each sample's torque [rad/s² or m/s²].
-        tau: joint torques or forces, held from each sample on [N m or N].
-        command: controller output after saturation [unit of the controller].
-        friction_states: states z of friction that remembers its path, in the order of
-            ``dynamics.forward.friction_states``, shape (samples, states).
-    """
-
-    rate: float
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    tau: np.ndarray
-    command: np.ndarray
+    rate: float  # samples per second [Hz]
+    q: np.ndarray  # positions [rad or m]
+    dq: np.ndarray  # speeds [rad/s or m/s]
+    ddq: np.ndarray  # accelerations, right after each sample's torque [rad/s² or m/s²]
+    tau: np.ndarray  # joint torques or forces, held from each sample on [N m or N]
+    command: np.ndarray  # controller output after saturation [unit of the controller]
+    #: States z of friction that remembers its path, in the order of
+    #: ``dynamics.forward.friction_states``, shape (samples, states).
     friction_states: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
 class LoopSignals:
-    """What drives a simulated loop, sampled at the control rate; arrays (samples, joints).
+    """What drives a simulated loop, sampled at the control rate; arrays (samples, joints)."""
 
-    Attributes:
-        rate: control rate [Hz].
-        q_ref: reference positions [rad or m].
-        dq_ref: reference speeds, or None: the law takes differences where it needs them.
-        inputs: known inputs added to the controller's output [unit of the controller].
-        noise: encoder noise added to the position that the controller reads [rad or m].
-        drive_gain: joint torque per controller output, shape (joints,).
-        limit: largest controller output, shape (joints,); infinite where there is none.
-        bound: largest distance from the reference before the run counts as diverged [rad or m],
-            shape (joints,).
-        speed_bound: largest speed before the run counts as diverged, shape (joints,).
-        drive_delay: time from a sample until the torque that answers it acts [s].
-    """
-
-    rate: float
-    q_ref: np.ndarray
+    rate: float  # control rate [Hz]
+    q_ref: np.ndarray  # reference positions [rad or m]
+    #: Reference speeds, or None: the law takes differences where it needs them.
     dq_ref: np.ndarray | None
+    #: Known inputs added to the controller's output [unit of the controller].
     inputs: np.ndarray | None
+    #: Encoder noise added to the position that the controller reads [rad or m].
     noise: np.ndarray | None
-    drive_gain: np.ndarray
-    limit: np.ndarray
+    drive_gain: np.ndarray  # joint torque per controller output, shape (joints,)
+    limit: np.ndarray  # largest controller output, shape (joints,); infinite where there is none
+    #: Largest distance from the reference before the run counts as diverged [rad or m], shape
+    #: (joints,).
     bound: np.ndarray
-    speed_bound: np.ndarray
-    drive_delay: float = 0.0
+    speed_bound: np.ndarray  # largest speed before the run counts as diverged, shape (joints,)
+    drive_delay: float = 0.0  # time from a sample until the torque that answers it acts [s]
 
 
 def simulate(
@@ -106,21 +158,8 @@ def simulate(
 ) -> Trajectory:
     """Simulate the closed loop over all samples of the reference.
 
-    Args:
-        model: robot with parameter values, from ``make_model``.
-        controller: the sampled law, or a Python function (then at the speed of Python).
-        signals: reference, known inputs, noise, gains and bounds.
-        joint_names: for messages.
-        start: initial positions and speeds, each (joints,); default: at rest on the reference.
-        oracle: None: the fast scheme; else Runge–Kutta 4 with so many substeps per control period.
-
-    Returns:
-        The trajectory at the control rate.
-
-    Raises:
-        SimulationDiverged: names the joint, the time and the distance from the reference.
-        MassMatrixNotPositiveDefinite: names the joint, the time and the pivot.
-        ShapeMismatch: signals that do not belong together.
+    ``start``: initial positions and speeds, each (joints,); default: at rest on the reference;
+    ``oracle``: None: the fast scheme; else Runge–Kutta 4 with so many substeps per control period.
     """
     samples = len(signals.q_ref)
     blocks = simulate_blocks(model, controller, signals, joint_names, start, oracle, samples)
@@ -139,24 +178,9 @@ def simulate_blocks(
 ) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
     """Simulate a stretch at a time, so that a long run needs no memory for all of its channels.
 
-    Args:
-        model: see :func:`simulate`; likewise the next five.
-        controller: the sampled law. A Python function is simulated in one stretch.
-        signals: reference, known inputs, noise, gains and bounds.
-        joint_names: for messages.
-        start: initial positions and speeds.
-        oracle: see :func:`simulate`.
-        block: samples of a stretch.
-
-    Yields:
-        The samples, the channels q, dq, ddq, tau and command on them, shape
-        (5, stretch, joints), and the states of friction, shape (stretch, states). The next
-        stretch overwrites both.
-
-    Raises:
-        SimulationDiverged: see :func:`simulate`; likewise the others.
-        MassMatrixNotPositiveDefinite: M(q) is indefinite on the way.
-        ShapeMismatch: signals that do not belong together.
+    Result: the samples, the channels q, dq, ddq, tau and command on them, shape
+    (5, stretch, joints), and the states of friction, shape (stretch, states). The next stretch
+    overwrites both.
     """
     n = len(model.inertia)
     rate, samples = float(signals.rate), len(signals.q_ref)

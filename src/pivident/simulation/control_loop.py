@@ -91,7 +91,8 @@ class Loop:
             dynamics of the reference with the robot's nominal parameters, at rest or in motion;
             ``gravity_measured``: it adds the weight of the nominal links at the measured position.
         identified: where the law comes from, if it was identified.
-        feedback: where it comes from, joint by joint, if it was told from the noise in the loop.
+        feedback: where it comes from, joint by joint, if it was identified from the noise in
+            the loop.
         reconstructed: where the references come from, one for each recording.
         notes: sentences about law and reference that belong to every result.
     """

@@ -35,26 +35,18 @@ WEIGHTLESS = np.zeros((0, 0, 4))
 
 
 class SampledLaw(NamedTuple):
-    """A control law as arrays for the compiled loop.
+    """A control law as arrays for the compiled loop."""
 
-    Attributes:
-        feedback: B, coefficients of z⁰, z⁻¹, z⁻², shape (joints, TAPS); likewise ``pole`` (A,
-            monic) and ``integrand`` (W).
-        pole: A.
-        integrand: W.
-        integral_gain: K_i per second, shape (joints,).
-        reference: r, shape (samples, joints) [unit of u].
-        integrand_reference: w, shape (samples, joints).
-        masses: of g, see ``gravity_compensation.GravityModel``, shape (joints, joints, 4); no
-            joints: the law does not compensate gravity at the measured position.
-    """
-
+    #: B, coefficients of z⁰, z⁻¹, z⁻², shape (joints, TAPS); likewise ``pole`` (A, monic) and
+    #: ``integrand`` (W).
     feedback: np.ndarray
-    pole: np.ndarray
-    integrand: np.ndarray
-    integral_gain: np.ndarray
-    reference: np.ndarray
-    integrand_reference: np.ndarray
+    pole: np.ndarray  # A
+    integrand: np.ndarray  # W
+    integral_gain: np.ndarray  # K_i per second, shape (joints,)
+    reference: np.ndarray  # r, shape (samples, joints) [unit of u]
+    integrand_reference: np.ndarray  # w, shape (samples, joints)
+    #: Of g, see ``gravity_compensation.GravityModel``, shape (joints, joints, 4); no joints: the
+    #: law does not compensate gravity at the measured position.
     masses: np.ndarray = WEIGHTLESS
 
     def protected(self) -> SampledLaw:
@@ -246,16 +238,7 @@ def inverse_controller(
     Zeros of B outside the unit circle are reflected into it: the magnitude, hence the whitening,
     stays, and the phase is common to all columns.
 
-    Args:
-        controller: the law.
-        rate: sampling rate of the recording [Hz].
-        joints: number of joints.
-
-    Returns:
-        numerator and denominator of the inverse, each (joints, TAPS), denominators monic.
-
-    Raises:
-        ExperimentError: a joint has no feedback that could be inverted.
+    Result: numerator and denominator of the inverse, each (joints, TAPS), denominators monic.
     """
     still = np.zeros((1, joints))
     law = controller.law(rate, still, still)

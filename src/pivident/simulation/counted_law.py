@@ -20,12 +20,7 @@ def counted(
 
     Its integrator does not know the limit of the output.
 
-    Args:
-        controller: the law.
-        noise: gives the counts.
-        rate: control rate [Hz].
-        q_ref: reference positions [rad or m], shape (samples, joints).
-        dq_ref: reference speeds, likewise.
+    ``q_ref``: reference positions [rad or m], shape (samples, joints).
     """
     law = controller.law(rate, q_ref, dq_ref)
     weight = controller.measured if isinstance(controller, GravityCompensated) else None

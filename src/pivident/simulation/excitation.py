@@ -36,29 +36,17 @@ FREE_RANGE = np.pi
 
 @dataclass(frozen=True, eq=False)
 class FourierSeries:
-    """A periodic motion.
+    """A periodic motion."""
 
-    Attributes:
-        frequency: of the first harmonic [Hz].
-        offset: q0 [rad or m], shape (joints,).
-        a: amplitudes of cos in the speed [rad/s or m/s], shape (joints, harmonics); ``b`` of sin.
-        b: see above.
-        cost: cond(WᵀW) + 100/σ_min(W), NaN where nothing was optimised.
-    """
-
-    frequency: float
-    offset: np.ndarray
+    frequency: float  # of the first harmonic [Hz]
+    offset: np.ndarray  # q0 [rad or m], shape (joints,)
+    #: Amplitudes of cos in the speed [rad/s or m/s], shape (joints, harmonics); ``b`` of sin.
     a: np.ndarray
-    b: np.ndarray
-    cost: float = float("nan")
+    b: np.ndarray  # see above
+    cost: float = float("nan")  # cond(WᵀW) + 100/σ_min(W), NaN where nothing was optimised
 
     def sampled(self, rate: float, samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The motion: q, dq, ddq, each (samples, joints).
-
-        Args:
-            rate: sampling rate [Hz].
-            samples: how many.
-        """
+        """The motion: q, dq, ddq, each (samples, joints)."""
         t = np.arange(samples) / rate
         omega = 2.0 * np.pi * self.frequency * np.arange(1, self.a.shape[1] + 1)
         sine, cosine = np.sin(np.outer(t, omega)), np.cos(np.outer(t, omega))
@@ -84,28 +72,18 @@ class FourierSeries:
 
 @dataclass(frozen=True, eq=False)
 class MotionLimits:
-    """What a motion must stay inside of; arrays of shape (joints,).
+    """What a motion must stay inside of; arrays of shape (joints,)."""
 
-    Attributes:
-        low: lowest positions [rad or m].
-        high: highest positions.
-        speed: largest speeds [rad/s or m/s].
-        acceleration: largest accelerations [rad/s² or m/s²]; infinite for none.
-    """
-
-    low: np.ndarray
-    high: np.ndarray
-    speed: np.ndarray
-    acceleration: np.ndarray
+    low: np.ndarray  # lowest positions [rad or m]
+    high: np.ndarray  # highest positions
+    speed: np.ndarray  # largest speeds [rad/s or m/s]
+    acceleration: np.ndarray  # largest accelerations [rad/s² or m/s²]; infinite for none
 
 
 def motion_limits(robot: Robot, share: float, acceleration: float | None) -> MotionLimits:
     """Limits of a robot's description.
 
-    Args:
-        robot: the robot; it has rated speeds.
-        share: of the rated speeds that is used.
-        acceleration: largest acceleration of all joints [rad/s² or m/s²], or None.
+    ``acceleration``: largest acceleration of all joints [rad/s² or m/s²], or None.
     """
     free = (-FREE_RANGE, FREE_RANGE)
     ranges = [free if j.position_limits is None else j.position_limits for j in robot.joints]
@@ -119,11 +97,7 @@ def random_series(
 ) -> FourierSeries:
     """A series with random amplitudes, as large as the limits allow.
 
-    Args:
-        limits: what it must stay inside of.
-        harmonics: how many.
-        frequency: of the first one [Hz].
-        seed: of the random numbers.
+    ``frequency``: of the first one [Hz].
     """
     rng = np.random.default_rng(seed)
     return _fitted(rng.standard_normal((limits.low.size, 2 * harmonics + 1)), limits, frequency)
@@ -144,15 +118,7 @@ def optimised_series(
     The best of some random series is changed at random, and a better one takes its place; steps
     grow after a success and shrink after a failure, so that one in five succeeds.
 
-    Args:
-        robot: the robot.
-        parameters: the columns of W.
-        limits: what the motion must stay inside of.
-        harmonics: how many.
-        frequency: of the first one [Hz].
-        seed: of the random numbers.
-        evaluations: of the criterion.
-        progress: told about the criterion now and then.
+    ``frequency``: of the first one [Hz].
     """
     rng = np.random.default_rng(seed)
     regressor = Regressor.build(robot, parameters)
@@ -193,11 +159,7 @@ def _grid(frequency: float, harmonics: int) -> tuple[float, int]:
 def _fitted(raw: np.ndarray, limits: MotionLimits, frequency: float) -> FourierSeries:
     """Random numbers as a series at rest at its start, as large as its limits allow.
 
-    Args:
-        raw: one row per joint: amplitudes a, amplitudes b, and where the middle of the motion
-            lies in what is left of the range.
-        limits: the limits.
-        frequency: of the first harmonic [Hz].
+    ``frequency``: of the first harmonic [Hz].
     """
     harmonics = (raw.shape[1] - 1) // 2
     a, b = raw[:, :harmonics].copy(), raw[:, harmonics:-1].copy()

@@ -26,10 +26,7 @@ def loop_feed_forward(
 ) -> np.ndarray | None:
     """Known inputs of a loop on its reference, (samples, joints) [unit of the controller's output].
 
-    Args:
-        robot: the robot, whose nominal parameters the controller knows.
-        loop: says whether there are any, and the drive gains.
-        reference: q, dq, ddq, each (samples, joints).
+    ``reference``: q, dq, ddq, each (samples, joints).
     """
     if loop.feed_forward in ("none", "gravity_measured"):  # that one is a part of the law
         return None
@@ -47,11 +44,7 @@ def gravity_feed_forward(
 ) -> np.ndarray:
     """Torque that holds the robot at rest on its reference, shape (samples, joints) [N m or N].
 
-    Args:
-        robot: the robot.
-        parameters: standard parameters or heads of base groups.
-        theta: their nominal values, shape (parameters,).
-        q_ref: reference positions [rad or m], shape (samples, joints).
+    ``q_ref``: reference positions [rad or m], shape (samples, joints).
     """
     still = np.zeros_like(q_ref)
     return computed_torque_feed_forward(robot, parameters, theta, q_ref, still, still)
@@ -67,16 +60,8 @@ def computed_torque_feed_forward(
 ) -> np.ndarray:
     """Inverse dynamics of the reference, Φ(q_ref, dq_ref, ddq_ref) θ, shape (samples, joints).
 
-    Args:
-        robot: the robot.
-        parameters: standard parameters or heads of base groups.
-        theta: their nominal values, shape (parameters,).
-        q_ref: reference positions [rad or m], shape (samples, joints).
-        dq_ref: reference speeds, likewise.
-        ddq_ref: reference accelerations, likewise.
-
-    Returns:
-        Torques or forces [N m or N].
+    ``q_ref``: reference positions [rad or m], shape (samples, joints). Result: torques or forces
+    [N m or N].
     """
     return Regressor.build(robot, parameters).torque(q_ref, dq_ref, ddq_ref, theta)
 
@@ -86,11 +71,7 @@ def with_measured_gravity(
 ) -> Controller:
     """The law with the nominal robot's gravity at the measured position, where ``kind`` says so.
 
-    Args:
-        controller: the law.
-        robot: the robot; its nominal masses are those of the gravity model.
-        drive_gain: joint torque per controller output, shape (joints,) or a scalar.
-        kind: what the controller adds; of all but ``gravity_measured`` the law knows nothing.
+    ``drive_gain``: joint torque per controller output, shape (joints,) or a scalar.
     """
     if kind != "gravity_measured":
         return controller

@@ -39,17 +39,10 @@ def gravity_torques(
 ):  # fmt: skip
     """Torque of gravity of each joint in one posture.
 
-    Args:
-        parent: geometry of the robot, see ``dynamics.kernels.Tree``; likewise the next four.
-        prismatic: which joints slide.
-        rotation: orientations at zero.
-        translation: origins at zero.
-        gravity: acceleration of gravity in the base frame [m/s²].
-        masses: first moments and mass of every link for every joint, shape (joints, joints, 4).
-        q: positions [rad or m], shape (joints,).
-        pose: scratch, shape (joints, 12).
-        place: scratch, shape (joints, PLACE).
-        out: receives the torques, shape (joints,).
+    ``gravity``: acceleration of gravity in the base frame [m/s²]; ``masses``: first moments and
+    mass of every link for every joint, shape (joints, joints, 4); ``pose``: scratch, shape
+    (joints, 12); ``place``: scratch, shape (joints, PLACE); ``out``: receives the torques, shape
+    (joints,).
     """
     link_poses(prismatic, rotation, translation, q, pose)
     n = q.size

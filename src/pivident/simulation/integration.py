@@ -115,35 +115,11 @@ def evaluate(
 ):  # fmt: skip
     """Rigid body, friction and acceleration at the present state under ``torque``.
 
-    Args:
-        parent: parents of the links; the next six are the robot's geometry and inertia.
-        prismatic: which joints slide.
-        rotation: frames of the links in their parents at q = 0.
-        translation: their origins.
-        gravity: acceleration of gravity in the base frame.
-        inertia: ten inertial parameters of every link, shape (joints, 10).
-        rotor: rotor inertias, shape (joints, joints).
-        linear: friction, see ``FrictionTable``; likewise the next six.
-        term_index: nonlinear terms.
-        term_value: their values.
-        pair_index: couplings.
-        pair_value: their values.
-        path_index: terms of position, path and load, or None.
-        path_value: their values, or None.
-        path: states of friction, see ``friction_table``, or None.
-        vectors: state, changed in place; likewise the next three.
-        matrices: mass matrices.
-        slopes: friction slopes at V and scratch, shape (4, joints + couplings) or wider.
-        clock: see above.
-        pose: scratch of the rigid body; likewise the next three.
-        motion: scratch.
-        force: scratch.
-        composite: scratch.
-        torque: held joint torques, shape (joints,).
-        exact: compute M⁻¹ anew in any case.
-
-    Returns:
-        -1, or the joint whose pivot of M(q) is not positive (on the diagonal of layer FACTOR).
+    ``inertia``: ten inertial parameters of every link, shape (joints, 10); ``rotor``: rotor
+    inertias, shape (joints, joints); ``path_index``: terms of position, path and load, or None;
+    ``path_value``: their values, or None; ``path``: states of friction, see ``friction_table``, or
+    None; ``slopes``: friction slopes at V and scratch, shape (4, joints + couplings) or wider;
+    ``torque``: held joint torques, shape (joints,).
     """
     n = torque.size
     for i in range(n):
@@ -390,11 +366,7 @@ def advance_runge_kutta(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, clock, pose, motion, force, composite, torque, h, substeps,
 ):  # fmt: skip
-    """Integrate one step by classical Runge–Kutta on the full dynamics, the oracle.
-
-    Returns:
-        -1, or the joint whose pivot of M(q) is not positive.
-    """
+    """Integrate one step by classical Runge–Kutta on the full dynamics, the oracle."""
     n = torque.size
     step = h / substeps
     q0, v0, dq, dv = _A0, _A, _Y, _X

@@ -20,10 +20,7 @@ from pivident.simulation.controllers import TAPS, SampledLaw
 def differentiator(time: float, averaged: bool, rate: float) -> tuple[np.ndarray, np.ndarray]:
     """Numerator and denominator of D in z⁻¹, each of shape (TAPS,).
 
-    Args:
-        time: lag T [s]; zero: none.
-        averaged: whether two-sample means are differenced; then there is no lag.
-        rate: sampling rate [Hz].
+    ``time``: lag T [s]; zero: none.
     """
     if averaged:
         return np.array([0.5, 0.0, -0.5]) * rate, np.array([1.0, 0.0, 0.0])
@@ -42,26 +39,16 @@ def differentiated(x: np.ndarray, time: float, averaged: bool, rate: float) -> n
 
 @dataclass(frozen=True, eq=False)
 class LinearLaw:
-    """One joint's gains in every row; all gains have shape (joints,).
+    """One joint's gains in every row; all gains have shape (joints,)."""
 
-    Attributes:
-        kp: of the position error [u per rad or m].
-        kd: of the measured speed [u per rad/s or m/s].
-        ki: of the integral of the error [u per rad s or m s].
-        speed_reference: kv_ref, of the reference's speed.
-        acceleration_reference: ka_ref, of the reference's acceleration.
-        offset: constant [u].
-        derivative_time: T [s].
-        averaged: whether the speed is the difference of two-sample means, shape (joints,).
-    """
-
-    kp: np.ndarray
-    kd: np.ndarray
-    ki: np.ndarray
-    speed_reference: np.ndarray
-    acceleration_reference: np.ndarray
-    offset: np.ndarray
-    derivative_time: np.ndarray
+    kp: np.ndarray  # of the position error [u per rad or m]
+    kd: np.ndarray  # of the measured speed [u per rad/s or m/s]
+    ki: np.ndarray  # of the integral of the error [u per rad s or m s]
+    speed_reference: np.ndarray  # kv_ref, of the reference's speed
+    acceleration_reference: np.ndarray  # ka_ref, of the reference's acceleration
+    offset: np.ndarray  # constant [u]
+    derivative_time: np.ndarray  # T [s]
+    #: Whether the speed is the difference of two-sample means, shape (joints,).
     averaged: np.ndarray = field(default_factory=lambda: np.zeros(0, bool))
 
     def __post_init__(self) -> None:

@@ -48,58 +48,32 @@ _Q, _DQ, _DDQ, TORQUE, _COMMAND, CHANNELS = 0, 1, 2, 3, 4, 5
 
 
 class LoopState(NamedTuple):
-    """State and scratch of a simulated loop.
+    """State and scratch of a simulated loop."""
 
-    Attributes:
-        vectors: state of the robot and more, see ``integration``; likewise the next three.
-        matrices: mass matrices.
-        slopes: friction slopes.
-        path: states of friction, shape (PATH_ROWS, entries); may have no entries.
-        clock: how old M⁻¹ is.
-        pose: scratch of the rigid body; likewise the next three.
-        motion: scratch.
-        force: scratch.
-        composite: scratch.
-        torque: joint torques that act, shape (joints,).
-        commanded: torques of the last samples, the newest first, for drives that answer late,
-            shape (samples of delay + 2, joints).
-        integral: I of the control law, shape (joints,).
-        past: inner state of B/A and W/A in direct form II, shape (joints, TAPS).
-        place: scratch of the law's gravity model, shape (joints, PLACE).
-        measured: positions that the law reads, shape (joints,).
-        weight: gravity that it compensates, shape (joints,); zero where it does not.
-    """
-
-    vectors: np.ndarray
-    matrices: np.ndarray
-    slopes: np.ndarray
-    path: np.ndarray
-    clock: np.ndarray
-    pose: np.ndarray
-    motion: np.ndarray
-    force: np.ndarray
-    composite: np.ndarray
-    torque: np.ndarray
+    vectors: np.ndarray  # state of the robot and more, see ``integration``; likewise the next three
+    matrices: np.ndarray  # mass matrices
+    slopes: np.ndarray  # friction slopes
+    path: np.ndarray  # states of friction, shape (PATH_ROWS, entries); may have no entries
+    clock: np.ndarray  # how old M⁻¹ is
+    pose: np.ndarray  # scratch of the rigid body; likewise the next three
+    motion: np.ndarray  # scratch
+    force: np.ndarray  # scratch
+    composite: np.ndarray  # scratch
+    torque: np.ndarray  # joint torques that act, shape (joints,)
+    #: Torques of the last samples, the newest first, for drives that answer late, shape
+    #: (samples of delay + 2, joints).
     commanded: np.ndarray
-    integral: np.ndarray
-    past: np.ndarray
-    place: np.ndarray
-    measured: np.ndarray
-    weight: np.ndarray
+    integral: np.ndarray  # I of the control law, shape (joints,)
+    past: np.ndarray  # inner state of B/A and W/A in direct form II, shape (joints, TAPS)
+    place: np.ndarray  # scratch of the law's gravity model, shape (joints, PLACE)
+    measured: np.ndarray  # positions that the law reads, shape (joints,)
+    weight: np.ndarray  # gravity that it compensates, shape (joints,); zero where it does not
 
 
 def initial_state(
     model: Model, law: SampledLaw, q: np.ndarray, dq: np.ndarray, late: int = 0
 ) -> LoopState:
-    """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest.
-
-    Args:
-        model: robot with parameter values.
-        law: the sampled law.
-        q: positions [rad or m], shape (joints,).
-        dq: speeds.
-        late: whole control periods by which the drives answer late.
-    """
+    """A loop at positions ``q`` with speeds ``dq``, shape (joints,), whose law has been at rest."""
     n, friction = len(model.inertia), model.friction
     couplings, entries = len(friction.pair_index), len(friction.path_index)
     state = LoopState(
@@ -155,30 +129,12 @@ def run_loop(
 ):  # fmt: skip
     """Simulate the samples from ``first`` to before ``last``.
 
-    Args:
-        model: robot with parameter values.
-        law: the sampled law, discretised for this reference.
-        state: state of the loop, changed in place.
-        rate: control rate [Hz].
-        delay: time from a sample until the torque that answers it acts [s].
-        q_ref: reference positions, shape (samples, joints).
-        inputs: added to the law's output, shape (samples, joints) or (1, joints).
-        noise: added to the measured positions, likewise.
-        limits: gains and bounds, see above, shape (4, joints).
-        steps: integration steps of the fast scheme per control period.
-        oracle: None, or Runge–Kutta substeps per control period.
-        first: first sample.
-        last: one past the last sample.
-        origin: sample that the first row of ``channels`` and of ``path_record`` belongs to.
-        channels: receives the motion, see above, shape (CHANNELS, rows, joints).
-        failure: receives the pivot, distance or speed that ended the run, shape (1,).
-        path_index: from ``path_arguments``; likewise the next three.
-        path_value: values of these terms.
-        path: their states.
-        path_record: receives these.
-
-    Returns:
-        What happened, to which joint, at which sample.
+    ``delay``: time from a sample until the torque that answers it acts [s]; ``q_ref``: reference
+    positions, shape (samples, joints); ``inputs``: added to the law's output, shape
+    (samples, joints) or (1, joints); ``limits``: gains and bounds, see above, shape (4, joints);
+    ``oracle``: None, or Runge–Kutta substeps per control period; ``channels``: receives the motion,
+    see above, shape (CHANNELS, rows, joints); ``failure``: receives the pivot, distance or speed
+    that ended the run, shape (1,).
     """
     n = q_ref.shape[1]
     period = 1.0 / rate

@@ -20,7 +20,7 @@ ENCODER, TORQUE, COLOURED = 0, 1, 2
 Seed = int | tuple[int, int]
 
 #: A standard deviation of all joints, or one for each.
-Deviation = float | tuple[float, ...]
+Spread = float | tuple[float, ...]
 
 #: Share of the start of an autoregressive noise that may be left when it is used.
 SETTLED = 1e-9
@@ -28,31 +28,24 @@ SETTLED = 1e-9
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of a simulated record.
+    """Noise of a simulated record."""
 
-    Attributes:
-        encoder: standard deviation of white position noise [rad or m].
-        torque: standard deviation of the torque sensor, on the record only [N m or N].
-        coloured: standard deviation of further position noise, AR(2) [rad or m].
-        frequency: at which its spectrum peaks [Hz].
-        radius: of the poles of its AR(2) model, of modulus below one.
-        counts: encoder counts per joint revolution (or metre); positions are rounded to them.
-            0: they are not.
-        rate: sampling rate of the encoder, that of the control law [Hz].
-        where: ``loop``: the control law reads the position noise too; ``record``: it is on the
-            record only, which another sensor has made.
-        rounding: ``record``: positions are rounded after the loop has run; ``loop``: the control
-            law reads rounded ones.
-    """
-
-    encoder: Deviation = 3.5e-6 / np.sqrt(3.0)
-    torque: Deviation = 0.05
-    coloured: Deviation = 0.0
-    frequency: float = 600.0
-    radius: float = 0.998
+    #: Standard deviation of white position noise [rad or m].
+    encoder: Spread = 3.5e-6 / np.sqrt(3.0)
+    #: Standard deviation of the torque sensor, on the record only [N m or N].
+    torque: Spread = 0.05
+    coloured: Spread = 0.0  # standard deviation of further position noise, AR(2) [rad or m]
+    frequency: float = 600.0  # at which its spectrum peaks [Hz]
+    radius: float = 0.998  # of the poles of its AR(2) model, of modulus below one
+    #: Encoder counts per joint revolution (or metre); positions are rounded to them. 0: they are
+    #: not.
     counts: float = 0
-    rate: float = 5000.0
+    rate: float = 5000.0  # sampling rate of the encoder, that of the control law [Hz]
+    #: ``loop``: the control law reads the position noise too; ``record``: it is on the record only,
+    #: which another sensor has made.
     where: Literal["loop", "record"] = "loop"
+    #: ``record``: positions are rounded after the loop has run; ``loop``: the control law reads
+    #: rounded ones.
     rounding: Literal["record", "loop"] = "record"
 
     def __post_init__(self) -> None:
@@ -78,9 +71,7 @@ class Noise:
     def in_loop(self, seed: Seed, shape: tuple[int, ...]) -> np.ndarray:
         """Position noise of a run [rad or m], wherever it is added.
 
-        Args:
-            seed: of the run.
-            shape: (samples, joints) at the control rate.
+        ``shape``: (samples, joints) at the control rate.
         """
         noise = np.asarray(self.encoder) * stream(seed, ENCODER).standard_normal(shape)
         if np.any(self.coloured):
@@ -100,7 +91,7 @@ class Noise:
         return lfilter([1.0], self.denominator, white, axis=0)[settling:] / self.gain
 
     def quantised(self, q: np.ndarray) -> np.ndarray:
-        """Positions as the encoder's counts tell them [rad or m]."""
+        """Positions as the encoder counts them [rad or m]."""
         if not self.counts:
             return q
         step = 2.0 * np.pi / self.counts
@@ -108,11 +99,6 @@ class Noise:
 
 
 def stream(seed: Seed, number: int) -> np.random.Generator:
-    """One stream of random numbers of a run.
-
-    Args:
-        seed: the run, or (run, study).
-        number: of the stream.
-    """
+    """One stream of random numbers of a run."""
     run, *study = seed if isinstance(seed, tuple) else (seed,)
     return np.random.default_rng((run, number, *study))

@@ -84,24 +84,8 @@ def friction_after(
 ):  # fmt: skip
     """Friction after the travels and at the speeds of two rows of ``vectors``, with slopes.
 
-    Args:
-        linear: see ``FrictionTable``; likewise the next six.
-        term_index: nonlinear terms of speed.
-        term_value: their values.
-        pair_index: couplings.
-        pair_value: their values.
-        path_index: terms of position, path and load.
-        path_value: their values.
-        path: states.
-        at: rows of the states that are written, AHEAD or MIDWAY.
-        vectors: state and scratch, see ``integration``.
-        slopes: slopes and stiffnesses.
-        row: row of ``slopes`` that is written.
-        torque: torques of the drives, shape (joints,).
-        elapsed: time since the positions Q and speeds V [s].
-        travel: row of the travels.
-        speed: row of the speeds.
-        out: row that receives the friction torques.
+    ``torque``: torques of the drives, shape (joints,); ``elapsed``: time since the positions Q and
+    speeds V [s].
     """
     friction_torque(
         linear, term_index, term_value, pair_index, pair_value, vectors, speed, out, slopes, row

@@ -18,15 +18,9 @@ def point_to_point(
     Every move lasts as long as its slowest joint needs at its largest speed; the joints rest for
     ``dwell`` at each posture. After the last posture the robot stays there.
 
-    Args:
-        postures: joint positions to pass, shape (postures, joints) [rad or m].
-        speeds: largest speed of each joint, shape (joints,) [rad/s or m/s].
-        rate: sampling rate [Hz].
-        samples: length of the reference.
-        dwell: rest at each posture [s].
-
-    Returns:
-        q, dq, ddq of the reference, each (samples, joints).
+    ``postures``: joint positions to pass, shape (postures, joints) [rad or m]; ``speeds``: largest
+    speed of each joint, shape (joints,) [rad/s or m/s]; ``dwell``: rest at each posture [s].
+    Result: q, dq, ddq of the reference, each (samples, joints).
     """
     q, dq, ddq = (np.zeros((samples, postures.shape[1])) for _ in range(3))
     t = np.arange(samples) / rate

@@ -1,6 +1,6 @@
 """A record of a robot of one's own, simulated in closed loop, with the parameters it was made with.
 
-Nobody knows the parameters of a real robot. A simulated one has known ones, so that an estimator,
+The parameters of a real robot are unknown. A simulated one has known ones, so that an estimator,
 a motion or a control law can be tried where the answer is given:
 
     reference → control law → τ → robot → q,     q + encoder noise → control law
@@ -118,8 +118,8 @@ def simulate(
     else:
         wanted = _with_derivatives(reference, rate, robot.size)
     noise = Noise(
-        _deviations("encoder", encoder, robot.size),
-        _deviations("torque", torque, robot.size),
+        _spreads("encoder", encoder, robot.size),
+        _spreads("torque", torque, robot.size),
         frequency=rate / 4.0,  # of coloured noise, which there is none of
         rate=rate,
     )
@@ -154,19 +154,8 @@ def loop_motion(
 ) -> Trajectory:
     """The closed loop with given parameters along a reference, from the reference's own start.
 
-    Args:
-        robot: the robot.
-        loop: control law, drive gains, limits and feed-forward.
-        rate: control rate [Hz].
-        reference: q, dq, ddq, each (samples, joints).
-        parameters: heads of base groups; the others are zero.
-        theta: their values, shape (parameters,).
-        controller: a law in place of the loop's, with the gravity that it adds itself.
-        noise: position noise that the control law reads, shape (samples, joints) [rad or m].
-        clip: whether negative friction levels count as zero.
-
-    Raises:
-        SimulationDiverged: names the joint and the time.
+    ``reference``: q, dq, ddq, each (samples, joints); ``noise``: position noise that the control
+    law reads, shape (samples, joints) [rad or m].
     """
     q_ref, dq_ref, _ = reference
     n = robot.size
@@ -231,13 +220,13 @@ def _with_derivatives(reference: np.ndarray, rate: float, joints: int) -> Refere
     return q_ref, dq_ref, np.gradient(dq_ref, 1.0 / rate, axis=0)
 
 
-def _deviations(key: str, value: float | Sequence[float], joints: int) -> tuple[float, ...]:
+def _spreads(key: str, value: float | Sequence[float], joints: int) -> tuple[float, ...]:
     """One standard deviation for each joint."""
-    deviations = np.asarray(value, dtype=float)
-    fits = deviations.ndim == 0 or deviations.shape == (joints,)
-    if not fits or not (np.isfinite(deviations) & (deviations >= 0)).all():
+    spreads = np.asarray(value, dtype=float)
+    fits = spreads.ndim == 0 or spreads.shape == (joints,)
+    if not fits or not (np.isfinite(spreads) & (spreads >= 0)).all():
         raise ExperimentError(
             f"{key} is {value!r}; give the standard deviation of the noise, not negative, as one "
             f"number or as one for each of the {joints} joint(s)"
         )
-    return tuple(np.broadcast_to(deviations, joints).tolist())
+    return tuple(np.broadcast_to(spreads, joints).tolist())

@@ -12,19 +12,12 @@ from pivident.simulation.controllers import TAPS, SampledLaw
 
 @dataclass(frozen=True, eq=False)
 class TransferLaw:
-    """u = [B(z⁻¹)/A(z⁻¹) + K_i h/(1 - z⁻¹)] (q_ref - q), sampled with the period it was found at.
+    """u = [B(z⁻¹)/A(z⁻¹) + K_i h/(1 - z⁻¹)] (q_ref - q), sampled with the period of its fit."""
 
-    Attributes:
-        numerator: B, coefficients of z⁰, z⁻¹, …, shape (joints, TAPS).
-        denominator: A, monic, likewise; stable.
-        ki: integral gains [u per rad s or m s], shape (joints,).
-        rate: sampling rate that the coefficients belong to [Hz].
-    """
-
-    numerator: np.ndarray
-    denominator: np.ndarray
-    ki: np.ndarray
-    rate: float
+    numerator: np.ndarray  # B, coefficients of z⁰, z⁻¹, …, shape (joints, TAPS)
+    denominator: np.ndarray  # A, monic, likewise; stable
+    ki: np.ndarray  # integral gains [u per rad s or m s], shape (joints,)
+    rate: float  # sampling rate that the coefficients belong to [Hz]
 
     def check(self, joints: int) -> None:
         """Refuse a law of another number of joints."""
@@ -34,11 +27,7 @@ class TransferLaw:
             )
 
     def law(self, rate: float, q_ref: np.ndarray, dq_ref: np.ndarray | None) -> SampledLaw:
-        """The law at its own rate; the error is all it sees, so dq_ref is not used.
-
-        Raises:
-            ExperimentError: another rate is asked for.
-        """
+        """The law at its own rate; the error is all it sees, so dq_ref is not used."""
         from scipy.signal import lfilter
 
         if abs(rate - self.rate) > 1e-9 * rate:
@@ -58,9 +47,7 @@ class TransferLaw:
 def split_integrator(numerator: np.ndarray, denominator: np.ndarray) -> tuple[np.ndarray, float]:
     """B/((1 - z⁻¹) A) = B'/A + r/(1 - z⁻¹): B' and the residue r = B(1)/A(1).
 
-    Args:
-        numerator: B, coefficients of z⁰, z⁻¹, ….
-        denominator: A without the integrator, likewise.
+    ``numerator``: B, coefficients of z⁰, z⁻¹, ….
     """
     residue = float(np.sum(numerator) / np.sum(denominator))
     size = max(len(numerator), len(denominator))

@@ -49,12 +49,8 @@ def virtual_pd(
 def nominal_inertia(robot: Robot, posture: np.ndarray) -> np.ndarray:
     """Diagonal of M(posture) at the nominal parameters, one where that is not positive.
 
-    Args:
-        robot: the robot.
-        posture: joint positions [rad or m], shape (joints,).
-
-    Returns:
-        Inertia of each joint [kg m² or kg], shape (joints,).
+    ``posture``: joint positions [rad or m], shape (joints,). Result: inertia of each joint
+    [kg m² or kg], shape (joints,).
     """
     parameters = standard_parameters(robot)
     values = nominal_values(robot, parameters)

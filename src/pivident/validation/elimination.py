@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.estimation.covariance.sandwich import windows_of
+from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
@@ -25,35 +25,20 @@ _NEIGHBOURS = 2.0 / 36.0
 
 @dataclass(frozen=True)
 class Elimination:
-    """One parameter that was left out.
+    """One parameter that was left out."""
 
-    Attributes:
-        name: its name.
-        unit: its unit.
-        round: number of the round, counted from one; a new identification follows each.
-        value: its estimate when it was left out [unit].
-        std: standard deviation of that by the sandwich [unit].
-        statistic: W = (value/std)².
-        p_value: probability of a larger W if the parameter is zero.
-        together: number of parameters left out in this round so far.
-        joint_statistic: W of all of them together.
-        joint_p_value: probability of a larger one if all of them are zero.
-        error_before: relative torque error before [%].
-        error_after: relative torque error after [%].
-    """
-
-    name: str
-    unit: str
-    round: int
-    value: float
-    std: float
-    statistic: float
-    p_value: float
-    together: int
-    joint_statistic: float
-    joint_p_value: float
-    error_before: float
-    error_after: float
+    name: str  # its name
+    unit: str  # its unit
+    round: int  # number of the round, counted from one; a new identification follows each
+    value: float  # its estimate when it was left out [unit]
+    std: float  # standard error of that by the sandwich [unit]
+    statistic: float  # W = (value/std)²
+    p_value: float  # probability of a larger W if the parameter is zero
+    together: int  # number of parameters left out in this round so far
+    joint_statistic: float  # W of all of them together
+    joint_p_value: float  # probability of a larger one if all of them are zero
+    error_before: float  # relative torque error before [%]
+    error_after: float  # relative torque error after [%]
 
     @property
     def relative_std(self) -> float:
@@ -82,10 +67,7 @@ def torque_sums(identification: Identification) -> list[JointSums]:
 def torque_error(sums: Sequence[JointSums], theta: np.ndarray, weights: np.ndarray) -> float:
     """Relative torque error over all joints [%].
 
-    Args:
-        sums: see :func:`torque_sums`.
-        theta: parameters, shape (parameters,).
-        weights: of the joints, shape (joints,).
+    ``weights``: of the joints, shape (joints,).
     """
     error = sum(w * s.residual_sum(theta) for w, s in zip(weights, sums, strict=True))
     total = sum(w * s.tt for w, s in zip(weights, sums, strict=True))
@@ -102,26 +84,18 @@ class EliminationRound:
     """One round of eliminations, foretold from one identification.
 
     Attributes:
-        found: the identification.
-        full: identification of all parameters, for weights.
-        number: of the round.
-        level: of the tests.
-        most: parameters that may go at most.
-        steps: what went.
         kept: indices of what stays.
-        theta: its foretold values; ``std`` their deviations by the sandwich.
-        spared: names kept as the last friction of their joint.
-        stopped: why the round ended.
+        theta: its predicted values; ``std`` their standard errors by the sandwich.
     """
 
-    found: Identification
-    full: Identification
-    number: int
-    level: float
-    most: int
-    steps: list[Elimination] = field(default_factory=list)
-    spared: tuple[str, ...] = ()
-    stopped: str = ""
+    found: Identification  # the identification
+    full: Identification  # identification of all parameters, for weights
+    number: int  # of the round
+    level: float  # of the tests
+    most: int  # parameters that may go at most
+    steps: list[Elimination] = field(default_factory=list)  # what went
+    spared: tuple[str, ...] = ()  # names kept as the last friction of their joint
+    stopped: str = ""  # why the round ended
 
     def __post_init__(self) -> None:
         self.kept = list(range(self.found.theta.size))
@@ -182,7 +156,7 @@ class EliminationRound:
         return self.found.parameters[self.kept[place]]
 
     def _weakest(self) -> tuple[int, float, float] | None:
-        """Place, W and p of the parameter with the largest relative deviation that may go."""
+        """Place, W and p of the parameter with the largest relative standard error that may go."""
         from scipy.stats import f as f_distribution
 
         statistic = (self.theta / self.std) ** 2

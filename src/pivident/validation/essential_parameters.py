@@ -9,12 +9,12 @@ deviation is left out if zero is compatible with it, by the Wald form
 and so on with the next one, until the first rejection. For least squares the second line is the F
 ratio of residual sums; IV does not minimise such a sum, so the Wald form is used for all.
 
-What decides is σ. With r = 200,000 rows of a residual that is not white, formula deviations are
-ten times too small and everything is "significant". σ_i is therefore taken from the sandwich over
-windows of time, with ν its degrees of freedom, and the joint test counts r/d rows, where the
+What decides is σ. With r = 200,000 rows of a residual that is not white, formula standard errors
+are ten times too small and everything is "significant". σ_i is therefore taken from the sandwich
+over windows of time, with ν its degrees of freedom, and the joint test counts r/d rows, where the
 design effect d is the mean ratio of sandwich to formula variances. On the public TX40 record d is
 about 120 with PIV; of 61 parameters there remain the laboratory's 28, give or take two that are
-three deviations large. By formula deviations 58 would remain.
+three standard errors large. By formula standard errors 58 would remain.
 
 Leaving parameters out changes the others by θ₁ - P₁₂ P₂₂⁻¹ θ₂, which needs no new identification;
 one follows after each round, and ends the search when nothing more can go.
@@ -61,7 +61,7 @@ class EssentialParameters:
         identification: of the essential parameters.
         full: of all parameters that the search started from.
         steps: the parameters left out, in order.
-        spared: parameters whose own test would have let them go, but which are the last friction
+        spared: parameters whose own test would have removed them, but which are the last friction
             term of their joint.
         level: of the tests.
         design_effect: d, sandwich over formula variances of the full identification.

@@ -1,7 +1,8 @@
 """The closed loop that an identified model makes with its control law, joint by joint.
 
 J_j is M_jj(q, θ̂) over the postures of the record, so it is a range rather than a number; since M
-is linear in θ its deviation follows from the covariance, and so does that of the bandwidth f_dyn:
+is linear in θ its standard error follows from the covariance, and so does that of the bandwidth
+f_dyn:
 
     J_j(q) = Σ_k θ_k ∂M_jj/∂θ_k,      var f = gᵀ P g,      g = ∂f/∂J ∂J/∂θ + ∂f/∂F_v ∂F_v/∂θ
 
@@ -30,7 +31,7 @@ POSTURES = 300
 #: The low-pass of the positions at so many bandwidths, and what the decimation keeps.
 LOWPASS_FACTOR, DECIMATION_FACTOR = 5.0, 2.0
 
-#: Deviations on each side of an interval.
+#: Standard errors on each side of an interval.
 _HALF = 2.0
 
 #: Inertias between lowest and highest at which a band is evaluated.
@@ -42,21 +43,14 @@ _VISCOUS = ("fv", "fvm")
 
 @dataclass(frozen=True, eq=False)
 class InertiaRange:
-    """Inertia of one joint over the postures of a record, M_jj.
+    """Inertia of one joint over the postures of a record, M_jj."""
 
-    Attributes:
-        lowest: smallest [kg m² or kg].
-        mean: mean over the postures.
-        highest: largest.
-        std: deviation of each of the three, from the covariance of the estimate, shape (3,).
-        slope: ∂(mean)/∂θ, shape (parameters,).
-    """
-
-    lowest: float
-    mean: float
-    highest: float
+    lowest: float  # smallest [kg m² or kg]
+    mean: float  # mean over the postures
+    highest: float  # largest
+    #: Standard error of each of the three, from the covariance of the estimate, shape (3,).
     std: np.ndarray
-    slope: np.ndarray
+    slope: np.ndarray  # ∂(mean)/∂θ, shape (parameters,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,9 +62,9 @@ class IdentifiedJointLoop:
         inertia_unit: kg m² or kg.
         inertia: over the postures of the record.
         viscous: F_v [N m s/rad or N s/m], at least zero.
-        viscous_std: its deviation.
+        viscous_std: its standard error.
         loop: at the mean inertia; None: there is none that could be drawn.
-        bandwidth_std: deviation of its bandwidth from the covariance [Hz].
+        bandwidth_std: standard error of its bandwidth from the covariance [Hz].
         slowest: bandwidth at the largest inertia less 2σ of the parameters [Hz].
         fastest: bandwidth at the smallest inertia plus 2σ [Hz].
         reason: why there is no loop or no bandwidth, a sentence; empty where there is one.
@@ -162,11 +156,7 @@ def identified_loop(identification: Identification) -> IdentifiedLoop | None:
 
 
 def inertia_ranges(identification: Identification) -> tuple[InertiaRange, ...]:
-    """M_jj of every joint over the postures of the fitted recordings, with deviations.
-
-    Args:
-        identification: the result, with its recordings.
-    """
+    """M_jj of every joint over the postures of the fitted recordings, with standard errors."""
     postures = np.concatenate([r.q for r in identification.recordings])
     chosen = np.linspace(0, len(postures) - 1, min(POSTURES, len(postures))).round().astype(int)
     postures = np.ascontiguousarray(postures[chosen])
@@ -287,11 +277,8 @@ def _notes(identification: Identification) -> tuple[str, ...]:
 def disagreement(used: float, wanted: float, spread: float = 0.0, tolerance: float = 1.5) -> int:
     """-1 where a frequency is clearly lower than a rule of thumb wants, 1 clearly higher, else 0.
 
-    Args:
-        used: frequency that was used [Hz].
-        wanted: frequency of the rule [Hz].
-        spread: half the interval of that [Hz]; nothing within it is clear.
-        tolerance: factor within which they agree.
+    ``used``: frequency that was used [Hz]; ``wanted``: frequency of the rule [Hz]; ``spread``: half
+    the interval of that [Hz]; nothing within it is clear.
     """
     if used * tolerance < wanted - spread:
         return -1
@@ -303,13 +290,8 @@ def too_slow_smoothers(
 ) -> list[tuple[str, float, float]]:
     """Joints whose smoother takes more than a thousandth of the motion up to f_dyn.
 
-    Args:
-        loop: the identified loops.
-        f50: half-power frequencies of the smoothers [Hz], one per joint; NaN without one.
-        order: order of the random walk.
-
-    Returns:
-        Name, f50 and the f50 that (A13) wants [Hz].
+    ``f50``: half-power frequencies of the smoothers [Hz], one per joint; NaN without one. Result:
+    name, f50 and the f50 that (A13) wants [Hz].
     """
     from pivident.signals.random_walk_model import required_f50
 

@@ -2,9 +2,10 @@
 
     ρ_ik = P_ik / (σ_i σ_k)
 
-near ±1 says that the motion tells only a sum or a difference of the two; a motion that moves them
-apart makes both certain. For the map, parameters are put next to those that they are correlated
-with: the order of the leaves of a tree that joins the nearest first, by the distance 1 - |ρ|.
+near ±1 says that the motion determines only a sum or a difference of the two; a motion that moves
+them apart makes both certain. For the map, parameters are put next to those that they are
+correlated with: the order of the leaves of a tree that joins the nearest first, by the distance 1 -
+|ρ|.
 """
 
 from __future__ import annotations
@@ -15,21 +16,16 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 
-#: From here on two parameters count as hardly told apart.
+#: From here on two parameters count as hardly distinguishable.
 STRONG_CORRELATION = 0.9
 
 
 @dataclass(frozen=True, eq=False)
 class ParameterCorrelation:
-    """Correlations of the estimates.
+    """Correlations of the estimates."""
 
-    Attributes:
-        names: parameters in the order of the map.
-        matrix: ρ in that order, shape (parameters, parameters).
-    """
-
-    names: tuple[str, ...]
-    matrix: np.ndarray
+    names: tuple[str, ...]  # parameters in the order of the map
+    matrix: np.ndarray  # ρ in that order, shape (parameters, parameters)
 
     def largest(self, count: int) -> list[tuple[str, str, float]]:
         """The pairs of the largest |ρ|, the largest first."""
@@ -47,12 +43,8 @@ class ParameterCorrelation:
 def parameter_correlation(identification: Identification) -> ParameterCorrelation | None:
     """Correlations by the covariance of the estimate, ordered for a map.
 
-    Args:
-        identification: the result.
-
-    Returns:
-        The correlations of the parameters whose variance is known and not zero; None where fewer
-        than two are.
+    Result: the correlations of the parameters whose variance is known and not zero; None where
+    fewer than two are.
     """
     std = identification.std
     kept = np.flatnonzero(np.isfinite(std) & (std > 0.0))

@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import WINDOWS
+from pivident.estimation.covariance.windows import WINDOWS
 from pivident.validation.instruments.moment_sums import kept_equations
 
 if TYPE_CHECKING:
@@ -46,30 +46,20 @@ MAX_RHO = 0.97
 
 @dataclass(frozen=True, eq=False)
 class Scores:
-    """Scores of an estimate in their order.
+    """Scores of an estimate in their order."""
 
-    Attributes:
-        records: of each record, shape (rows, parameters); rows that are not used are zero.
-        bread: ZᵀΦ, shape (parameters, parameters).
-        white: Σ s_t s_tᵀ over samples.
-        white_hc3: the same with ε/(1 - h), h the leverage of its row.
-        thinning: samples summed into one row.
-    """
-
+    #: Of each record, shape (rows, parameters); rows that are not used are zero.
     records: tuple[np.ndarray, ...]
-    bread: np.ndarray
-    white: np.ndarray
-    white_hc3: np.ndarray
-    thinning: int = 1
+    bread: np.ndarray  # ZᵀΦ, shape (parameters, parameters)
+    white: np.ndarray  # Σ s_t s_tᵀ over samples
+    white_hc3: np.ndarray  # the same with ε/(1 - h), h the leverage of its row
+    thinning: int = 1  # samples summed into one row
 
     @classmethod
     def from_rows(cls, phi: np.ndarray, z: np.ndarray, residual: np.ndarray) -> Scores:
         """Scores of one record whose rows are all there, for estimators of your own.
 
-        Args:
-            phi: regressors, shape (samples, parameters).
-            z: instruments, likewise.
-            residual: τ - Φθ, shape (samples,).
+        ``phi``: regressors, shape (samples, parameters).
         """
         bread = z.T @ phi
         leverage = np.sum(phi * np.linalg.solve(bread, z.T).T, axis=1)
@@ -83,11 +73,7 @@ class Scores:
         return sum(len(s) for s in self.records)
 
     def covariance(self, meat: np.ndarray) -> np.ndarray:
-        """(ZᵀΦ)⁻¹ S (ΦᵀZ)⁻¹, shape (parameters, parameters).
-
-        Args:
-            meat: S.
-        """
+        """(ZᵀΦ)⁻¹ S (ΦᵀZ)⁻¹, shape (parameters, parameters)."""
         scale = np.sqrt(np.maximum(np.abs(np.diag(self.bread)), 1e-300))
         outer = np.outer(scale, scale)
         inverse = np.linalg.inv(self.bread / outer)
@@ -95,14 +81,7 @@ class Scores:
 
 
 def scores_of(identification: Identification) -> Scores:
-    """Scores of the equations that an identification solved last, in two passes over its records.
-
-    Args:
-        identification: the result.
-
-    Raises:
-        IdentificationError: its equations were not kept.
-    """
+    """Scores of the equations that an identification solved last, in two passes over its data."""
     equations, theta = kept_equations(identification), identification.theta
     size, lengths = equations.size, equations.lengths
     thinning = max(1, -(-sum(lengths) // MAX_ROWS))
@@ -138,12 +117,7 @@ def _block_scores(
 
 
 def taper_of(kind: Taper, length: int) -> np.ndarray:
-    """Weights of a window, shape (length,).
-
-    Args:
-        kind: ``flat`` makes Bartlett's kernel, ``raised cosine`` one that does not leak.
-        length: number of rows.
-    """
+    """Weights of a window, shape (length,)."""
     if kind == "flat":
         return np.ones(length)
     phase = (np.arange(length) + 0.5) / length
@@ -153,12 +127,7 @@ def taper_of(kind: Taper, length: int) -> np.ndarray:
 def tapered_sums(scores: np.ndarray, taper: np.ndarray) -> np.ndarray:
     """Y_k = Σ_t w_{t-k} s_t at all positions that touch the record.
 
-    Args:
-        scores: shape (rows, parameters).
-        taper: w, shape (length,).
-
-    Returns:
-        Sums, shape (rows + length - 1, parameters).
+    ``scores``: shape (rows, parameters); ``taper``: w, shape (length,).
     """
     from scipy.signal import oaconvolve
 
@@ -168,10 +137,7 @@ def tapered_sums(scores: np.ndarray, taper: np.ndarray) -> np.ndarray:
 def long_run_sum(records: Sequence[np.ndarray], length: int, taper: Taper = "flat") -> np.ndarray:
     """S of all records, shape (parameters, parameters).
 
-    Args:
-        records: scores of each, shape (rows, parameters).
-        length: of the window in rows; Newey-West of L lags is ``flat`` of L + 1.
-        taper: shape of the window.
+    ``records``: scores of each, shape (rows, parameters).
     """
     weights = taper_of(taper, max(length, 1))
     total = np.zeros((records[0].shape[1],) * 2)
@@ -182,12 +148,7 @@ def long_run_sum(records: Sequence[np.ndarray], length: int, taper: Taper = "fla
 
 
 def newey_west(scores: Scores, lags: int) -> np.ndarray:
-    """Covariance of Newey and West (1987), (E3), shape (parameters, parameters).
-
-    Args:
-        scores: of the estimate.
-        lags: L in rows.
-    """
+    """Covariance of Newey and West (1987), (E3), shape (parameters, parameters)."""
     return scores.covariance(long_run_sum(scores.records, lags + 1))
 
 
@@ -195,9 +156,6 @@ def andrews_lags(scores: Scores) -> int:
     """L of Bartlett's kernel by the AR(1) plug-in of Andrews (1991), in rows.
 
     1.1447 (α n)^(1/3), α = Σ_i 4ρ²σ⁴/((1-ρ)⁶(1+ρ)²) / Σ_i σ⁴/(1-ρ)⁴, with scores of unit variance.
-
-    Args:
-        scores: of the estimate.
     """
     values = np.concatenate(scores.records)
     values = values / np.maximum(values.std(axis=0), 1e-300)
@@ -211,25 +169,16 @@ def andrews_lags(scores: Scores) -> int:
 
 
 def window_lags(scores: Scores) -> int:
-    """Length of the sandwich's windows in rows, two of their spacings.
-
-    Args:
-        scores: of the estimate.
-    """
+    """Length of the sandwich's windows in rows, two of their spacings."""
     return max(1, 2 * scores.rows // (WINDOWS - 1))
 
 
 @dataclass(frozen=True, eq=False)
 class BlockBootstrap:
-    """Estimates from resampled blocks of scores.
+    """Estimates from resampled blocks of scores."""
 
-    Attributes:
-        steps: θ* - θ of each draw, shape (draws, parameters).
-        length: of a block in rows.
-    """
-
-    steps: np.ndarray
-    length: int
+    steps: np.ndarray  # θ* - θ of each draw, shape (draws, parameters)
+    length: int  # of a block in rows
 
     @property
     def covariance(self) -> np.ndarray:
@@ -237,12 +186,7 @@ class BlockBootstrap:
         return self.steps.T @ self.steps / len(self.steps)
 
     def interval(self, theta: np.ndarray, level: float = 0.954) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper ends of the intervals by the draws' quantiles, each (parameters,).
-
-        Args:
-            theta: the estimate.
-            level: probability of the interval.
-        """
+        """Lower and upper ends of the intervals by the draws' quantiles, each (parameters,)."""
         low, high = np.quantile(self.steps, [(1 - level) / 2, (1 + level) / 2], axis=0)
         return theta - high, theta - low
 
@@ -256,18 +200,8 @@ def block_bootstrap(
 ) -> BlockBootstrap:
     """Moving block bootstrap of the scores in one step, θ* = θ + (ZᵀΦ)⁻¹ Σ s*.
 
-    Blocks begin anywhere and are drawn with replacement (Künsch 1989), tapered unless told
+    Blocks begin anywhere and are drawn with replacement (Künsch 1989), tapered unless set
     otherwise (Paparoditis and Politis 2001). Nothing is simulated again.
-
-    Args:
-        scores: of the estimate.
-        length: of a block in rows.
-        draws: number of resampled records.
-        seed: of the draws.
-        taper: shape of the blocks.
-
-    Raises:
-        IdentificationError: a block is longer than the shortest record.
     """
     shortest = min(len(s) for s in scores.records)
     if not 1 <= length <= shortest:
@@ -291,46 +225,27 @@ def block_bootstrap(
 
 @dataclass(frozen=True, eq=False)
 class RobustCovariances:
-    """Covariances of one estimate under different beliefs about its residual.
+    """Covariances of one estimate under different beliefs about its residual."""
 
-    Attributes:
-        names: names of the parameters.
-        formula: (ΣZᵀZ/λ)⁻¹, for white residuals, shape (parameters, parameters).
-        white: White's HC0: uncorrelated residuals of any variance; joints may be correlated.
-        white_hc3: HC3, which frees residuals of their leverage.
-        newey_west: correlation over up to ``lags``, flat windows.
-        smooth: the same by windows without edges.
-        bootstrap: by resampled blocks as long as those windows.
-        windows: the estimate's own sandwich, a jackknife over smooth windows: the one to use.
-        lags: lags of Newey-West [samples].
-        andrews_lags: what Andrews' AR(1) plug-in asks for [samples].
-    """
-
-    names: tuple[str, ...]
-    formula: np.ndarray
+    names: tuple[str, ...]  # names of the parameters
+    formula: np.ndarray  # (ΣZᵀZ/λ)⁻¹, for white residuals, shape (parameters, parameters)
+    #: White's HC0: uncorrelated residuals of any variance; joints may be correlated.
     white: np.ndarray
-    white_hc3: np.ndarray
-    newey_west: np.ndarray
-    smooth: np.ndarray
-    bootstrap: np.ndarray
+    white_hc3: np.ndarray  # HC3, which frees residuals of their leverage
+    newey_west: np.ndarray  # correlation over up to ``lags``, flat windows
+    smooth: np.ndarray  # the same by windows without edges
+    bootstrap: np.ndarray  # by resampled blocks as long as those windows
+    #: The estimate's own sandwich, a jackknife over smooth windows: the one to use.
     windows: np.ndarray
-    lags: int
-    andrews_lags: int
+    lags: int  # lags of Newey-West [samples]
+    andrews_lags: int  # what Andrews' AR(1) plug-in asks for [samples]
 
     def std(self, estimate: CovarianceEstimate = "windows") -> np.ndarray:
-        """Standard deviations, shape (parameters,) [unit of each].
-
-        Args:
-            estimate: name of a covariance.
-        """
+        """Standard errors, shape (parameters,) [unit of each]."""
         return np.sqrt(np.diag(getattr(self, estimate)))
 
     def ratio(self, estimate: CovarianceEstimate) -> float:
-        """Deviations over those of the windows, geometric mean over the parameters.
-
-        Args:
-            estimate: name of a covariance.
-        """
+        """Standard errors over those of the windows, geometric mean over the parameters."""
         return float(np.exp(np.mean(np.log(self.std(estimate) / self.std()))))
 
     def __str__(self) -> str:
@@ -342,7 +257,7 @@ class RobustCovariances:
             ("bootstrap", "block bootstrap"),
         )
         parts = ", ".join(f"{words} {self.ratio(name):.2f}" for name, words in others)
-        return f"Deviations relative to the jackknife over windows of time: {parts}."
+        return f"Standard errors relative to the jackknife over windows of time: {parts}."
 
 
 def robust_covariances(
@@ -350,14 +265,7 @@ def robust_covariances(
 ) -> RobustCovariances:
     """All robust covariances of an identification.
 
-    Args:
-        identification: the result.
-        lags: of Newey-West [samples]; None: those of the sandwich's windows, or Andrews' if more.
-        draws: of the bootstrap.
-        seed: of the bootstrap.
-
-    Raises:
-        IdentificationError: its equations were not kept.
+    ``lags``: of Newey-West [samples]; None: those of the sandwich's windows, or Andrews' if more.
     """
     scores = scores_of(identification)
     andrews = andrews_lags(scores)

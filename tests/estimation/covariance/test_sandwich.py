@@ -6,7 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.signal import lfilter
 
-from pivident.estimation.covariance.sandwich import OVERLAP, sandwich, windows_of
+from pivident.estimation.covariance.sandwich import sandwich
+from pivident.estimation.covariance.windows import OVERLAP, windows_of
 from pivident.estimation.normal_equations import JointSums, solve
 
 

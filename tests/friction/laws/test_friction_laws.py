@@ -10,11 +10,11 @@ from pivident.dynamics.friction import friction_columns
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identify import build_regression, identify
-from pivident.estimation.inner_signals import packed_stretch, with_inner
+from pivident.estimation.iteration import MAX_PASSES
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.least_squares import least_squares_on
-from pivident.estimation.load_dependence import MAX_PASSES
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
+from pivident.estimation.motion import packed_stretch, with_inner
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.robot.friction import FrictionLaw

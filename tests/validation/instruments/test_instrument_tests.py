@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import OVERLAP, windows_of
+from pivident.estimation.covariance.windows import OVERLAP, windows_of
 from pivident.estimation.identify import identify
 from pivident.experiment.simulated_tx40 import tx40_scenario
 from pivident.validation.instruments.instrument_tests import instrument_tests
@@ -187,7 +187,7 @@ class TestOnAnIdentification:
         assert tests.overidentification.further == "reference"
         assert tests.overidentification.directions > 20
         assert not tests.overidentification.rejects
-        assert tests.exogeneity.deviations.shape == (28,)
+        assert tests.exogeneity.z_values.shape == (28,)
         words = str(tests)
         assert "Relevance" in words and "Hausman" in words and "Φ(q_ref)" in words
         assert instrument_tests(found, "delayed").overidentification.further == "delayed"

@@ -24,15 +24,15 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.inner_signals import packed_stretch
 from pivident.estimation.methods import MOTION_BAND
+from pivident.estimation.motion import packed_stretch
 from pivident.estimation.normal_equations import JointSums
 from pivident.signals.lagged_sums import lagged_products
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 
 #: Longest lag of the autocovariance [s]: ten periods of the highest frequency of the motion. With
-#: half of it the scenario *loop* gets deviations 8 % too large, with four times nothing changes.
+#: half of it the scenario *loop* gets standard errors 8 % too large, with four times the same.
 MAX_LAG = 10.0 / MOTION_BAND
 
 #: Fewest lags of it, for slow logs.
@@ -62,13 +62,7 @@ def stationary_covariance(
 ) -> np.ndarray:
     """Covariance of the estimate, shape (parameters, parameters).
 
-    Args:
-        regressor: the observation matrix.
-        records: recordings with instruments.
-        filters: prefilter of each joint.
-        sums: normal equations, one per joint.
-        variance: λ of each joint, shape (joints,).
-        residuals: filtered residuals of each recording over √λ, shape (joints, samples).
+    ``residuals``: filtered residuals of each recording over √λ, shape (joints, samples).
     """
     size = len(regressor.parameters)
     gradient = np.zeros((size, size))
@@ -91,15 +85,9 @@ def score_variance(
 ) -> np.ndarray:
     """V, the variance of the scores Σ_j Zᵀε_j/λ_j, shape (parameters, parameters).
 
-    Args:
-        regressor: the observation matrix.
-        records: recordings with instruments.
-        filters: prefilter of each joint.
-        sums: normal equations, one per joint.
-        variance: λ of each joint, shape (joints,).
-        residuals: filtered residuals of each recording over √λ, shape (joints, samples).
-        metric: covariance of the estimate by its weights, shape (parameters, parameters): gives
-            the share h(ω) of the noise that the estimate took.
+    ``residuals``: filtered residuals of each recording over √λ, shape (joints, samples);
+    ``metric``: covariance of the estimate by its weights, shape (parameters, parameters): gives the
+    share h(ω) of the noise that the estimate took.
     """
     spectra = _spectra(records, sums, metric)
     for record, residual in zip(records, residuals, strict=True):
@@ -139,10 +127,7 @@ def _spectra(
 class JointSpectra:
     """What V of one joint needs, summed over stretches of the records.
 
-    Args:
-        metric: the joint's part of G⁻¹, shape (k, k).
-        longest: samples of the longest stretch.
-        lags: number of lags of the autocovariance.
+    ``metric``: the joint's part of G⁻¹, shape (k, k).
     """
 
     def __init__(self, metric: np.ndarray, longest: int, lags: int) -> None:
@@ -159,10 +144,7 @@ class JointSpectra:
     def add(self, z: np.ndarray, residual: np.ndarray, used: np.ndarray) -> None:
         """Add a stretch; all that is not used is zero.
 
-        Args:
-            z: filtered instruments, shape (k, samples).
-            residual: filtered residual, shape (samples,).
-            used: one where a sample is used, likewise.
+        ``z``: filtered instruments, shape (k, samples).
         """
         from scipy.fft import irfft, rfft
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.inner_signals import with_inner
+from pivident.estimation.motion import with_inner
 from pivident.friction.laws.filtered_rows import LastPass
 from pivident.friction.laws.shape_constants import ShapeConstant, shape_constants
 from pivident.friction.laws.variable_projection import least_norm_solution

@@ -20,7 +20,7 @@ import numpy as np
 from pivident.dynamics.parameters import Parameter, standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
-from pivident.estimation.covariance.sandwich import windows_of
+from pivident.estimation.covariance.windows import windows_of
 from pivident.estimation.normal_equations import JointSums
 from pivident.friction.laws.filtered_rows import LastPass
 from pivident.friction.laws.shape_constants import GAMMA, ShapeConstant, with_shapes

@@ -29,7 +29,7 @@ from pivident.simulation.controllers import Controller
 from pivident.simulation.counted_law import counted
 from pivident.simulation.excitation import FourierSeries
 from pivident.simulation.feed_forward import with_measured_gravity
-from pivident.simulation.noise import Deviation, Noise, stream
+from pivident.simulation.noise import Noise, Spread, stream
 from pivident.simulation.simulated_record import loop_motion
 
 #: Random stream of the starts, beside those of the noise.
@@ -296,7 +296,7 @@ class Bench:
             ) from None
 
 
-def _noise_std(key: str, value: Any, joints: int) -> Deviation:
+def _deviation(key: str, value: Any, joints: int) -> Spread:
     """One number for all joints, or a tuple."""
     if np.ndim(value) == 0:
         return float(value)

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.simulated_motion import central_differences
+from pivident.estimation.motion import central_differences
 from pivident.many.study.bench import Bench
 from pivident.simulation.controllers import inverse_controller
 

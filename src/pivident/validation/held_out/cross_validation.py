@@ -44,25 +44,17 @@ Kind = Literal["folds", "second recording", "training only"]
 
 @dataclass(frozen=True, eq=False)
 class HeldOut:
-    """One stretch that was not fitted, and how it was predicted.
+    """One stretch that was not fitted, and how it was predicted."""
 
-    Attributes:
-        recording: name of the recording.
-        start: time at which the stretch begins [s].
-        stop: time at which it ends [s].
-        identification: the fit that did not know it; None where that failed.
-        prediction: torque errors, likewise.
-        replay: errors of the simulated loop; None without a loop, or where it failed.
-        failure: what went wrong, empty if nothing did.
-    """
-
-    recording: str
-    start: float
-    stop: float
+    recording: str  # name of the recording
+    start: float  # time at which the stretch begins [s]
+    stop: float  # time at which it ends [s]
+    #: The fit that did not know it; None where that failed.
     identification: Identification | None = None
-    prediction: PredictionError | None = None
+    prediction: PredictionError | None = None  # torque errors, likewise
+    #: Errors of the simulated loop; None without a loop, or where it failed.
     replay: ReplayError | None = None
-    failure: str = ""
+    failure: str = ""  # what went wrong, empty if nothing did
 
 
 @dataclass(frozen=True, eq=False)
@@ -322,7 +314,7 @@ def _replay_notes(problem: Problem) -> tuple[str, ...]:
     if problem.loop is not None and problem.loop.reference == "smoothed":
         return (
             "The replayed loop is virtual: its reference is the measured motion itself, so its "
-            "position error tells nothing about the estimate, and its torque error little.",
+            "position error says nothing about the estimate, and its torque error little.",
         )
     return ()
 

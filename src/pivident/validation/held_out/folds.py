@@ -1,6 +1,6 @@
 """Contiguous blocks of a record that are held out, and what is left to fit.
 
-Neighbouring samples of a motion tell almost the same, so single samples cannot be held out: whole
+Neighbouring samples of a motion are almost the same, so single samples cannot be held out: whole
 blocks are, with a gap on either side over which noise and model error forget each other. The rest
 is cut into recordings of its own. Filters, smoothers and simulated loops start anew in each, so
 that nothing of a held-out block reaches the fit: neither its torques nor its positions.
@@ -26,17 +26,11 @@ MIN_SAMPLES = 300
 
 @dataclass(frozen=True)
 class Piece:
-    """A stretch of one recording.
+    """A stretch of one recording."""
 
-    Attributes:
-        recording: its number.
-        start: first sample.
-        stop: one past the last.
-    """
-
-    recording: int
-    start: int
-    stop: int
+    recording: int  # its number
+    start: int  # first sample
+    stop: int  # one past the last
 
     @property
     def span(self) -> slice:
@@ -46,25 +40,15 @@ class Piece:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """One division of the records.
+    """One division of the records."""
 
-    Attributes:
-        held_out: the block to be judged on; several pieces where it runs over the end of a
-            recording.
-        fitted: the parts to fit.
-    """
-
+    #: The block to be judged on; several pieces where it runs over the end of a recording.
     held_out: tuple[Piece, ...]
-    fitted: tuple[Recording, ...]
+    fitted: tuple[Recording, ...]  # the parts to fit
 
 
 def moving_part(problem: Problem, kinematics: Kinematics) -> tuple[int, int]:
-    """Samples from the first to the last motion of any joint: (start, stop).
-
-    Args:
-        problem: says which speed passes for standstill.
-        kinematics: smoothed motion of one recording.
-    """
+    """Samples from the first to the last motion of any joint: (start, stop)."""
     limits = problem.low_speeds(kinematics.recording)
     moving = np.flatnonzero((np.abs(kinematics.dq) > limits[:, None]).any(axis=0))
     if not moving.size:
@@ -80,14 +64,8 @@ def contiguous_folds(
 ) -> list[Fold]:
     """Cut the motion of all recordings, one after the other, into blocks of equal length.
 
-    Args:
-        recordings: the runs.
-        moving: the part (start, stop) of each that is shared out.
-        count: number of folds, two at least.
-        gap: left out on either side of a held-out block [s].
-
-    Raises:
-        ExperimentError: fewer than two folds, a negative gap, or too short a motion.
+    ``moving``: the part (start, stop) of each that is shared out; ``gap``: left out on either side
+    of a held-out block [s].
     """
     if count < 2:
         raise ExperimentError(f"folds is {count}; at least 2 are needed")

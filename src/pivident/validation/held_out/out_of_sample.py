@@ -39,21 +39,15 @@ MIN_STRETCHES = 3
 
 @dataclass(frozen=True)
 class Ratio:
-    """Prediction error of one method over that of another, on the same stretches.
+    """Prediction error of one method over that of another, on the same stretches."""
 
-    Attributes:
-        value: over all stretches.
-        low: lower end of its 95 % interval, from the stretches; NaN with fewer than three.
-        high: upper end.
-    """
-
-    value: float
-    low: float
-    high: float
+    value: float  # over all stretches
+    low: float  # lower end of its 95 % interval, from the stretches; NaN with fewer than three
+    high: float  # upper end
 
     @property
     def could_be_chance(self) -> bool:
-        """Whether the interval of the difference contains zero; without one nobody knows."""
+        """Whether the interval of the difference contains zero; unknown without one."""
         return self.low <= 1.0 <= self.high
 
     @property
@@ -70,29 +64,17 @@ class Ratio:
 
 @dataclass(frozen=True, eq=False)
 class OutOfSample:
-    """Methods compared on motion that none was fitted to.
+    """Methods compared on motion that none was fitted to."""
 
-    Attributes:
-        results: cross-validation of each method by its short name.
-        failures: error of the methods that failed, likewise.
-        best: name of the one with the smallest held-out torque error in the motion's band.
-        recommended: name of the one whose estimate to take.
-        piv: name of the prefiltered method, empty without one.
-        iv: name of the best plain instrumental variable method, empty without one.
-        piv_over_iv: their errors' ratio, None without both.
-        causes: why PIV is likely to be worse, where it is, each with its number.
-        apart: parameters in which PIV and IV contradict each other, a sentence; empty where they
-            do not.
-    """
-
-    results: dict[str, CrossValidation]
-    failures: dict[str, str]
-    best: str
-    recommended: str
-    piv: str = ""
-    iv: str = ""
-    piv_over_iv: Ratio | None = None
-    causes: tuple[str, ...] = ()
+    results: dict[str, CrossValidation]  # cross-validation of each method by its short name
+    failures: dict[str, str]  # error of the methods that failed, likewise
+    best: str  # name of the one with the smallest held-out torque error in the motion's band
+    recommended: str  # name of the one whose estimate to take
+    piv: str = ""  # name of the prefiltered method, empty without one
+    iv: str = ""  # name of the best plain instrumental variable method, empty without one
+    piv_over_iv: Ratio | None = None  # their errors' ratio, None without both
+    causes: tuple[str, ...] = ()  # why PIV is likely to be worse, where it is, each with its number
+    #: Parameters in which PIV and IV contradict each other, a sentence; empty where they do not.
     apart: str = ""
 
     @property
@@ -211,18 +193,7 @@ def compare_out_of_sample(
 ) -> OutOfSample:
     """Cross-validate several methods on the same stretches and say which estimate to take.
 
-    Args:
-        problem: what is given.
-        methods: names, or methods by a short name.
-        folds: see ``cross_validate``; likewise ``gap`` and ``recording``.
-        gap: left out on either side of a block [s].
-        recording: one or several recordings to be judged on.
-        identifications: fits to all of the problem that are there already, by short name.
-        progress: called with one line at each stage.
-
-    Raises:
-        ExperimentError: no method.
-        IdentificationError: every method fails.
+    ``gap``: left out on either side of a block [s].
     """
     chosen = dict(methods) if isinstance(methods, Mapping) else {m: METHODS[m] for m in methods}
     if not chosen:
@@ -278,9 +249,6 @@ def is_worse(ratio: Ratio) -> bool:
     """Whether an error is larger than another by more than is tolerated and than chance makes.
 
     Where one or two stretches give no interval, the difference itself has to do.
-
-    Args:
-        ratio: of the two errors.
     """
     return ratio.value > TOLERATED and not ratio.could_be_chance
 
@@ -306,12 +274,7 @@ def error_ratio(a: CrossValidation, b: CrossValidation) -> Ratio:
 
 
 def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
-    """Why the prefilter may be at fault, the most likely cause first.
-
-    Args:
-        piv: cross-validation of the prefiltered method.
-        iv: of the plain one.
-    """
+    """Why the prefilter may be at fault, the most likely cause first."""
     found, causes = piv.identification, []
     if not found.converged:
         causes.append(f"It has not converged in {found.iterations} iterations.")
@@ -339,7 +302,7 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
 
 
 def _contradictions(a: Identification, b: Identification) -> str:
-    """The parameters in which two estimates contradict each other most, by robust deviations."""
+    """The parameters in which two estimates differ most, by robust standard errors."""
     spread = np.hypot(a.robust_std, b.robust_std)
     distance = np.abs(a.theta - b.theta) / np.maximum(spread, 1e-300)
     most = [k for k in np.argsort(-distance)[:3] if distance[k] > CONTRADICTION]

@@ -40,31 +40,19 @@ class Predictor(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class PredictionError:
-    """Torque errors of all joints over some samples; arrays (joints,).
+    """Torque errors of all joints over some samples; arrays (joints,)."""
 
-    Attributes:
-        joint_names: names of the joints.
-        units: N m or N.
-        rms: rms error, all frequencies [unit].
-        torque: rms of the measured torque, all frequencies [unit].
-        rms_in_band: rms error below ``band`` [unit].
-        torque_in_band: rms of the measured torque below ``band`` [unit].
-        noise_in_band: the part of ``rms_in_band`` that the noise level just beyond the band would
-            give, continued to zero frequency [unit]; an upper bound where model error reaches
-            beyond the band.
-        band: highest frequency of the motion [Hz].
-        samples: number of samples.
-    """
-
-    joint_names: tuple[str, ...]
-    units: tuple[str, ...]
-    rms: np.ndarray
-    torque: np.ndarray
-    rms_in_band: np.ndarray
-    torque_in_band: np.ndarray
+    joint_names: tuple[str, ...]  # names of the joints
+    units: tuple[str, ...]  # N m or N
+    rms: np.ndarray  # rms error, all frequencies [unit]
+    torque: np.ndarray  # rms of the measured torque, all frequencies [unit]
+    rms_in_band: np.ndarray  # rms error below ``band`` [unit]
+    torque_in_band: np.ndarray  # rms of the measured torque below ``band`` [unit]
+    #: The part of ``rms_in_band`` that the noise level just beyond the band would give, continued
+    #: to zero frequency [unit]; an upper bound where model error reaches beyond the band.
     noise_in_band: np.ndarray
-    band: float
-    samples: int
+    band: float  # highest frequency of the motion [Hz]
+    samples: int  # number of samples
 
     @property
     def relative(self) -> np.ndarray:
@@ -90,10 +78,7 @@ class PredictionError:
 def total_error(rms: np.ndarray, size: np.ndarray, units: Sequence[str]) -> float:
     """‖e‖/‖τ‖ over all joints [%]; where units are mixed, the rms of the joints' own ratios.
 
-    Args:
-        rms: of the errors, shape (joints,).
-        size: rms of what they are errors of, likewise.
-        units: of the joints.
+    ``rms``: of the errors, shape (joints,).
     """
     if len(set(units)) == 1:
         return 100.0 * float(np.linalg.norm(rms) / max(float(np.linalg.norm(size)), 1e-300))
@@ -122,9 +107,7 @@ def motion_band(recording: Recording) -> float:
 class Judge:
     """Measured motion and torque of one recording.
 
-    Args:
-        recording: the run.
-        band: highest frequency of the motion [Hz]; None: see :func:`motion_band`.
+    ``band``: highest frequency of the motion [Hz]; None: see :func:`motion_band`.
     """
 
     def __init__(self, recording: Recording, band: float | None = None) -> None:
@@ -143,12 +126,7 @@ class Judge:
         return k.tau.T - found.predict(k.q.T, k.dq.T, k.ddq.T)
 
     def score(self, found: Predictor, spans: Sequence[slice]) -> list[PredictionError]:
-        """Errors of an estimate on stretches of the recording.
-
-        Args:
-            found: the estimate.
-            spans: samples of the recording; ends that the smoother spoils are left out.
-        """
+        """Errors of an estimate on stretches of the recording."""
         residual = self.residual(found)
         low = butterworth(residual, self.recording.rate, self.band)
         return [self._one(found, residual, low, self._usable(span)) for span in spans]
@@ -177,10 +155,7 @@ class Judge:
 def level_beyond(x: np.ndarray, rate: float, band: float) -> np.ndarray:
     """Mean power density of x between band and 1.5 band, shape (joints,) [unit²/Hz].
 
-    Args:
-        x: shape (samples, joints).
-        rate: sampling rate [Hz].
-        band: highest frequency of the motion [Hz].
+    ``x``: shape (samples, joints); ``band``: highest frequency of the motion [Hz].
     """
     from scipy.signal import periodogram
 

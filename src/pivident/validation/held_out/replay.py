@@ -14,33 +14,23 @@ import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
+from pivident.estimation.motion import SimulatedMotion
 from pivident.estimation.problem import Problem, position_units, torque_units
-from pivident.estimation.simulated_motion import SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.validation.held_out.prediction import Judge, total_error
 
 
 @dataclass(frozen=True, eq=False)
 class ReplayError:
-    """Errors of a simulated loop over some samples; arrays (joints,).
+    """Errors of a simulated loop over some samples; arrays (joints,)."""
 
-    Attributes:
-        joint_names: names of the joints.
-        position_units: rad or m.
-        torque_units: N m or N.
-        position: rms of simulated minus measured positions [rad or m].
-        torque: rms of simulated minus measured torques [N m or N].
-        torque_size: rms of the measured torques [N m or N].
-        samples: number of samples.
-    """
-
-    joint_names: tuple[str, ...]
-    position_units: tuple[str, ...]
-    torque_units: tuple[str, ...]
-    position: np.ndarray
-    torque: np.ndarray
-    torque_size: np.ndarray
-    samples: int
+    joint_names: tuple[str, ...]  # names of the joints
+    position_units: tuple[str, ...]  # rad or m
+    torque_units: tuple[str, ...]  # N m or N
+    position: np.ndarray  # rms of simulated minus measured positions [rad or m]
+    torque: np.ndarray  # rms of simulated minus measured torques [N m or N]
+    torque_size: np.ndarray  # rms of the measured torques [N m or N]
+    samples: int  # number of samples
 
     @property
     def relative(self) -> np.ndarray:
@@ -54,12 +44,7 @@ class ReplayError:
 
 
 class Replay:
-    """The loop of one recording, simulated with any estimate of a problem's parameters.
-
-    Args:
-        problem: robot, loop and parameters.
-        judge: the recording with its smoothed motion, from which a simulation starts.
-    """
+    """The loop of one recording, simulated with any estimate of a problem's parameters."""
 
     def __init__(self, problem: Problem, judge: Judge) -> None:
         self.problem = replace(problem, recordings=(judge.recording,))
@@ -69,21 +54,11 @@ class Replay:
         )
 
     def simulate(self, found: Identification) -> SimulatedMotion:
-        """The whole recording, time last.
-
-        Raises:
-            SimulationDiverged: the loop leaves its reference.
-            MassMatrixNotPositiveDefinite: the estimate is no physical robot on the way.
-        """
+        """The whole recording, time last."""
         return self.auxiliary.simulate(found.theta)[0]
 
     def score(self, found: Identification, spans: Sequence[slice]) -> list[ReplayError]:
-        """Errors of an estimate on stretches of the recording.
-
-        Args:
-            found: the estimate, of the problem's parameters.
-            spans: samples of the recording.
-        """
+        """Errors of an estimate on stretches of the recording."""
         motion = self.simulate(found)
         assert motion.tau is not None
         position = motion.q.T - self.recording.q
@@ -115,7 +90,7 @@ def as_logged(tau: np.ndarray, recording: Recording) -> np.ndarray:
     lag = recording.delay * recording.rate
     if recording.torque_timing == "averaged":
         lag += recording.rate / recording.control_rate
-    # the log holds what the drive was told, the simulation what acts
+    # the log holds what the drive was commanded, the simulation what acts
     waiting = np.ceil(recording.drive_delay * recording.control_rate - 1e-9)
     lag -= waiting * recording.rate / recording.control_rate
     source = np.floor(np.arange(len(tau)) - lag + 1e-6).astype(int)

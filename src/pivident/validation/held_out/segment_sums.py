@@ -13,15 +13,11 @@ from pivident.signals.lagged_sums import lagged_products
 
 @dataclass(frozen=True)
 class Segments:
-    """Which part of the records each row belongs to.
+    """Which part of the records each row belongs to."""
 
-    Attributes:
-        labels: for each record and row: block k has 2k, the gap after it 2k + 1, -1 neither.
-        folds: number of blocks.
-    """
-
+    #: For each record and row: block k has 2k, the gap after it 2k + 1, -1 neither.
     labels: tuple[np.ndarray, ...]
-    folds: int
+    folds: int  # number of blocks
 
     @property
     def count(self) -> int:
@@ -60,9 +56,7 @@ class SegmentSums:
     ) -> SegmentSums:
         """Sums over the rows of all records.
 
-        Args:
-            parts: Φ, Z or None, τ and used of each record.
-            segments: of the rows.
+        ``parts``: Φ, Z or None, τ and used of each record.
         """
         k, n = parts[0][0].shape[0], segments.count
         s = cls(
@@ -87,12 +81,9 @@ class SegmentSums:
 
 
 def effective_rows(residuals: Sequence[np.ndarray]) -> float:
-    """Number of independent rows that tell as much about a mean: n/(1 + 2 Σ ρ_k).
+    """Number of independent rows that determine a mean as well: n/(1 + 2 Σ ρ_k).
 
     Correlations are summed as long as neighbouring pairs of them are positive (Geyer 1992).
-
-    Args:
-        residuals: of each record.
     """
     total = 0.0
     for x in residuals:

@@ -7,7 +7,7 @@ from instruments W leaves over on others, X, is
 
 zero on average where both are valid. With W = Φ and X = Z it is the test of Durbin, Wu and
 Hausman, whose augmented regression has RSS₀ - RSS₁ = mᵀ(UᵀU)⁻¹m, (E2); with W = Z and further X
-the one of Sargan and Hansen, (E1). Its sums over windows of time tell the covariance of m.
+the one of Sargan and Hansen, (E1). Its sums over windows of time give the covariance of m.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.estimation.covariance.sandwich import OVERLAP
+from pivident.estimation.covariance.windows import OVERLAP
 from pivident.validation.instruments.moment_sums import MomentSums
 from pivident.validation.residuals.windowed_statistic import (
     WindowedStatistic,
@@ -33,29 +33,17 @@ Instruments = Literal["phi", "z"]
 
 @dataclass(frozen=True, eq=False)
 class AddedMoments:
-    """The vector m and what belongs to it.
+    """The vector m and what belongs to it."""
 
-    Attributes:
-        statistic: windowed statistic of m.
-        square: mᵀ(UᵀU)⁻¹m, a sum of squares of the weighted residual.
-        directions: number of instruments that U is left with.
-    """
-
-    statistic: WindowedStatistic
-    square: float
-    directions: int
+    statistic: WindowedStatistic  # windowed statistic of m
+    square: float  # mᵀ(UᵀU)⁻¹m, a sum of squares of the weighted residual
+    directions: int  # number of instruments that U is left with
 
 
 def added_moments(
     sums: MomentSums, base: Instruments, further: Literal["z", "extra"]
 ) -> AddedMoments:
-    """What the estimate from ``base`` leaves over on ``further``.
-
-    Args:
-        sums: with columns of unit length.
-        base: instruments of the estimate; ``phi`` is least squares.
-        further: the others.
-    """
+    """What the estimate from ``base`` leaves over on ``further``."""
     base_phi, base_tau = sums.block(base, "phi"), sums.block(base, "tau")[:, 0]
     x_phi, x_tau = sums.block(further, "phi"), sums.block(further, "tau")[:, 0]
     projection = np.linalg.solve(base_phi.T, x_phi.T).T
@@ -74,12 +62,7 @@ def added_moments(
 
 
 def estimate(sums: MomentSums, instruments: Instruments) -> np.ndarray:
-    """θ = (WᵀΦ)⁻¹Wᵀτ, shape (parameters,).
-
-    Args:
-        sums: the sums.
-        instruments: W.
-    """
+    """θ = (WᵀΦ)⁻¹Wᵀτ, shape (parameters,)."""
     return np.linalg.solve(sums.block(instruments, "phi"), sums.block(instruments, "tau")[:, 0])
 
 
@@ -87,10 +70,6 @@ def estimate_steps(sums: MomentSums, instruments: Instruments) -> np.ndarray:
     """Change of that estimate by each window, shape (windows, parameters).
 
     In its linear form, which an almost empty rest of the record does not upset.
-
-    Args:
-        sums: the sums.
-        instruments: W.
     """
     theta = estimate(sums, instruments)
     parts = sums.window(instruments, "phi")
@@ -101,19 +80,13 @@ def estimate_steps(sums: MomentSums, instruments: Instruments) -> np.ndarray:
 def covariance_of_steps(steps: np.ndarray) -> np.ndarray:
     """Covariance by the jackknife over windows, shape (parameters, parameters).
 
-    Args:
-        steps: shape (windows, parameters).
+    ``steps``: shape (windows, parameters).
     """
     return steps.T @ steps / OVERLAP
 
 
 def residual_square(sums: MomentSums, theta: np.ndarray) -> float:
-    """‖τ - Φθ‖² of the weighted equations.
-
-    Args:
-        sums: the sums.
-        theta: parameters, shape (parameters,).
-    """
+    """‖τ - Φθ‖² of the weighted equations."""
     tau = float(sums.block("tau", "tau")[0, 0])
     linear = float(theta @ sums.block("phi", "tau")[:, 0])
     return max(tau - 2.0 * linear + float(theta @ sums.block("phi", "phi") @ theta), 0.0)
@@ -124,7 +97,7 @@ def _window_moments(
 ) -> np.ndarray:
     """Uᵀε of each window, shape (windows, instruments).
 
-    Not m without each window, which is what the deviations use: that frees residuals of their
+    Not m without each window, which is what the standard errors use: that frees residuals of their
     leverage, and made the test of an arm in closed loop reject in 0.7 instead of 2 % of the cases.
     """
     theta = estimate(sums, base)

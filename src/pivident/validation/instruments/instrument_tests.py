@@ -24,17 +24,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class InstrumentTests:
-    """What is known about the instruments of a result.
+    """What is known about the instruments of a result."""
 
-    Attributes:
-        relevance: whether they explain the regressors.
-        exogeneity: whether least squares on the same equations differs significantly.
-        overidentification: whether further instruments contradict them.
-    """
-
-    relevance: RelevanceTest
+    relevance: RelevanceTest  # whether they explain the regressors
+    #: Whether least squares on the same equations differs significantly.
     exogeneity: DurbinWuHausmanTest
-    overidentification: OveridentificationTest
+    overidentification: OveridentificationTest  # whether further instruments contradict them
 
     def __str__(self) -> str:
         return "\n".join(
@@ -45,16 +40,7 @@ class InstrumentTests:
 def instrument_tests(
     identification: Identification, extra: ExtraInstruments | Literal["auto"] = "auto"
 ) -> InstrumentTests:
-    """All tests, from one pass over the equations that were solved last.
-
-    Args:
-        identification: result of IV or PIV.
-        extra: further instruments: ``reference``: Φ(q_ref), ``delayed``: the instruments one
-            period later; ``auto``: the first where there is a reference at full rate.
-
-    Raises:
-        IdentificationError: the result has no instruments, or no equations were kept.
-    """
+    """All tests, from one pass over the equations that were solved last."""
     chosen = further_kind(identification) if extra == "auto" else extra
     sums = moment_sums(identification, chosen)
     names = identification.names
@@ -66,11 +52,7 @@ def instrument_tests(
 
 
 def further_kind(identification: Identification) -> ExtraInstruments:
-    """Which further instruments a result can have.
-
-    Args:
-        identification: the result.
-    """
+    """Which further instruments a result can have."""
     records = kept_equations(identification).records
     recorded = all(r.full_rate and r.kinematics.recording.q_ref is not None for r in records)
     virtual = identification.loop is not None and identification.loop.reference == "smoothed"

@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from pivident.errors import IdentificationError
-from pivident.estimation.covariance.sandwich import Share, Windows, windows_of
-from pivident.estimation.simulated_motion import central_differences
+from pivident.estimation.covariance.windows import Share, Windows, windows_of
+from pivident.estimation.motion import central_differences
 
 if TYPE_CHECKING:
     from pivident.dynamics.regressor import Regressor
@@ -30,35 +30,19 @@ ExtraInstruments = Literal["reference", "delayed"]
 
 @dataclass(eq=False)
 class MomentSums:
-    """Sums over all joints and records, columns in the order Φ, Z, X, τ.
+    """Sums over all joints and records, columns in the order Φ, Z, X, τ."""
 
-    Attributes:
-        size: number of parameters b.
-        extra: number of further instruments, 0 or b.
-        gram: YᵀY, shape (2b + extra + 1, 2b + extra + 1).
-        windows: [Φ Z X]ᵀ[Φ Z τ] of each window, shape (windows, 2b + extra, 2b + 1).
-        shares: share of the record in each window, summing to one, shape (windows,).
-        rows: number of rows in use.
-        extra_kind: what the further instruments are; empty: there are none.
-    """
-
-    size: int
-    extra: int
-    gram: np.ndarray
-    windows: np.ndarray
-    shares: np.ndarray
-    rows: int = 0
-    extra_kind: str = ""
+    size: int  # number of parameters b
+    extra: int  # number of further instruments, 0 or b
+    gram: np.ndarray  # YᵀY, shape (2b + extra + 1, 2b + extra + 1)
+    windows: np.ndarray  # [Φ Z X]ᵀ[Φ Z τ] of each window, shape (windows, 2b + extra, 2b + 1)
+    shares: np.ndarray  # share of the record in each window, summing to one, shape (windows,)
+    rows: int = 0  # number of rows in use
+    extra_kind: str = ""  # what the further instruments are; empty: there are none
 
     @classmethod
     def empty(cls, size: int, extra: int, windows: Sequence[Windows]) -> MomentSums:
-        """No rows yet.
-
-        Args:
-            size: number of parameters.
-            extra: number of further instruments.
-            windows: of all records.
-        """
+        """No rows yet."""
         width = 2 * size + extra
         count = sum(w.count for w in windows)
         total = sum(w.samples for w in windows)
@@ -80,11 +64,8 @@ class MomentSums:
     ) -> MomentSums:
         """Sums of one record whose rows are all there, for estimators of your own.
 
-        Args:
-            phi: regressors, shape (samples, parameters).
-            z: instruments, likewise.
-            tau: right side, shape (samples,).
-            extra: further instruments, shape (samples, extra).
+        ``phi``: regressors, shape (samples, parameters); ``extra``: further instruments, shape
+        (samples, extra).
         """
         windows = windows_of([tau.size])
         more = 0 if extra is None else extra.shape[1]
@@ -108,15 +89,9 @@ class MomentSums:
     ) -> None:
         """Add rows of one joint, time last.
 
-        Args:
-            columns: parameters that act on the joint, shape (k,).
-            phi: its columns, shape (k, samples).
-            z: instruments, likewise.
-            extra: further instruments, likewise, or None.
-            tau: right side, shape (samples,).
-            rows: how many of the samples are used; the others are zero.
-            shares: windows that the samples belong to.
-            extra_columns: places of the further instruments; None: those of the others.
+        ``columns``: parameters that act on the joint, shape (k,); ``phi``: its columns, shape
+        (k, samples); ``extra``: further instruments, likewise, or None; ``extra_columns``: places
+        of the further instruments; None: those of the others.
         """
         lines = [columns, self.size + columns]
         stack = [phi, z]
@@ -138,21 +113,11 @@ class MomentSums:
         self.rows += rows
 
     def block(self, left: str, right: str) -> np.ndarray:
-        """Part of the Gram matrix, such as ``("z", "phi")`` for ZᵀΦ.
-
-        Args:
-            left: ``phi``, ``z``, ``extra`` or ``tau``.
-            right: likewise.
-        """
+        """Part of the Gram matrix, such as ``("z", "phi")`` for ZᵀΦ."""
         return self.gram[self._place(left), self._place(right)]
 
     def window(self, left: str, right: str) -> np.ndarray:
-        """The same in each window, windows first; ``right`` is ``phi``, ``z`` or ``tau``.
-
-        Args:
-            left: ``phi``, ``z`` or ``extra``.
-            right: ``phi``, ``z`` or ``tau``.
-        """
+        """The same in each window, windows first; ``right`` is ``phi``, ``z`` or ``tau``."""
         place = self._place(right) if right != "tau" else slice(2 * self.size, None)
         return self.windows[:, self._place(left), place]
 
@@ -186,16 +151,7 @@ class MomentSums:
 def moment_sums(
     identification: Identification, extra: ExtraInstruments | None = None
 ) -> MomentSums:
-    """Sums of the equations that an identification solved last, in one pass over its records.
-
-    Args:
-        identification: the result of IV or PIV.
-        extra: further instruments: ``reference``: Φ(q_ref); ``delayed``: Z one period later. With
-            decimated records, ``delayed`` only.
-
-    Raises:
-        IdentificationError: the estimate had no instruments, or its equations were not kept.
-    """
+    """Sums of the equations that an identification solved last, in one pass over its records."""
     equations = kept_equations(identification)
     if not equations.has_instruments:
         raise IdentificationError(
@@ -214,14 +170,7 @@ def moment_sums(
 
 
 def kept_equations(identification: Identification) -> Equations:
-    """Equations of a result.
-
-    Args:
-        identification: the result.
-
-    Raises:
-        IdentificationError: it has none.
-    """
+    """Equations of a result."""
     if identification.equations is None:
         raise IdentificationError(
             f"the equations of this {identification.method} result were not kept; take the "
@@ -233,15 +182,7 @@ def kept_equations(identification: Identification) -> Equations:
 def further_instruments(
     equations: Equations, extra: ExtraInstruments
 ) -> list[Motion] | list[np.ndarray]:
-    """Motions, or columns of decimated records, that further instruments are made of.
-
-    Args:
-        equations: the equations.
-        extra: which further instruments.
-
-    Raises:
-        IdentificationError: a recording has no reference, or its equations are decimated.
-    """
+    """Motions, or columns of decimated records, that further instruments are made of."""
     motions: list = []
     for record in equations.records:
         recording = record.kinematics.recording
@@ -260,19 +201,12 @@ def further_instruments(
 
 @dataclass(frozen=True, eq=False)
 class Signals:
-    """Positions, speeds and accelerations of another motion, time last.
+    """Positions, speeds and accelerations of another motion, time last."""
 
-    Attributes:
-        q: positions [rad or m], shape (joints, samples).
-        dq: speeds [rad/s or m/s].
-        ddq: accelerations [rad/s² or m/s²].
-        inner: columns with memory or load, shape (inner entries, samples).
-    """
-
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    inner: np.ndarray | None = None
+    q: np.ndarray  # positions [rad or m], shape (joints, samples)
+    dq: np.ndarray  # speeds [rad/s or m/s]
+    ddq: np.ndarray  # accelerations [rad/s² or m/s²]
+    inner: np.ndarray | None = None  # columns with memory or load, shape (inner entries, samples)
 
     def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q, dq and ddq on some samples."""

@@ -25,8 +25,8 @@ from pivident.validation.instruments.moment_sums import MomentSums
 #: Probability from which on a test rejects.
 LEVEL = 0.05
 
-#: Shift of an estimate, in its own standard deviations, from which on it matters: an interval of
-#: two deviations that is shifted by so much still covers the truth in 94 of 100 cases.
+#: Shift of an estimate, in its own standard errors, from which on it matters: an interval of
+#: two standard errors that is shifted by so much still covers the truth in 94 of 100 cases.
 PRACTICAL_SHIFT = 0.25
 
 #: Words for the further instruments.
@@ -45,7 +45,7 @@ class ShiftTest:
 
     @property
     def practical_size(self) -> float:
-        """Largest change of a parameter, in robust deviations of the IV estimate."""
+        """Largest change of a parameter, in robust standard errors of the IV estimate."""
         return float(np.abs(self.shift).max())
 
     @property
@@ -61,39 +61,25 @@ class ShiftTest:
 
 @dataclass(frozen=True, eq=False)
 class DurbinWuHausmanTest(ShiftTest):
-    """Durbin, Wu and Hausman: do least squares and instruments differ significantly?
+    """Durbin, Wu and Hausman: do least squares and instruments differ significantly?"""
 
-    Attributes:
-        names: names of the parameters.
-        statistic: robust F.
-        degrees: its effective degrees of freedom.
-        p_value: probability of a larger F where the regressors carry no noise.
-        directions: instruments that tell something that the regressors do not.
-        white_statistic: F of the augmented regression, (E2), for white residuals.
-        white_degrees: its degrees of freedom.
-        white_p_value: its probability.
-        difference: θ_LS - θ_IV of the same equations, shape (parameters,) [unit of each].
-        difference_std: its standard deviation over windows of time, likewise.
-        shift: the difference in robust standard deviations of the IV estimate, shape (parameters,).
-        relative: the difference relative to the IV estimate, shape (parameters,).
-    """
-
-    names: tuple[str, ...]
-    statistic: float
-    degrees: tuple[float, float]
-    p_value: float
-    directions: int
-    white_statistic: float
-    white_degrees: tuple[int, int]
-    white_p_value: float
-    difference: np.ndarray
-    difference_std: np.ndarray
+    names: tuple[str, ...]  # names of the parameters
+    statistic: float  # robust F
+    degrees: tuple[float, float]  # its effective degrees of freedom
+    p_value: float  # probability of a larger F where the regressors carry no noise
+    directions: int  # instruments that add to the regressors
+    white_statistic: float  # F of the augmented regression, (E2), for white residuals
+    white_degrees: tuple[int, int]  # its degrees of freedom
+    white_p_value: float  # its probability
+    difference: np.ndarray  # θ_LS - θ_IV of the same equations, shape (parameters,) [unit of each]
+    difference_std: np.ndarray  # its standard error over windows of time, likewise
+    #: The difference in robust standard errors of the IV estimate, shape (parameters,).
     shift: np.ndarray
-    relative: np.ndarray
+    relative: np.ndarray  # the difference relative to the IV estimate, shape (parameters,)
 
     @property
-    def deviations(self) -> np.ndarray:
-        """By how many of its own deviations each parameter differs, shape (parameters,)."""
+    def z_values(self) -> np.ndarray:
+        """By how many of its own standard errors each parameter differs, shape (parameters,)."""
         std = np.maximum(self.difference_std, 1e-300)
         return np.where(self.difference == 0.0, 0.0, self.difference / std)
 
@@ -115,32 +101,20 @@ class DurbinWuHausmanTest(ShiftTest):
 
 @dataclass(frozen=True, eq=False)
 class OveridentificationTest(ShiftTest):
-    """Sargan and Hansen: do further instruments contradict the estimate?
+    """Sargan and Hansen: do further instruments contradict the estimate?"""
 
-    Attributes:
-        names: names of the parameters.
-        further: ``reference``, ``delayed``, or empty.
-        statistic: robust F.
-        degrees: its effective degrees of freedom.
-        p_value: probability of a larger F where all instruments are valid.
-        j: J = εᵀP_Z ε/s², (E1), for white residuals.
-        directions: its degrees of freedom, the number of further instruments.
-        j_p_value: its probability.
-        shift: change of the estimate if all instruments were used, in robust standard deviations
-            of the IV estimate, shape (parameters,).
-        relative: the same relative to the estimate.
-    """
-
-    names: tuple[str, ...]
-    further: str
-    statistic: float
-    degrees: tuple[float, float]
-    p_value: float
-    j: float
-    directions: int
-    j_p_value: float
+    names: tuple[str, ...]  # names of the parameters
+    further: str  # ``reference``, ``delayed``, or empty
+    statistic: float  # robust F
+    degrees: tuple[float, float]  # its effective degrees of freedom
+    p_value: float  # probability of a larger F where all instruments are valid
+    j: float  # J = εᵀP_Z ε/s², (E1), for white residuals
+    directions: int  # its degrees of freedom, the number of further instruments
+    j_p_value: float  # its probability
+    #: Change of the estimate if all instruments were used, in robust standard errors of the IV
+    #: estimate, shape (parameters,).
     shift: np.ndarray
-    relative: np.ndarray
+    relative: np.ndarray  # the same relative to the estimate
 
     def __str__(self) -> str:
         k = int(np.argmax(np.abs(self.shift)))
@@ -160,12 +134,7 @@ class OveridentificationTest(ShiftTest):
 
 
 def exogeneity_test(sums: MomentSums, names: Sequence[str]) -> DurbinWuHausmanTest:
-    """Durbin-Wu-Hausman on weighted equations.
-
-    Args:
-        sums: of the equations, see :func:`moment_sums`.
-        names: names of the parameters.
-    """
+    """Durbin-Wu-Hausman on weighted equations."""
     from scipy.stats import f as f_distribution
 
     scaled, length = sums.scaled()
@@ -197,15 +166,7 @@ def exogeneity_test(sums: MomentSums, names: Sequence[str]) -> DurbinWuHausmanTe
 
 
 def overidentification_test(sums: MomentSums, names: Sequence[str]) -> OveridentificationTest:
-    """Sargan and Hansen on weighted equations with further instruments.
-
-    Args:
-        sums: of the equations, with further instruments.
-        names: names of the parameters.
-
-    Raises:
-        IdentificationError: there are no further instruments, without which J is zero.
-    """
+    """Sargan and Hansen on weighted equations with further instruments."""
     from scipy.stats import chi2
 
     if not sums.extra:

@@ -1,7 +1,7 @@
 """Relevance: how much of each column of the observation matrix do the instruments explain?
 
 Each column φ_i is regressed on all instruments (first stage). Shea's partial R² asks how much of
-what φ_i tells beyond the other columns its instruments explain; F compares with none at all, and
+what φ_i adds to the other columns its instruments explain; F compares with none at all, and
 below 10 instruments are called weak (Staiger and Stock 1997). F is the effective one of Montiel
 Olea and Pflueger (2013), over windows of time, since a first stage's residual is as correlated as
 any. A column that is its own instrument, such as an offset's, is partialled out. Cragg and
@@ -37,30 +37,19 @@ class RelevanceTest:
     """First stages of all parameters, and the worst of all directions.
 
     A column that is its own instrument has a partial R² of one and an infinite F.
-
-    Attributes:
-        names: names of the parameters.
-        partial_r2: Shea's, shape (parameters,).
-        first_stage_f: effective F, shape (parameters,).
-        degrees: its effective degrees of freedom, shape (parameters, 2).
-        p_values: probability of a larger F with irrelevant instruments, shape (parameters,).
-        white_f: F of the textbook, for white residuals, shape (parameters,).
-        condition: condition number of ZᵀΦ with columns of unit length.
-        cragg_donald: smallest F of any combination of the parameters.
-        instruments: number of instruments.
-        rows: number of rows.
     """
 
-    names: tuple[str, ...]
-    partial_r2: np.ndarray
-    first_stage_f: np.ndarray
-    degrees: np.ndarray
+    names: tuple[str, ...]  # names of the parameters
+    partial_r2: np.ndarray  # Shea's, shape (parameters,)
+    first_stage_f: np.ndarray  # effective F, shape (parameters,)
+    degrees: np.ndarray  # its effective degrees of freedom, shape (parameters, 2)
+    #: Probability of a larger F with irrelevant instruments, shape (parameters,).
     p_values: np.ndarray
-    white_f: np.ndarray
-    condition: float
-    cragg_donald: float
-    instruments: int
-    rows: int
+    white_f: np.ndarray  # F of the textbook, for white residuals, shape (parameters,)
+    condition: float  # condition number of ZᵀΦ with columns of unit length
+    cragg_donald: float  # smallest F of any combination of the parameters
+    instruments: int  # number of instruments
+    rows: int  # number of rows
 
     @property
     def statistic(self) -> float:
@@ -99,12 +88,7 @@ class RelevanceTest:
 
 
 def relevance_test(sums: MomentSums, names: Sequence[str]) -> RelevanceTest:
-    """Relevance of Z on weighted equations.
-
-    Args:
-        sums: of the equations, see :func:`moment_sums`.
-        names: names of the parameters.
-    """
+    """Relevance of Z on weighted equations."""
     sums, _ = sums.scaled()
     ff, zf, zz = sums.block("phi", "phi"), sums.block("z", "phi"), sums.block("z", "z")
     singular = np.linalg.svd(zf, compute_uv=False)
@@ -137,12 +121,8 @@ def relevance_test(sums: MomentSums, names: Sequence[str]) -> RelevanceTest:
 def _excluded(zz: np.ndarray, own: np.ndarray) -> np.ndarray:
     """T: Z T are the instruments proper, freed of columns that are their own instruments.
 
-    Args:
-        zz: ZᵀZ.
-        own: columns that are their own instruments, shape (parameters,).
-
-    Returns:
-        T, shape (parameters, instruments proper); all of them where every column is its own.
+    ``own``: columns that are their own instruments, shape (parameters,). Result: T, shape
+    (parameters, instruments proper); all of them where every column is its own.
     """
     everything = np.eye(len(zz))
     if not own.any() or own.all():

@@ -21,7 +21,7 @@ What the test finds behind an AR model is often real. Torque that was averaged o
 as the alignment with the positions does, is a moving average with a zero at the Nyquist frequency,
 which no AR model of finite order whitens, and AIC stops where a further coefficient would cost
 more than it explains. So the share of the variance that the past predicts stands beside p. High
-orders on short records also spoil the test: the ends of the record add about 1.5 p²/n to Q.
+orders on short records also distort the test: the ends of the record add about 1.5 p²/n to Q.
 """
 
 from __future__ import annotations
@@ -56,23 +56,17 @@ PRACTICAL_SHARE = 0.01
 #: Step of the grid on which the distribution of Q is computed.
 _STEP = 0.05
 
-#: A correlation this many of its deviations large is not there by chance, at any of many lags.
+#: A correlation this many of its standard errors large is not there by chance, at any of many lags.
 BEYOND_CHANCE = 4.5
 
 
 @dataclass(frozen=True, eq=False)
 class Autocorrelation:
-    """Autocorrelations of one residual, for the figure.
+    """Autocorrelations of one residual, for the figure."""
 
-    Attributes:
-        rho: r_k at lags 1, 2, …, NaN where there are too few pairs, shape (lags,).
-        band: 2/√n_k; of white noise 95 % lie within, shape (lags,).
-        rate: samples per second, one lag is 1/rate [Hz].
-    """
-
-    rho: np.ndarray
-    band: np.ndarray
-    rate: float
+    rho: np.ndarray  # r_k at lags 1, 2, …, NaN where there are too few pairs, shape (lags,)
+    band: np.ndarray  # 2/√n_k; of white noise 95 % lie within, shape (lags,)
+    rate: float  # samples per second, one lag is 1/rate [Hz]
 
     @property
     def outside(self) -> float:
@@ -83,34 +77,24 @@ class Autocorrelation:
 
 @dataclass(frozen=True)
 class LjungBoxTest:
-    """Test for whiteness.
+    """Test for whiteness."""
 
-    Attributes:
-        statistic: Q.
-        degrees_of_freedom: lags tested minus coefficients of the noise model.
-        p_value: probability of a larger Q if the residual is independent, of constant variance;
-            by χ², or given that the order was chosen by a criterion.
-        robust_statistic: Q̃.
-        robust_p_value: probability of a larger Q̃ if the residual is uncorrelated; its variance
-            may change. The sentence goes by this one.
-        largest: largest |r_k|.
-        largest_lag: its lag [s].
-        largest_band: 2/√n_k there.
-        predictable: S/(1 + S) with S = (Q - degrees of freedom)/n ≈ Σ ρ², share of the variance
-            that the past predicts, exact for AR(1) (estimate, may be slightly negative).
-        samples: n.
-    """
-
-    statistic: float
-    degrees_of_freedom: int
+    statistic: float  # Q
+    degrees_of_freedom: int  # lags tested minus coefficients of the noise model
+    #: Probability of a larger Q if the residual is independent, of constant variance; by χ², or
+    #: given that the order was chosen by a criterion.
     p_value: float
-    robust_statistic: float
+    robust_statistic: float  # Q̃
+    #: Probability of a larger Q̃ if the residual is uncorrelated; its variance may change. The
+    #: sentence goes by this one.
     robust_p_value: float
-    largest: float
-    largest_lag: float
-    largest_band: float
+    largest: float  # largest |r_k|
+    largest_lag: float  # its lag [s]
+    largest_band: float  # 2/√n_k there
+    #: S/(1 + S) with S = (Q - degrees of freedom)/n ≈ Σ ρ², share of the variance that the past
+    #: predicts, exact for AR(1) (estimate, may be slightly negative).
     predictable: float
-    samples: int
+    samples: int  # n
 
     @property
     def significant(self) -> bool:
@@ -138,18 +122,12 @@ class LjungBoxTest:
 
 @dataclass(frozen=True)
 class DurbinWatsonTest:
-    """Durbin and Watson's d = Σ (x_i - x_{i+1})² / Σ x_i², about 2 (1 - ρ_1).
+    """Durbin and Watson's d = Σ (x_i - x_{i+1})² / Σ x_i², about 2 (1 - ρ_1)."""
 
-    Attributes:
-        statistic: d, 2 for a white residual, below it for a positive correlation.
-        samples: n.
-        p_value: two-sided probability of a d farther from 2 for a white residual, by the normal
-            limit; NaN behind a noise model, which makes ρ_1 small whatever the noise is
-            (Durbin 1970).
-    """
-
-    statistic: float
-    samples: int
+    statistic: float  # d, 2 for a white residual, below it for a positive correlation
+    samples: int  # n
+    #: two-sided probability of a d farther from 2 for a white residual, by the normal limit; NaN
+    #: behind a noise model, which makes ρ_1 small whatever the noise is (Durbin 1970).
     p_value: float
 
     @property
@@ -182,10 +160,7 @@ def autocorrelation(
 ) -> Autocorrelation:
     """Autocorrelations of a residual with the band of white noise.
 
-    Args:
-        residual: the residual.
-        lags: number of lags; None: 100, or those of the Ljung-Box test if there are more.
-        sums: the residual's lagged sums to as many lags, where they are at hand.
+    ``lags``: number of lags; None: 100, or those of the Ljung-Box test if there are more.
     """
     if sums is None:
         lags = max(MIN_LAGS, residual.order + EXTRA_LAGS) if lags is None else lags
@@ -197,13 +172,7 @@ def autocorrelation(
 def ljung_box(
     residual: JointResidual, extra: int = EXTRA_LAGS, sums: LaggedSums | None = None
 ) -> LjungBoxTest:
-    """Ljung and Box's test at K = p + ``extra`` lags; lags of too few pairs are left out.
-
-    Args:
-        residual: the residual, with the order p of its noise model.
-        extra: lags beyond the order, the degrees of freedom.
-        sums: the residual's lagged sums to at least K, where they are at hand.
-    """
+    """Ljung and Box's test at K = p + ``extra`` lags; lags of too few pairs are left out."""
     lags = residual.order + extra
     sums = lagged_sums(residual.pieces, lags) if sums is None else sums
     n = float(sums.pairs[0])
@@ -230,11 +199,7 @@ def ljung_box(
 
 
 def durbin_watson(residual: JointResidual) -> DurbinWatsonTest:
-    """Durbin and Watson's statistic over neighbours that are both used; nothing is centred.
-
-    Args:
-        residual: the residual.
-    """
+    """Durbin and Watson's statistic over neighbours that are both used; nothing is centred."""
     from scipy.stats import norm
 
     steps = np.concatenate([np.diff(piece) for piece in residual.pieces])
@@ -250,10 +215,7 @@ def durbin_watson(residual: JointResidual) -> DurbinWatsonTest:
 def upper_tail(statistic: float, freedom: int, penalty: float | None = None) -> float:
     """Probability of a larger Q under the null.
 
-    Args:
-        statistic: Q.
-        freedom: its degrees of freedom.
-        penalty: c of the criterion that chose the order; None: the order was given, χ².
+    ``penalty``: c of the criterion that chose the order; None: the order was given, χ².
     """
     from scipy.stats import chi2
 
@@ -289,10 +251,6 @@ def variance_factor(sums: LaggedSums, power: int) -> float:
 
     By so much a mean of Hermite polynomials of that order scatters more than of a white residual:
     squares by power 2, skewness by 3, kurtosis by 4 (Lobato and Velasco 2004).
-
-    Args:
-        sums: lagged sums of the residual.
-        power: 2, 3 or 4.
     """
     rho = _correlations(sums)[1:]
     present = np.isfinite(rho) & (np.abs(rho) * np.sqrt(sums.pairs[1:]) > BEYOND_CHANCE)

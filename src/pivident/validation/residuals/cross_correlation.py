@@ -33,7 +33,7 @@ SHIFTS = (-1, 1)
 #: Lags of the cross-correlations, in stretches to both sides.
 LAGS = 20
 
-#: Rows that must be left to tell the residual's variance from.
+#: Rows that must be left for the residual's variance.
 MIN_ROWS = 20
 
 #: Smallest part of a shifted instrument, beside the others, that counts as a direction.
@@ -45,28 +45,20 @@ PRACTICAL_SHARE = 0.10
 
 @dataclass(frozen=True, eq=False)
 class CrossCorrelationTest:
-    """Residual of one joint against its instruments.
+    """Residual of one joint against its instruments."""
 
-    Attributes:
-        statistic: F.
-        degrees_of_freedom: directions of the shifted instruments, and rows left.
-        p_value: probability of a larger F if the residual is white and does not follow the motion.
-        explained: share of the residual in the motion's band that the shifted instruments
-            explain, their number allowed for (may be slightly negative).
-        columns: parameters of the joint, whose instruments these are.
-        lags: shift of the instruments [s], shape (lags,); positive: earlier instruments.
-        rho: cross-correlations, shape (columns, lags); around lag zero small by construction.
-        band: 2/√rows, for a white residual.
-    """
-
-    statistic: float
-    degrees_of_freedom: tuple[int, int]
+    statistic: float  # F
+    degrees_of_freedom: tuple[int, int]  # directions of the shifted instruments, and rows left
+    #: Probability of a larger F if the residual is white and does not follow the motion.
     p_value: float
+    #: Share of the residual in the motion's band that the shifted instruments explain, their number
+    #: allowed for (may be slightly negative).
     explained: float
-    columns: tuple[str, ...]
-    lags: np.ndarray
+    columns: tuple[str, ...]  # parameters of the joint, whose instruments these are
+    lags: np.ndarray  # shift of the instruments [s], shape (lags,); positive: earlier instruments
+    #: cross-correlations, shape (columns, lags); around lag zero small by construction.
     rho: np.ndarray
-    band: float
+    band: float  # 2/√rows, for a white residual
 
     @property
     def largest(self) -> float:
@@ -101,31 +93,18 @@ class CrossCorrelationTest:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Sums over short stretches of one joint's rows, divided by the root of their number.
+    """Sums over short stretches of one joint's rows, divided by the root of their number."""
 
-    Attributes:
-        residual: ε̄, shape (stretches,).
-        phi: φ̄ of the joint's columns, shape (columns, stretches).
-        z: ζ̄, likewise.
-        used: m_b, rows in use, shape (stretches,).
-    """
-
-    residual: np.ndarray
-    phi: np.ndarray
-    z: np.ndarray
-    used: np.ndarray
+    residual: np.ndarray  # ε̄, shape (stretches,)
+    phi: np.ndarray  # φ̄ of the joint's columns, shape (columns, stretches)
+    z: np.ndarray  # ζ̄, likewise
+    used: np.ndarray  # m_b, rows in use, shape (stretches,)
 
 
 def cross_correlation_tests(
     equations: Equations, theta: np.ndarray, rate: float
 ) -> tuple[CrossCorrelationTest | None, ...]:
-    """The test of each joint; None where there are too few rows for its parameters.
-
-    Args:
-        equations: what the estimate was made of.
-        theta: the estimate, shape (parameters,).
-        rate: rate of the rows [Hz].
-    """
+    """The test of each joint; None where there are too few rows for its parameters."""
     length = max(1, round(rate / (2.0 * MOTION_BAND)))
     names = [p.name for p in equations.regressor.parameters]
     joints = range(equations.regressor.robot.size)
@@ -145,10 +124,7 @@ def cross_correlation_test(
 ) -> CrossCorrelationTest | None:
     """Test of one joint over all recordings.
 
-    Args:
-        records: sums over stretches, one for each recording.
-        columns: names of the joint's parameters.
-        duration: of a stretch [s].
+    ``duration``: of a stretch [s].
     """
     from scipy.stats import f as f_distribution
 

@@ -22,30 +22,22 @@ from pivident.validation.residuals.autocorrelation import variance_factor
 from pivident.validation.residuals.residual import SIGNIFICANCE, probability, reading
 
 #: Ratio of variances, between the quarters of the samples where a driver is largest and smallest,
-#: below which it does not matter: deviations then differ by a third.
+#: below which it does not matter: standard errors then differ by a third.
 PRACTICAL_RATIO = 1.8
 
 
 @dataclass(frozen=True)
 class VarianceTest:
-    """Test for a variance that changes with the motion.
+    """Test for a variance that changes with the motion."""
 
-    Attributes:
-        statistic: n R² / F₂.
-        degrees_of_freedom: number of independent drivers.
-        p_value: probability of a larger one if the variance is constant.
-        explained: R², share of the variance of the squared residual, 0 to 1.
-        ratios: mean square where each driver is in its upper quarter over that in its lower
-            one, by name of the driver.
-        samples: n.
-    """
-
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
-    explained: float
+    statistic: float  # n R² / F₂
+    degrees_of_freedom: int  # number of independent drivers
+    p_value: float  # probability of a larger one if the variance is constant
+    explained: float  # R², share of the variance of the squared residual, 0 to 1
+    #: Mean square where each driver is in its upper quarter over that in its lower one, by name of
+    #: the driver.
     ratios: dict[str, float]
-    samples: int
+    samples: int  # n
 
     @property
     def driver(self) -> str:
@@ -85,12 +77,9 @@ def variance_test(
 ) -> VarianceTest:
     """Breusch and Pagan's or White's test.
 
-    Args:
-        values: residual without gaps, shape (samples,).
-        drivers: what the variance may depend on, shape (samples, drivers).
-        names: of the drivers.
-        sums: the residual's lagged sums; None: it is taken to be white.
-        products: whether squares and products of the drivers are regressors too (White's test).
+    ``values``: residual without gaps, shape (samples,); ``drivers``: what the variance may depend
+    on, shape (samples, drivers); ``sums``: the residual's lagged sums; None: it is taken to be
+    white.
     """
     from scipy.stats import chi2
 

@@ -1,7 +1,7 @@
 """Model error against noise: which part of the residual would come again?
 
-On real machines most of the residual is what the model misses, and deviations that take it for
-noise say the wrong thing. Two ways to tell them apart:
+On real machines most of the residual is what the model misses, and standard errors that take it for
+noise are wrong. Two ways to separate them:
 
 * a *repeated* motion (periodic reference, or two recordings of the same one): what repeats is model
   error, what does not is noise, see ``pivident.recording.repeated_motion``;
@@ -11,9 +11,9 @@ noise say the wrong thing. Two ways to tell them apart:
 
 Both are judged below the motion's highest frequency, where the estimate is decided. The noise's
 share has an interval from the scatter of the blocks, cut off at 0 and 100 %. Where that reaches
-from little to most, the record does not tell noise from model error, and that is what is said.
+from little to most, the record does not separate noise from model error, and this is reported.
 
-Deviations from noise alone tell how well the estimate would repeat, not how near it is to the
+Standard errors from noise alone say how well the estimate would repeat, not how near it is to the
 truth. A result holds both, and says which is which.
 """
 
@@ -41,72 +41,53 @@ from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.cross_validation import CrossValidation
 from pivident.validation.held_out.prediction import motion_band
 
-#: Blocks of the motion that are left out in turn for the deviation of a share.
+#: Blocks of the motion that are left out in turn for the standard error of a share.
 BLOCKS = 20
 
-#: An interval of a share that reaches from below the first to above the second tells nothing.
+#: An interval of a share that reaches from below the first to above the second says nothing.
 LITTLE, MOST = 0.25, 0.75
 
 
 @dataclass(frozen=True)
 class JointModelError:
-    """One joint's residual, split below the motion's highest frequency.
+    """One joint's residual, split below the motion's highest frequency."""
 
-    Attributes:
-        name: name of the joint.
-        unit: N m or N.
-        residual: rms of the residual [unit].
-        noise: rms of the part that does not come again [unit].
-        model: rms of the part that does [unit].
-        noise_share: share of the noise in the residual's variance, 0 to 1.
-        share_std: standard deviation of that share, NaN where there is too little for one.
-        noise_share_all: share of the noise over all frequencies; NaN for held-out blocks.
-    """
-
-    name: str
-    unit: str
-    residual: float
-    noise: float
-    model: float
-    noise_share: float
-    share_std: float
+    name: str  # name of the joint
+    unit: str  # N m or N
+    residual: float  # rms of the residual [unit]
+    noise: float  # rms of the part that does not repeat [unit]
+    model: float  # rms of the part that does [unit]
+    noise_share: float  # share of the noise in the residual's variance, 0 to 1
+    share_std: float  # standard error of that share, NaN where there is too little for one
+    #: Share of the noise over all frequencies; NaN for held-out blocks.
     noise_share_all: float = np.nan
 
     @property
     def share_interval(self) -> tuple[float, float]:
-        """The share ± 2σ as far as a share can be, within 0 to 1; NaN without a deviation."""
+        """The share ± 2σ as far as a share can be, within 0 to 1; NaN without a standard error."""
         reach = 2.0 * self.share_std
         low, high = np.clip([self.noise_share - reach, self.noise_share + reach], 0.0, 1.0)
         return float(low), float(high)
 
     @property
     def is_reported(self) -> bool:
-        """Whether noise is told from model error: not if it may be little as well as most."""
+        """Whether noise is separated from model error: not if it may be little as well as most."""
         low, high = self.share_interval
         return not (low < LITTLE and high > MOST)
 
 
 @dataclass(frozen=True, eq=False)
 class ModelError:
-    """The residual split into model error and noise.
+    """The residual split into model error and noise."""
 
-    Attributes:
-        method: whose residual it is.
-        source: ``repetition`` or ``held-out blocks``.
-        description: what was compared, in words.
-        band: highest frequency of the motion [Hz].
-        joints: the split of each joint.
-        identification: the estimate.
-        repeatability: standard deviations from the noise alone, shape (parameters,): by how much
-            estimates from repetitions of this record would differ. None where it is not known.
-    """
-
-    method: str
-    source: Literal["repetition", "held-out blocks"]
-    description: str
-    band: float
-    joints: tuple[JointModelError, ...]
-    identification: Identification
+    method: str  # whose residual it is
+    source: Literal["repetition", "held-out blocks"]  # ``repetition`` or ``held-out blocks``
+    description: str  # what was compared, in words
+    band: float  # highest frequency of the motion [Hz]
+    joints: tuple[JointModelError, ...]  # the split of each joint
+    identification: Identification  # the estimate
+    #: Standard errors from the noise alone, shape (parameters,): by how much estimates from
+    #: repetitions of this record would differ. None where it is not known.
     repeatability: np.ndarray | None = None
 
     @property
@@ -116,7 +97,7 @@ class ModelError:
 
     @property
     def mostly_model_error(self) -> bool:
-        """Whether less than half is noise, beyond doubt (two standard deviations)."""
+        """Whether less than half is noise, by two standard errors."""
         spread = np.sqrt(np.nansum([j.share_std**2 for j in self.joints])) / len(self.joints)
         return self.noise_share + 2.0 * float(spread) < 0.5
 
@@ -125,9 +106,10 @@ class ModelError:
 
     def sentences(self) -> list[str]:
         """What was found, in words with numbers."""
-        told = [j for j in self.joints if j.is_reported]
-        untold = [j for j in self.joints if not j.is_reported]
-        lines = ([self._told(told)] if told else []) + ([self._untold(untold)] if untold else [])
+        separated = [j for j in self.joints if j.is_reported]
+        unclear = [j for j in self.joints if not j.is_reported]
+        lines = [self._separated(separated)] if separated else []
+        lines += [self._unclear(unclear)] if unclear else []
         shares = [100.0 * j.noise_share_all for j in self.joints]
         if not np.isnan(shares).any():
             most = "" if len(shares) == 1 else f" to {max(shares):.0f}"
@@ -137,22 +119,22 @@ class ModelError:
             ratio = np.exp(np.mean(np.log(total / np.maximum(self.repeatability, 1e-300))))
             lines.append(
                 "Repeatability: if this record were taken again, the estimates would differ by the "
-                f"deviations from noise alone. They are {format_significant(float(ratio), 2)} "
+                f"standard errors from noise alone. They are {format_significant(float(ratio), 2)} "
                 "times "
                 "smaller than those that contain the model error, and do not say how near the "
                 "estimates are to the truth."
             )
         if self.mostly_model_error:
             advice = "longer or quieter record would change little; a better model would, of "
-            together = "Over all joints less than half is noise: a " if untold else "A "
+            together = "Over all joints less than half is noise: a " if unclear else "A "
             lines.append(f"{together}{advice}friction first.")
         return lines
 
-    def _told(self, joints: Sequence[JointModelError]) -> str:
-        """The least and the largest share among the joints that tell it."""
+    def _separated(self, joints: Sequence[JointModelError]) -> str:
+        """The least and the largest share among the joints that separate it."""
         low, high = (f(joints, key=lambda j: j.noise_share) for f in (min, max))
         makes = _share(low) if low is high else f"{_share(low)} to {_share(high)}"
-        most, whole, rest = "", "residual", "comes again with the motion: it is model error"
+        most, whole, rest = "", "residual", "repeats with the motion: it is model error"
         if self.source == "held-out blocks":
             most, whole, rest = "at most ", "error", "is model error, and the estimate's own error"
         where = "" if low is high else ", from joint to joint"
@@ -161,7 +143,7 @@ class ModelError:
             f"the rest {rest} ({self.description})."
         )
 
-    def _untold(self, joints: Sequence[JointModelError]) -> str:
+    def _unclear(self, joints: Sequence[JointModelError]) -> str:
         """Joints of which the record says nothing, with the interval that shows it."""
         some = len(joints) < len(self.joints)
         where = f" on {listed([j.name for j in joints])}" if some else ""
@@ -170,8 +152,8 @@ class ModelError:
         high = 100.0 * max(j.share_interval[1] for j in joints)
         basis = "" if some else f" ({self.description})"
         return (
-            f"Below {self.band:g} Hz, the {motion} motion does not tell noise from model error"
-            f"{where}: noise may make {low:.0f} to {high:.0f} % of the variance (2σ){basis}."
+            f"Below {self.band:g} Hz, the {motion} motion does not distinguish noise from model "
+            f"error{where}: noise may make {low:.0f} to {high:.0f} % of the variance (2σ){basis}."
         )
 
     def joint_table(self) -> str:
@@ -194,7 +176,7 @@ class ModelError:
         )
 
     def parameter_tables(self) -> list[str]:
-        """Both kinds of deviations side by side, where they are known."""
+        """Both kinds of standard errors side by side, where they are known."""
         if self.repeatability is None:
             return []
         found = self.identification
@@ -216,17 +198,7 @@ class ModelError:
 def model_error_by_repetition(
     problem: Problem, identification: Identification, *, period: int | None = None
 ) -> ModelError:
-    """Split the residual of an estimate by what repeats.
-
-    Args:
-        problem: what was given; one recording must be periodic, or two follow the same motion.
-        identification: an estimate of its parameters, by any method. Deviations from the noise
-            alone are made for estimates at the full sampling rate.
-        period: samples of a period, where it is known.
-
-    Raises:
-        IdentificationError: no motion repeats.
-    """
+    """Split the residual of an estimate by what repeats."""
     records = _full_rate_records(identification)
     kinematics = (
         [r.kinematics for r in records]
@@ -256,12 +228,7 @@ def model_error_by_repetition(
 
 
 def model_error_by_held_out_blocks(validation: CrossValidation) -> ModelError:
-    """Split the prediction error on held-out motion, below the motion's highest frequency.
-
-    Args:
-        validation: of the method; with nothing held out it is the training error that is split,
-            and the description says so.
-    """
+    """Split the prediction error on held-out motion, below the motion's highest frequency."""
     errors = [h.prediction for h in validation.held_out if h.prediction is not None]
     band = errors[0].band
     seen = "the fitted data" if validation.training_only else "motion that was not fitted"
@@ -286,13 +253,7 @@ def model_error(
 ) -> ModelError | None:
     """By repetition where the motion repeats, by held-out blocks otherwise.
 
-    Args:
-        problem: what was given.
-        identification: an estimate.
-        validation: its cross-validation, where there is one.
-
-    Returns:
-        The split; None where nothing repeats and nothing was held out.
+    Result: the split; None where nothing repeats and nothing was held out.
     """
     try:
         return model_error_by_repetition(problem, identification)
@@ -355,12 +316,7 @@ def _joint(
 ) -> JointModelError:
     """The split of a joint from sums of squares by block, with a jackknife over the blocks.
 
-    Args:
-        name: of the joint.
-        unit: of its torque.
-        noise: Σ v² of each block, shape (blocks,).
-        total: Σ ε² likewise.
-        samples: how many there are in all.
+    ``noise``: Σ v² of each block, shape (blocks,).
     """
     used = total > 0
     noise, total = noise[used], total[used]
@@ -385,7 +341,7 @@ def _percentages(joint: JointModelError) -> tuple[str, str]:
     """Share of the noise and its interval [%], in matching digits."""
     share = 100.0 * joint.noise_share
     low, high = joint.share_interval
-    if not high > low:  # no deviation, or all blocks agree: the whole error in each of them
+    if not high > low:  # no spread, or all blocks agree: the whole error in each of them
         return format_significant(share, 3 if share == 100.0 else 2), "–"
     value, _ = with_spread(share, 200.0 * joint.share_std)
     decimals = len(value.partition(".")[2])

@@ -24,23 +24,14 @@ PRACTICAL_KURTOSIS = 1.0
 
 @dataclass(frozen=True)
 class NormalityTest:
-    """Test for a normal distribution.
+    """Test for a normal distribution."""
 
-    Attributes:
-        statistic: K².
-        degrees_of_freedom: 2.
-        p_value: probability of a larger K² if the residual is normal.
-        skewness: third standardised moment, 0 for a normal residual.
-        excess_kurtosis: fourth standardised moment minus 3, 0 for a normal residual.
-        samples: n.
-    """
-
-    statistic: float
-    degrees_of_freedom: int
-    p_value: float
-    skewness: float
-    excess_kurtosis: float
-    samples: int
+    statistic: float  # K²
+    degrees_of_freedom: int  # 2
+    p_value: float  # probability of a larger K² if the residual is normal
+    skewness: float  # third standardised moment, 0 for a normal residual
+    excess_kurtosis: float  # fourth standardised moment minus 3, 0 for a normal residual
+    samples: int  # n
 
     @property
     def significant(self) -> bool:
@@ -68,9 +59,8 @@ class NormalityTest:
 def normality(values: np.ndarray, sums: LaggedSums | None = None) -> NormalityTest:
     """D'Agostino and Pearson's test.
 
-    Args:
-        values: residual without gaps, shape (samples,).
-        sums: its lagged sums; None: it is taken to be white.
+    ``values``: residual without gaps, shape (samples,); ``sums``: its lagged sums; None: it is
+    taken to be white.
     """
     from scipy.stats import chi2, kurtosis, kurtosistest, skew, skewtest
 

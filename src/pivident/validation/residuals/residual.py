@@ -25,23 +25,16 @@ MIN_PAIRS = 20
 
 @dataclass(frozen=True, eq=False)
 class JointResidual:
-    """Whitened residual of one joint.
+    """Whitened residual of one joint."""
 
-    Attributes:
-        name: joint.
-        pieces: residual of each recording on consecutive rows, NaN where a row was not used.
-        order: number of coefficients of the noise model that was fitted to it; 0 without one.
-        rate: rate of its rows [Hz].
-        prefiltered: whether the equations were filtered before they were solved.
-        penalty: what each coefficient costs in the criterion that chose the order (AIC: 2, BIC:
-            ln n); None: the order was given.
-    """
-
-    name: str
+    name: str  # joint
+    #: Residual of each recording on consecutive rows, NaN where a row was not used.
     pieces: tuple[np.ndarray, ...]
-    order: int = 0
-    rate: float = 1.0
-    prefiltered: bool = False
+    order: int = 0  # number of coefficients of the noise model that was fitted to it; 0 without one
+    rate: float = 1.0  # rate of its rows [Hz]
+    prefiltered: bool = False  # whether the equations were filtered before they were solved
+    #: What each coefficient costs in the criterion that chose the order (AIC: 2, BIC: ln n); None:
+    #: the order was given.
     penalty: float | None = None
 
     @property
@@ -52,11 +45,7 @@ class JointResidual:
 
 
 def joint_residuals(identification: Identification) -> tuple[JointResidual, ...]:
-    """Whitened residuals of all joints.
-
-    Args:
-        identification: result of any method.
-    """
+    """Whitened residuals of all joints."""
     if not identification.recordings:
         return tuple(JointResidual(fit.name, ()) for fit in identification.joints)
     return tuple(

@@ -48,23 +48,14 @@ PROBABILITY = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Spectrum:
-    """One-sided power spectral density in bins.
+    """One-sided power spectral density in bins."""
 
-    Attributes:
-        frequency: centres of the bins [Hz], shape (bins,).
-        density: [unit²/Hz], shape (bins,).
-        freedom: degrees of freedom ν of each bin, shape (bins,).
-        stretches: number of stretches averaged.
-        length: their length [samples].
-        filled: whether there were gaps in them, filled with zeros.
-    """
-
-    frequency: np.ndarray
-    density: np.ndarray
-    freedom: np.ndarray
-    stretches: int
-    length: int
-    filled: bool = False
+    frequency: np.ndarray  # centres of the bins [Hz], shape (bins,)
+    density: np.ndarray  # [unit²/Hz], shape (bins,)
+    freedom: np.ndarray  # degrees of freedom ν of each bin, shape (bins,)
+    stretches: int  # number of stretches averaged
+    length: int  # their length [samples]
+    filled: bool = False  # whether there were gaps in them, filled with zeros
 
     def band(self, level: float | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Within what 95 % of the bins lie if the true density is ``level`` [unit²/Hz]."""
@@ -82,24 +73,16 @@ class Spectrum:
 
 @dataclass(frozen=True, eq=False)
 class ResidualSpectra:
-    """Spectra of one joint's residual.
+    """Spectra of one joint's residual."""
 
-    Attributes:
-        name: joint.
-        torque_unit: N m or N.
-        torque: of τ - Φθ, as measured [torque_unit²/Hz].
-        model: what the noise model says it is, at the same bins, 2/(rate |L|²); None without a
-            prefilter.
-        white: of the residual of the equation that was solved, scaled to unit variance [1/Hz].
-        rate: rate of the rows [Hz].
-    """
-
-    name: str
-    torque_unit: str
-    torque: Spectrum
+    name: str  # joint
+    torque_unit: str  # N m or N
+    torque: Spectrum  # of τ - Φθ, as measured [torque_unit²/Hz]
+    #: What the noise model says it is, at the same bins, 2/(rate |L|²); None without a prefilter.
     model: np.ndarray | None
+    #: Of the residual of the equation that was solved, scaled to unit variance [1/Hz].
     white: Spectrum
-    rate: float
+    rate: float  # rate of the rows [Hz]
 
     @property
     def white_level(self) -> float:
@@ -110,11 +93,7 @@ class ResidualSpectra:
 def residual_spectra(identification: Identification) -> tuple[ResidualSpectra | None, ...]:
     """Spectra of all joints before and after the prefilter.
 
-    Args:
-        identification: the result, with its signals.
-
-    Returns:
-        One entry per joint, None where too few samples are in use; empty without signals.
+    Result: one entry per joint, None where too few samples are in use; empty without signals.
     """
     if not identification.recordings:
         return ()
@@ -139,11 +118,7 @@ def residual_spectra(identification: Identification) -> tuple[ResidualSpectra | 
 
 
 def scaled_prefilters(identification: Identification) -> tuple[Prefilter, ...] | None:
-    """L_j = λ_j^(-1/2) A_j N_j/D_j of every joint; None where nothing was prefiltered.
-
-    Args:
-        identification: the result.
-    """
+    """L_j = λ_j^(-1/2) A_j N_j/D_j of every joint; None where nothing was prefiltered."""
     equations = identification.equations
     if equations is None or not equations.filters:
         return None
@@ -158,12 +133,7 @@ def scaled_prefilters(identification: Identification) -> tuple[Prefilter, ...] |
 def welch_spectrum(pieces: Sequence[np.ndarray], rate: float) -> Spectrum | None:
     """Welch's estimate over the stretches between gaps, in bins.
 
-    Args:
-        pieces: one signal per recording, NaN where there is none.
-        rate: sampling rate [Hz].
-
-    Returns:
-        The spectrum, None where not even short stretches are long enough.
+    Result: the spectrum, None where not even short stretches are long enough.
     """
     parts = [
         piece[start:stop]

@@ -54,27 +54,17 @@ _FINDINGS = {
 
 @dataclass(frozen=True, eq=False)
 class JointResidualTests:
-    """Tests on the residual of one joint.
+    """Tests on the residual of one joint."""
 
-    Attributes:
-        name: joint.
-        samples: rows in use.
-        autocorrelation: autocorrelations with their band, for the figure.
-        whiteness: Ljung and Box.
-        neighbours: Durbin and Watson.
-        normality: D'Agostino and Pearson.
-        variance: Breusch and Pagan against |speed|, |acceleration| and |torque|.
-        motion: residual against instruments at other lags; None where the identification does
-            not hold its equations, or the record is too short for its parameters.
-    """
-
-    name: str
-    samples: int
-    autocorrelation: Autocorrelation
-    whiteness: LjungBoxTest
-    neighbours: DurbinWatsonTest
-    normality: NormalityTest
-    variance: VarianceTest
+    name: str  # joint
+    samples: int  # rows in use
+    autocorrelation: Autocorrelation  # autocorrelations with their band, for the figure
+    whiteness: LjungBoxTest  # Ljung and Box
+    neighbours: DurbinWatsonTest  # Durbin and Watson
+    normality: NormalityTest  # D'Agostino and Pearson
+    variance: VarianceTest  # Breusch and Pagan against |speed|, |acceleration| and |torque|
+    #: Residual against instruments at other lags; None where the identification does not hold its
+    #: equations, or the record is too short for its parameters.
     motion: CrossCorrelationTest | None
 
     @property
@@ -95,31 +85,20 @@ class JointResidualTests:
 
 @dataclass(frozen=True, eq=False)
 class ResidualTests:
-    """Tests on the residuals of all joints.
+    """Tests on the residuals of all joints."""
 
-    Attributes:
-        joints: one for each joint whose residual is long enough and not constant.
-        untested: names of the other joints.
-    """
-
+    #: One for each joint whose residual is long enough and not constant.
     joints: tuple[JointResidualTests, ...]
-    untested: tuple[str, ...] = ()
+    untested: tuple[str, ...] = ()  # names of the other joints
 
     def of(self, name: str) -> tuple[tuple[str, ResidualTest], ...]:
-        """One test on all joints, as pairs of joint and test.
-
-        Args:
-            name: ``whiteness``, ``neighbours``, ``normality``, ``variance`` or ``motion``.
-        """
+        """One test on all joints, as pairs of joint and test."""
         return tuple((j.name, j.tests[name]) for j in self.joints if name in j.tests)
 
     def worst(self, name: str) -> tuple[str, ResidualTest] | None:
         """The joint on which a test finds most, and the test; None where there is none.
 
         Findings of practical size come first, then the smaller probability.
-
-        Args:
-            name: of the test, as in :meth:`of`.
         """
         found = self.of(name)
         return min(found, key=lambda pair: (not pair[1].matters, _p_value(pair[1])), default=None)
@@ -153,13 +132,7 @@ class ResidualTests:
 
 
 def residual_tests(identification: Identification, *, motion: bool = True) -> ResidualTests:
-    """Test the residuals of all joints.
-
-    Args:
-        identification: result of any method.
-        motion: whether residuals are tested against the instruments, too, which walks through
-            the filtered equations once more.
-    """
+    """Test the residuals of all joints."""
     residuals = joint_residuals(identification)
     against: tuple[CrossCorrelationTest | None, ...] = (None,) * len(residuals)
     if motion and identification.equations is not None:

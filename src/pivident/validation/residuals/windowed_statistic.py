@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.covariance.sandwich import OVERLAP
+from pivident.estimation.covariance.windows import OVERLAP
 
 #: Neighbouring windows overlap, and their sums are correlated: one window counts for less.
 OVERLAPPING = 1.0 + 2.0 / 36.0
@@ -36,26 +36,19 @@ SMALLEST = 1e-10
 
 @dataclass(frozen=True)
 class WindowedStatistic:
-    """Outcome of the form.
+    """Outcome of the form."""
 
-    Attributes:
-        statistic: F.
-        directions: number of directions of m.
-        degrees: degrees of freedom of m and of its covariance, effective ones by the trace.
-        p_value: probability of a larger F where m is zero on average.
-    """
-
-    statistic: float
-    directions: int
+    statistic: float  # F
+    directions: int  # number of directions of m
+    #: Degrees of freedom of m and of its covariance, effective ones by the trace.
     degrees: tuple[float, float]
-    p_value: float
+    p_value: float  # probability of a larger F where m is zero on average
 
 
 def directions_of(gram: np.ndarray) -> np.ndarray:
     """L with Lᵀ A L = I on the directions that are there, shape (size, directions).
 
-    Args:
-        gram: A, shape (size, size).
+    ``gram``: A, shape (size, size).
     """
     scale = np.sqrt(np.maximum(np.diag(gram), 1e-300))
     values, vectors = np.linalg.eigh(gram / np.outer(scale, scale))
@@ -72,12 +65,9 @@ def windowed_statistic(
 ) -> WindowedStatistic:
     """F of a vector and its windows.
 
-    Args:
-        moment: m, shape (size,).
-        steps: what each window adds to m, shape (windows, size).
-        shares: w_k, shape (windows,).
-        basis: L with LᵀAL = I, see :func:`directions_of`.
-        by_trace: whether only a trace is divided by; None: where windows are few.
+    ``moment``: m, shape (size,); ``steps``: what each window adds to m, shape (windows, size);
+    ``shares``: w_k, shape (windows,); ``by_trace``: whether only a trace is divided by; None: where
+    windows are few.
     """
     from scipy.stats import f as f_distribution
 
