@@ -43,36 +43,22 @@ BLUNT = 5e-3
 
 @dataclass(frozen=True, eq=False)
 class Delay:
-    """Delays by joint.
-
-    Attributes:
-        findings: what was found.
-        shifts: that were tried [s].
-        errors: relative error of each joint at each shift, shape (shifts, joints).
-        estimates: delay of each joint beyond the declared one [s], NaN where it says nothing.
-        deviations: their standard deviations [s].
-        common: delay of all joints together and its deviation [s], NaN where there is none.
-        gains: share of the sum of squares that goes away with it, by joint.
-        effects: torque that it explains, as share of the joint's torque.
-    """
+    """Delays by joint."""
 
     findings: tuple[Finding, ...]
-    shifts: np.ndarray
-    errors: np.ndarray
+    shifts: np.ndarray  # that were tried [s]
+    errors: np.ndarray  # relative error of each joint at each shift, shape (shifts, joints)
+    # delay of each joint beyond the declared one [s], NaN where it says nothing
     estimates: np.ndarray
-    deviations: np.ndarray
+    deviations: np.ndarray  # their standard deviations [s]
+    # delay of all joints together and its deviation [s], NaN where there is none
     common: tuple[float, float]
-    gains: np.ndarray
-    effects: np.ndarray
+    gains: np.ndarray  # share of the sum of squares that goes away with it, by joint
+    effects: np.ndarray  # torque that it explains, as share of the joint's torque
 
 
 def check_delay(log: Log, model: InverseModel) -> Delay:
-    """Estimate how much later the torque was logged than the positions.
-
-    Args:
-        log: the log.
-        model: rows of its inverse model.
-    """
+    """Estimate how much later the torque was logged than the positions."""
     reach = min(max(LONGEST, FEWEST / model.rate), model.at[0] / model.rate)
     shifts = np.linspace(-reach, reach, 81)
     torques = [model.tau(s) for s in shifts]

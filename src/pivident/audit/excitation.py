@@ -42,35 +42,21 @@ LIMITS = ("range", "rated speed", "usual acceleration")
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """How well a motion determines the base parameters.
-
-    Attributes:
-        findings: what was found.
-        names: of the base parameters.
-        rank: numerical rank of the scaled observation matrix.
-        condition: its condition number.
-        singular_values: relative to the largest one.
-        open_torque: share of the torque in full motion that each parameter leaves open.
-        used: share of its column in full motion that the log has, by parameter.
-        ranges: share of position range, rated speed and acceleration used, shape (joints, 3).
-    """
+    """How well a motion determines the base parameters."""
 
     findings: tuple[Finding, ...]
-    names: tuple[str, ...]
-    rank: int
+    names: tuple[str, ...]  # of the base parameters
+    rank: int  # numerical rank of the scaled observation matrix
     condition: float
-    singular_values: np.ndarray
-    open_torque: np.ndarray
-    used: np.ndarray
+    singular_values: np.ndarray  # relative to the largest one
+    open_torque: np.ndarray  # share of the torque in full motion that each parameter leaves open
+    used: np.ndarray  # share of its column in full motion that the log has, by parameter
+    # share of position range, rated speed and acceleration used, shape (joints, 3)
     ranges: np.ndarray
 
 
 def check_excitation(models: Sequence[InverseModel]) -> Excitation:
-    """Judge the motion of one log, or of several that are identified together.
-
-    Args:
-        models: rows of the inverse model of each log, all of one robot.
-    """
+    """Judge the motion of one log, or of several that are identified together."""
     base = models[0].base
     size = len(base)
     gram, rows = np.zeros((size, size)), 0
@@ -104,11 +90,7 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
 
 
 def _sparse(null: np.ndarray) -> list[np.ndarray]:
-    """A basis of the unseen directions with few parameters in each: one belongs to it alone.
-
-    Args:
-        null: orthonormal directions, shape (parameters, missing rank).
-    """
+    """A basis of the unseen directions with few parameters in each: one belongs to it alone."""
     from scipy.linalg import qr
 
     if not null.shape[1]:
@@ -128,17 +110,7 @@ def _noise(model: InverseModel) -> np.ndarray:
 def _add_equations(
     model: InverseModel, gram: np.ndarray, torque: np.ndarray, noise: np.ndarray
 ) -> int:
-    """Add the weighted equations of one log to WᵀW.
-
-    Args:
-        model: rows of its inverse model.
-        gram: WᵀW, shape (parameters, parameters); changed.
-        torque: largest rms torque that each parameter acts on; changed.
-        noise: smallest residual of the joints that it acts on; changed.
-
-    Returns:
-        Rows of the joint that has most.
-    """
+    """Add the weighted equations of one log to WᵀW; gram (parameters, parameters)."""
     residual, rows = _noise(model), 0
     tau = np.sqrt(np.mean(model.tau() ** 2, axis=0))
     for j, columns in enumerate(model.columns):
@@ -152,11 +124,7 @@ def _add_equations(
 
 
 def _full_motion(models: Sequence[InverseModel]) -> tuple[np.ndarray, np.ndarray]:
-    """Rms of each column in motions within all limits, and of its three parts.
-
-    Returns:
-        Shape (parameters,) and (parameters, 3) for posture, speed and acceleration.
-    """
+    """Rms of each column in motions within all limits, and of its three parts."""
     robot, positions = models[0].robot, np.concatenate([model.q for model in models])
     rng = np.random.default_rng(1988)
     low, high = np.array(

@@ -36,33 +36,16 @@ STEPS, SETTLED = 30, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class FlangeLoad:
-    """A body on the last link, and the torques beside description and body.
+    """A body on the last link, and the torques beside description and body."""
 
-    Attributes:
-        mass: its mass [kg].
-        deviation: the standard deviation of the mass.
-        factors: logged torque per torque of description and body, by joint.
-        deviations: their standard deviations.
-    """
-
-    mass: float
-    deviation: float
-    factors: np.ndarray
-    deviations: np.ndarray
+    mass: float  # its mass [kg]
+    deviation: float  # the standard deviation of the mass
+    factors: np.ndarray  # logged torque per torque of description and body, by joint
+    deviations: np.ndarray  # their standard deviations
 
 
 def flange_load(model: InverseModel, factors: np.ndarray) -> FlangeLoad | None:
-    """The load that explains the torques of all joints together, if there is one.
-
-    Args:
-        model: rows of the inverse model, of a robot whose description has masses.
-        factors: logged torque per torque of the description, joint by joint, NaN where unknown;
-            the steps start there.
-
-    Returns:
-        None where gains alone do about as well, where the load would have no mass, on a tree
-        of several arms, and where a joint does not move enough.
-    """
+    """The load that explains the torques of all joints together, if there is one."""
     robot = model.robot
     joints = robot.size
     if joints < 2 or not robot.is_chain or not all(model.usable(j) for j in range(joints)):

@@ -20,25 +20,16 @@ BETTER = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """Which torque fits which joint.
-
-    Attributes:
-        findings: what was found.
-        errors: relative error of torque k on the columns of joint j, shape (joints, joints).
-        torque_of: index of the torque that fits each joint best as a whole.
-    """
+    """Which torque fits which joint."""
 
     findings: tuple[Finding, ...]
+    # relative error of torque k on the columns of joint j, shape (joints, joints)
     errors: np.ndarray
-    torque_of: tuple[int, ...]
+    torque_of: tuple[int, ...]  # index of the torque that fits each joint best as a whole
 
 
 def check_order(model: InverseModel) -> Order:
-    """Find the order of the torque columns that fits the joints.
-
-    Args:
-        model: rows of the inverse model.
-    """
+    """Find the order of the torque columns that fits the joints."""
     from scipy.optimize import linear_sum_assignment
 
     tau, joints = model.tau(), model.robot.size

@@ -42,30 +42,17 @@ DESCRIPTION = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Power:
-    """What power and gravity say about the signs.
-
-    Attributes:
-        findings: what was found.
-        friction: power that friction takes from each joint [W], NaN where it is not known.
-        deviations: their standard deviations [W].
-        reversed: joints whose sign is reversed.
-        static: friction level of each joint [N m or N], NaN where it is not known.
-    """
+    """What power and gravity say about the signs."""
 
     findings: tuple[Finding, ...]
-    friction: np.ndarray
-    deviations: np.ndarray
-    reversed: tuple[int, ...]
-    static: np.ndarray
+    friction: np.ndarray  # power that friction takes from each joint [W], NaN where it is not known
+    deviations: np.ndarray  # their standard deviations [W]
+    reversed: tuple[int, ...]  # joints whose sign is reversed
+    static: np.ndarray  # friction level of each joint [N m or N], NaN where it is not known
 
 
 def check_power(log: Log, model: InverseModel) -> Power:
-    """Judge the sign of every torque.
-
-    Args:
-        log: the log.
-        model: rows of its inverse model.
-    """
+    """Judge the sign of every torque."""
     joints = model.robot.size
     tau = model.tau()
     power, deviations, static = (np.full(joints, np.nan) for _ in range(3))
@@ -84,11 +71,7 @@ def check_power(log: Log, model: InverseModel) -> Power:
 
 
 def mechanical_power(log: Log) -> list[Finding]:
-    """Without a robot: an arm that gives energy all the time is a sign that is reversed.
-
-    Args:
-        log: a log with positions and torques.
-    """
+    """Without a robot: an arm that gives energy all the time is a sign that is reversed."""
     q, tau = log.channels["q"], log.channels["tau"]
     findings: list[Finding] = []
     if q.shape != tau.shape or not (np.isfinite(q).all() and np.isfinite(tau).all()):

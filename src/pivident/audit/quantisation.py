@@ -25,40 +25,25 @@ ENOUGH_DIGITS = 7
 
 @dataclass(frozen=True)
 class Grid:
-    """Rounding of one signal.
+    """Rounding of one signal."""
 
-    Attributes:
-        name: name of the signal.
-        step: distance of neighbouring values, in the unit of the file, NaN where there is none.
-        levels: range of the signal in steps.
-        digits: significant digits that all values have at most, or None where there are more.
-    """
-
-    name: str
-    step: float
-    levels: float
+    name: str  # name of the signal
+    step: float  # distance of neighbouring values, in the unit of the file, NaN where there is none
+    levels: float  # range of the signal in steps
+    # significant digits that all values have at most, or None where there are more
     digits: int | None
 
 
 @dataclass(frozen=True, eq=False)
 class Quantisation:
-    """Grids of all signals.
-
-    Attributes:
-        findings: what was found.
-        grids: of each signal.
-    """
+    """Grids of all signals."""
 
     findings: tuple[Finding, ...]
-    grids: tuple[Grid, ...]
+    grids: tuple[Grid, ...]  # of each signal
 
 
 def check_quantisation(log: Log) -> Quantisation:
-    """Find the grid of every signal and say what it means.
-
-    Args:
-        log: the log.
-    """
+    """Find the grid of every signal and say what it means."""
     findings, grids = [], []
     for name, values in log.signals().items():
         finite = values[np.isfinite(values)]
@@ -71,12 +56,7 @@ def check_quantisation(log: Log) -> Quantisation:
 
 
 def find_grid(name: str, values: np.ndarray) -> Grid:
-    """The step of a signal and the digits it was written with.
-
-    Args:
-        name: name of the signal.
-        values: finite samples.
-    """
+    """The step of a signal and the digits it was written with."""
     digits = significant_digits(values)
     step = _step(values)
     if digits is not None:
@@ -124,11 +104,7 @@ def _refined(gaps: np.ndarray, guess: float) -> float:
 
 
 def significant_digits(values: np.ndarray) -> int | None:
-    """Fewest significant digits that write every value, up to `ENOUGH_DIGITS`.
-
-    Args:
-        values: finite samples.
-    """
+    """Fewest significant digits that write every value, up to `ENOUGH_DIGITS`."""
     some = values[values != 0.0][:MAX_VALUES]
     if some.size < 20 or np.all(some == np.round(some)):
         return None  # counts are whole numbers, whatever their digits

@@ -22,11 +22,7 @@ ONE_VALUE = 0.5
 
 
 def check_channels(log: Log) -> tuple[Finding, ...]:
-    """Judge each signal by itself.
-
-    Args:
-        log: the log.
-    """
+    """Judge each signal by itself."""
     findings: list[Finding] = []
     for name, values in log.signals().items():
         findings += _missing(log, name, values)

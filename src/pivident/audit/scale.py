@@ -50,26 +50,18 @@ FASTEST = 3.0
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """Factors between log and description.
-
-    Attributes:
-        findings: what was found.
-        factors: torque of the log per torque of the description, by joint, NaN if not known.
-        deviations: their standard deviations.
-    """
+    """Factors between log and description."""
 
     findings: tuple[Finding, ...]
+    # torque of the log per torque of the description, by joint, NaN if not known
     factors: np.ndarray
-    deviations: np.ndarray
+    deviations: np.ndarray  # their standard deviations
 
 
 def check_assumed(log: Log) -> list[Finding]:
     """Scales of the torque that were taken from the description, or assumed.
 
     A factor of 1 between log and description confirms nothing then.
-
-    Args:
-        log: the log, with the marks of its units.
     """
     return [
         Finding("warning", "scale", "assumed", sentence)
@@ -80,16 +72,7 @@ def check_assumed(log: Log) -> list[Finding]:
 def check_positions(
     log: Log, timing: Timing, model: InverseModel
 ) -> tuple[list[Finding], InverseModel | None]:
-    """Whether the positions can be what they are said to be, and a model in the right unit.
-
-    Args:
-        log: the log.
-        timing: its clock.
-        model: rows of its inverse model, positions as they were taken.
-
-    Returns:
-        Findings, and the model to go on with; None if no unit makes sense.
-    """
+    """Whether the positions can be what they are said to be, and a model in the right unit."""
     findings = check_reach(log, timing)
     better = _another_position_unit(log, model, timing)
     if better is None:
@@ -99,12 +82,7 @@ def check_positions(
 
 
 def check_scale(log: Log, model: InverseModel) -> Scale:
-    """Compare the torques of a log with those of the robot's description.
-
-    Args:
-        log: the log.
-        model: rows of its inverse model.
-    """
+    """Compare the torques of a log with those of the robot's description."""
     joints = model.robot.size
     factors, deviations = np.full(joints, np.nan), np.full(joints, np.nan)
     tau = model.tau()
@@ -150,12 +128,7 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
 
 
 def check_reach(log: Log, timing: Timing) -> list[Finding]:
-    """Positions and speeds that the robot cannot have.
-
-    Args:
-        log: the log.
-        timing: its clock.
-    """
+    """Positions and speeds that the robot cannot have."""
     findings: list[Finding] = []
     robot, q = log.robot, log.channels["q"]
     if robot is None or q.shape[1] != robot.size:

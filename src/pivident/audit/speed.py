@@ -23,12 +23,7 @@ PAIRS = (("dq", "q"), ("dq_ref", "q_ref"), ("ddq_ref", "dq_ref"))
 
 
 def check_speeds(log: Log, timing: Timing) -> tuple[Finding, ...]:
-    """Compare every logged derivative with the derivative of the channel it belongs to.
-
-    Args:
-        log: the log.
-        timing: its clock.
-    """
+    """Compare every logged derivative with the derivative of the channel it belongs to."""
     findings = []
     for derivative, channel in PAIRS:
         if derivative not in log.channels or channel not in log.channels or not timing.rate:
@@ -45,13 +40,7 @@ def check_speeds(log: Log, timing: Timing) -> tuple[Finding, ...]:
 
 
 def compare(x: np.ndarray, dx: np.ndarray, rate: float) -> tuple[float, float, float] | None:
-    """Factor, lag [s] and relative remainder of dx(t) = a·ẋ(t - s).
-
-    Args:
-        x: a signal, shape (samples,).
-        dx: what was logged as its derivative.
-        rate: sampling rate [Hz].
-    """
+    """Factor, lag [s] and relative remainder of dx(t) = a·ẋ(t - s); x (samples,), rate [Hz]."""
     band = 0.1 * rate
     slope = butterworth(central_difference(x, rate), rate, band)
     logged = butterworth(dx, rate, band)

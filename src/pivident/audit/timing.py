@@ -32,30 +32,19 @@ WHOLE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """What the clock is like.
-
-    Attributes:
-        findings: what was found.
-        intervals: between finite stamps [s]; empty without a clock.
-        rate: sampling rate that the stamps or somebody tell [Hz], or None.
-        regular: whether samples can be taken as equidistant.
-        steps: samples after which motion jumps over lost samples, or repeats itself, with the
-            number lost (-1: repeated), shape (places, 2).
-    """
+    """What the clock is like."""
 
     findings: tuple[Finding, ...]
-    intervals: np.ndarray
-    rate: float | None
-    regular: bool
+    intervals: np.ndarray  # between finite stamps [s]; empty without a clock
+    rate: float | None  # sampling rate that the stamps or somebody tell [Hz], or None
+    regular: bool  # whether samples can be taken as equidistant
+    # samples after which motion jumps over lost samples, or repeats itself, with the number lost
+    # (-1: repeated), shape (places, 2)
     steps: np.ndarray
 
 
 def check_timing(log: Log) -> Timing:
-    """Judge every clock of a log, and the motion where it betrays lost samples.
-
-    Args:
-        log: the log.
-    """
+    """Judge every clock of a log, and the motion where it betrays lost samples."""
     findings: list[Finding] = []
     intervals, rate, regular = np.empty(0), log.rate, True
     clock = log.clock
@@ -271,13 +260,7 @@ def unsteady_steps(q: np.ndarray) -> np.ndarray:
     With d_k = q_{k+1} - q_k and v_k the median of the two steps before and the two after, lost
     samples show as d_k = (1 + m) v_k with one whole m for all joints; m = -1 is a repeated sample.
     m is estimated by least squares over the joints, each weighted with the usual spread of
-    d_k - v_k.
-
-    Args:
-        q: positions, shape (samples, joints).
-
-    Returns:
-        Sample before each such step and m, shape (places, 2).
+    d_k - v_k. Returns (places, 2).
     """
     if len(q) < 50:
         return np.empty((0, 2))

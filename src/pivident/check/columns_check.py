@@ -47,14 +47,7 @@ _UNIT_WORD = re.compile(r"[a-zA-Zµ]{2,}|[a-zA-Z](?![a-zA-Z\d])")
 def check_columns(
     columns: Mapping[str, Any], units: Mapping[str, Any], robot: Robot | None, table: Place
 ) -> list[Remark]:
-    """Compare what a file says its columns are with what they are called.
-
-    Args:
-        columns: columns by channel, as in the experiment file.
-        units: units by channel, as in the experiment file.
-        robot: its joints have names, where it is known.
-        table: table of the recording.
-    """
+    """Compare what a file says its columns are with what they are called."""
     named = {channel: _names(spec) for channel, spec in columns.items() if channel != "inputs"}
     remarks = [*_used_twice(named, table)]
     joints = robot.joint_names if robot else ()

@@ -24,13 +24,6 @@ def file_problems(
 
     Keys that nothing knows are left out, so that the rest can be looked at. Other problems of
     the tables leave no experiment.
-
-    Args:
-        path: the experiment file.
-        robot: gallery name or robot file in place of the file's.
-
-    Raises:
-        ExperimentError: it cannot be read, or is not TOML.
     """
     try:
         content = toml_content(path)

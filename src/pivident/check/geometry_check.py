@@ -36,14 +36,7 @@ DIRECTIONS = {"+x": (0, 1), "-x": (0, -1), "+y": (1, 1), "-y": (1, -1), "+z": (2
 
 
 def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) -> list[Remark]:
-    """Another geometry that explains the torque far better.
-
-    Args:
-        log: one log with a robot, of which nothing else is wrong.
-        timing: its clock.
-        model: rows of its inverse model.
-        table: table of the recording.
-    """
+    """Another geometry that explains the torque far better."""
     errors = model.relative_errors[np.isfinite(model.relative_errors)]
     if not errors.size or errors.max() < SMALL or log.robot is None or not timing.rate:
         return []

@@ -26,13 +26,7 @@ FEWEST = 500
 
 
 def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Remark]:
-    """Joints whose torque needs gravity in the law that the file states without it.
-
-    Args:
-        log: one log with a recorded reference.
-        timing: its clock.
-        entry: the table ``[controller]``, of a law with gains.
-    """
+    """Joints whose torque needs gravity in the law that the file states without it."""
     given = [log.channels.get(c) for c in ("q", "q_ref", "tau")]
     if log.robot is None or entry.feed_forward != "none" or not timing.rate or not timing.regular:
         return []

@@ -65,20 +65,14 @@ EARLY = 3
 
 @dataclass(frozen=True, eq=False)
 class LogCheck:
-    """What was found out about one log.
+    """What was found out about one log."""
 
-    Attributes:
-        remarks: what is wrong with it.
-        recordings: as an identification reads it; the stretches between its gaps where it has
-            some; none where it cannot be read.
-        audit: the audit, where it can be read at all.
-        looked_at: what was checked, in words.
-    """
-
-    remarks: tuple[Remark, ...]
+    remarks: tuple[Remark, ...]  # what is wrong with it
+    # as an identification reads it; the stretches between its gaps where it has some; none where it
+    # cannot be read
     recordings: tuple[Recording, ...] = ()
-    audit: Audit | None = None
-    looked_at: str = ""
+    audit: Audit | None = None  # the audit, where it can be read at all
+    looked_at: str = ""  # what was checked, in words
 
 
 def check_log(
@@ -89,16 +83,7 @@ def check_log(
     controller: ControllerEntry | None,
     content: dict[str, Any],
 ) -> LogCheck:
-    """Everything about one log.
-
-    Args:
-        entry: its table.
-        place: where the table stands.
-        robot: the robot, where it is known.
-        folder: what paths are relative to.
-        controller: the table ``[controller]``, if there is one.
-        content: the content of the file, its short forms written out.
-    """
+    """Everything about one log."""
     remarks: list[Remark] = []
     if entry.columns is not None:
         columns = entry.columns.model_dump(exclude_unset=True)

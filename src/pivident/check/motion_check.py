@@ -34,14 +34,7 @@ BEYOND, ABOVE = 0.02, 1.2
 
 
 def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> list[Remark]:
-    """Standstill, length, rate, held samples, limits, and channels that are something else.
-
-    Args:
-        log: one log.
-        timing: its clock.
-        parameters: number of base parameters of the robot, zero where it is not known.
-        table: table of the recording.
-    """
+    """Standstill, length, rate, held samples, limits, and channels that are something else."""
     q, tau = log.channels.get("q"), log.channels.get("tau")
     if q is None or tau is None or not timing.rate or len(q) < 50 or q.shape != tau.shape:
         return []

@@ -25,18 +25,7 @@ from pivident.robot.naming import find_joint
 
 
 class ProblemCheck:
-    """The tables about what is to be estimated, and how; each stage adds its remarks.
-
-    Args:
-        experiment: the experiment.
-        robot: the robot, where it can be read.
-        recordings: those that can be read, each with its table.
-        content: the content of the file, its short forms written out.
-
-    Attributes:
-        remarks: what was found.
-        plan: what an identification would do, or None where it cannot begin.
-    """
+    """The tables about what is to be estimated, and how; each stage adds its remarks."""
 
     def __init__(
         self,
@@ -46,7 +35,7 @@ class ProblemCheck:
         content: dict[str, Any],
     ) -> None:
         self.remarks: list[Remark] = []
-        self.plan: Plan | None = None
+        self.plan: Plan | None = None  # None where an identification cannot begin
         self._experiment, self._content, self._plain = experiment, experiment.content, content
         methods = self._methods()
         self._output()

@@ -18,11 +18,7 @@ PURPOSE = {
 
 
 def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Remark]:
-    """Runs that appear twice, and runs of different rates.
-
-    Args:
-        recordings: each with its table.
-    """
+    """Runs that appear twice, and runs of different rates."""
     remarks: list[Remark] = []
     for k, (place, second) in enumerate(recordings):
         for other, first in recordings[:k]:

@@ -22,12 +22,7 @@ MOTION = 0.05
 
 
 def check_reference(log: Log, table: Place) -> list[Remark]:
-    """Whether the reference is one: of the same joints, in the same unit, before the position.
-
-    Args:
-        log: one log.
-        table: table of the recording.
-    """
+    """Whether the reference is one: of the same joints, in the same unit, before the position."""
     if "q_ref" not in log.channels or "q" not in log.channels:
         return []
     q, q_ref = log.channels["q"], log.channels["q_ref"]

@@ -33,12 +33,7 @@ EARTH, TOLERANCE = 9.81, 0.5
 
 
 def check_robot(robot: Robot, model: str) -> list[Remark]:
-    """Everything about a description that no machine has, or that an identification would miss.
-
-    Args:
-        robot: the robot.
-        model: what the experiment file names, a file or a name of the gallery.
-    """
+    """Everything about a description that no machine has, or that an identification would miss."""
     file = Path(model).name
     remarks = [*_gravity(robot)]
     for joint, link in zip(robot.joints, robot.links, strict=True):

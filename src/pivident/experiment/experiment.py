@@ -239,15 +239,7 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
-    """The tables with one recording for each file of a pattern.
-
-    Args:
-        content: the tables.
-        folder: what paths are relative to.
-
-    Raises:
-        ExperimentError: no file fits a pattern, or one name is given to several runs.
-    """
+    """The tables with one recording for each file of a pattern."""
     unseen = one_by_one(content.validation.recording, folder)
     validation = content.validation.model_copy(update={"recording": unseen})
     runs = one_by_one(content.recording, folder)

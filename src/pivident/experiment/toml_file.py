@@ -20,10 +20,6 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
 
     An `ExperimentError` gets it in front of its message; errors that carry evidence keep their
     class and get it as a note.
-
-    Args:
-        path: the experiment file.
-        table: the table, or empty where the error names it.
     """
     try:
         yield
@@ -36,14 +32,7 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
 
 
 def toml_content(path: Path) -> dict[str, Any]:
-    """The tables of an experiment file, or of another small TOML file; nothing in them is checked.
-
-    Args:
-        path: the file.
-
-    Raises:
-        ExperimentError: it cannot be read, or is no TOML.
-    """
+    """The tables of an experiment file or another small TOML file, unchecked."""
     try:
         return parse_toml(_file_text(path))
     except ExperimentError:
@@ -74,14 +63,7 @@ def _advice(path: Path, error: str) -> str:
 
 
 def _file_text(path: Path) -> str:
-    """Content of an experiment file, or of another small TOML file.
-
-    Args:
-        path: the file.
-
-    Raises:
-        ExperimentError: it cannot be read, is too large, or is not UTF-8 text.
-    """
+    """Content of an experiment file, or of another small TOML file."""
     try:
         if regular_file(path).stat().st_size > MAX_FILE:
             raise ExperimentError(

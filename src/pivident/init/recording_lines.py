@@ -38,41 +38,21 @@ COPY = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RecordingLines:
-    """What was found out about one log.
+    """What was found out about one log."""
 
-    Attributes:
-        machine: the robot with the joints that are identified.
-        robot: lines of ``[robot]`` that follow from the log.
-        recording: lines of ``[recording]`` and its tables, but for the files.
-        file_keys: number of each file in the run, by its key.
-        has_reference: whether a reference of the positions was found.
-        rate: sampling rate [Hz].
-        comparison: torque and motion against the description.
-    """
-
-    machine: Robot
-    robot: tuple[Assumption, ...]
-    recording: tuple[Assumption, ...]
-    file_keys: dict[str, int]
-    has_reference: bool
-    rate: float
-    comparison: Comparison
+    machine: Robot  # the robot with the joints that are identified
+    robot: tuple[Assumption, ...]  # lines of ``[robot]`` that follow from the log
+    recording: tuple[Assumption, ...]  # lines of ``[recording]`` and its tables, but for the files
+    file_keys: dict[str, int]  # number of each file in the run, by its key
+    has_reference: bool  # whether a reference of the positions was found
+    rate: float  # sampling rate [Hz]
+    comparison: Comparison  # torque and motion against the description
 
 
 def recording_lines(
     run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
 ) -> RecordingLines:
-    """Everything that is assumed about one log.
-
-    Args:
-        run: its files.
-        machine: the robot.
-        wanted: joints that are to be identified; empty: all that can be.
-        answers: what a person said.
-
-    Raises:
-        DraftError: positions, torques or joints cannot be found.
-    """
+    """Everything that is assumed about one log."""
     joints = joint_map(run, machine.joint_names)
     kept = kept_joints(run, joints, machine, wanted)
     clock = _clock(run, joints, kept, answers)

@@ -50,57 +50,33 @@ ANSWERS = ("N m", "A", "unknown scale")
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Log against description.
+    """Log against description."""
 
-    Attributes:
-        factors: logged torque per torque of the description, NaN where it is not known.
-        deviations: their standard deviations.
-        reversed: joints whose friction would give energy: the sign of their torque is wrong.
-        angle_unit: whether positions in the other angle unit fit much better.
-        errors: share of each joint's torque that no parameters explain.
-        trouble: why nothing could be compared, or empty.
-        load: a body on the flange that the description lacks; the factors are beside it.
-    """
-
-    factors: np.ndarray
-    deviations: np.ndarray
+    factors: np.ndarray  # logged torque per torque of the description, NaN where it is not known
+    deviations: np.ndarray  # their standard deviations
+    # joints whose friction would give energy: the sign of their torque is wrong
     reversed: tuple[int, ...] = ()
-    angle_unit: bool = False
-    errors: np.ndarray | None = None
-    trouble: str = ""
+    angle_unit: bool = False  # whether positions in the other angle unit fit much better
+    errors: np.ndarray | None = None  # share of each joint's torque that no parameters explain
+    trouble: str = ""  # why nothing could be compared, or empty
+    # a body on the flange that the description lacks; the factors are beside it
     load: FlangeLoad | None = None
 
 
 @dataclass(frozen=True)
 class TorqueUnit:
-    """The unit of the torque channel.
+    """The unit of the torque channel."""
 
-    Attributes:
-        value: as an experiment file says it.
-        sure: how sure it is.
-        seen: what was seen.
-        correct: how to correct it.
-        motor_side: whether the torques are those of the motors.
-        question: what to ask, where somebody may know better.
-    """
-
-    value: Any
-    sure: Sureness
+    value: Any  # as an experiment file says it
+    sure: Sureness  # how sure it is
     seen: str
-    correct: str
-    motor_side: bool = False
-    question: Question | None = None
+    correct: str  # how to correct it
+    motor_side: bool = False  # whether the torques are those of the motors
+    question: Question | None = None  # what to ask, where somebody may know better
 
 
 def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -> Comparison:
-    """Hold torque and motion against the robot's description.
-
-    Args:
-        robot: with nominal masses, or without.
-        q: positions, shape (samples, joints) [rad or m].
-        tau: torques in whatever unit, likewise.
-        seconds: times [s], shape (samples,).
-    """
+    """Hold torque and motion against the robot's description."""
     log = Log(
         "log",
         robot.joint_names,
@@ -186,15 +162,7 @@ def torque_unit(
     is_current: bool,
     answer: str | None,
 ) -> TorqueUnit:
-    """The unit of the logged torques.
-
-    Args:
-        robot: the robot.
-        found: log against description.
-        named: unit written in the columns' names, or None.
-        is_current: whether these are names of a current.
-        answer: one of `ANSWERS`, or None.
-    """
+    """The unit of the logged torques."""
     named = answer if answer in ("N m", "A") else named
     kind = "current" if is_current else "effort"
     if named in COMMAND or (is_current and named not in TORQUE) or answer == ANSWERS[2]:

@@ -35,34 +35,18 @@ _LEFT = 0.1
 
 @dataclass(frozen=True, eq=False)
 class RepeatedMotion:
-    """Which samples belong to the same instant of a motion.
+    """Which samples belong to the same instant of a motion."""
 
-    Attributes:
-        instants: for each recording the instant of each sample, shape (samples,); -1 where it
-            belongs to none.
-        count: number of instants.
-        period: samples of a period, None where whole recordings repeat each other.
-        description: where the repetition was found, in words.
-    """
-
+    # for each recording the instant of each sample, shape (samples,); -1 where it belongs to none
     instants: tuple[np.ndarray, ...]
-    count: int
-    period: int | None
-    description: str
+    count: int  # number of instants
+    period: int | None  # samples of a period, None where whole recordings repeat each other
+    description: str  # where the repetition was found, in words
 
     def split(
         self, signals: Sequence[np.ndarray], usable: Sequence[np.ndarray]
     ) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-        """Split signals into what repeats and what does not.
-
-        Args:
-            signals: one for each recording, shape (joints, samples).
-            usable: samples that count, likewise, boolean.
-
-        Returns:
-            The repeating part m̂, the other one v̂, both of the signals' shapes and zero where
-            unknown, and the number n of repetitions at each sample and joint.
-        """
+        """Split signals into what repeats and what does not; signals (joints, samples)."""
         joints = signals[0].shape[0]
         total, times = np.zeros((2, joints, self.count + 1))  # the last one is nobody's
         for signal, counts, where in zip(signals, usable, self.instants, strict=True):
@@ -84,11 +68,7 @@ class RepeatedMotion:
 
 
 def repeated_motion(recordings: Sequence[Recording], period: int | None = None) -> RepeatedMotion:
-    """Find the repetition, or say that there is none; see :func:`find_repetition`.
-
-    Raises:
-        IdentificationError: nothing repeats.
-    """
+    """Find the repetition, or say that there is none; see :func:`find_repetition`."""
     found = find_repetition(recordings, period)
     if found is None:
         raise IdentificationError(
@@ -106,13 +86,6 @@ def find_repetition(
 
     References are compared, or measured positions where there are none; known inputs must repeat
     with them.
-
-    Args:
-        recordings: the runs.
-        period: samples of a period, where it is known.
-
-    Returns:
-        The repetition; None: nothing repeats.
     """
     instants: list[np.ndarray] = []
     offset, period_found, told = 0, None, []
@@ -162,9 +135,6 @@ def find_period(recording: Recording) -> int | None:
 
     is found for all p by FFT. The deepest point of each of its dips, after the signal has left
     its starting point, is checked sample by sample. At least two periods are needed.
-
-    Args:
-        recording: its reference is examined, or its positions where there is none.
     """
     signals, tolerance = _motion_signals(recording)
     ranges = np.ptp(signals, axis=0)

@@ -24,15 +24,7 @@ SLOWEST_MOTION = 0.1
 
 
 def clipped_samples(tau: np.ndarray, q: np.ndarray) -> np.ndarray:
-    """Which samples of one joint's torque are cut off.
-
-    Args:
-        tau: torque, shape (samples,).
-        q: position of the same joint, shape (samples,).
-
-    Returns:
-        Truth values, shape (samples,).
-    """
+    """Which samples of one joint's torque are cut off."""
     clipped = np.zeros(len(tau), dtype=bool)
     for signal in (tau, -tau):
         limit = signal.max()

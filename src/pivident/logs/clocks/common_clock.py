@@ -22,15 +22,7 @@ OnOneClock = tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[str]]
 
 
 def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOneClock:
-    """Channels as they are where they have one clock, else resampled; gaps are cut around.
-
-    Args:
-        channels: each with its stamps.
-        rate: wanted where they have to be resampled [Hz].
-
-    Raises:
-        RecordingError: clocks that share no time.
-    """
+    """Channels as they are where they have one clock, else resampled; gaps are cut around."""
     if have_one_clock(channels):
         done = list(dict.fromkeys(note for c in channels for note in c.notes))
         return {c.channel: c.values for c in channels}, {channels[0].clock: channels[0].t}, done

@@ -120,21 +120,16 @@ _WORD = re.compile(r"[^\W\d_]+|\d+|°")
 
 @dataclass(frozen=True)
 class Reading:
-    """What the words of a name say.
+    """What the words of a name say."""
 
-    Attributes:
-        channel: ``q``, ``dq``, ``ddq``, ``tau``, ``current``, with ``_ref`` for references; None
-            where the words name no quantity, or something that is no joint signal.
-        unit: unit written beside the name, or None.
-        measured: how clearly it is the name of a measurement: 1 with a word for it, 0 without,
-            -1 where the name has words that nobody knows.
-        foreign: whether it is something else than a joint signal.
-    """
-
+    # ``q``, ``dq``, ``ddq``, ``tau``, ``current``, with ``_ref`` for references; None where the
+    # words name no quantity, or something that is no joint signal
     channel: str | None
-    unit: str | None
+    unit: str | None  # unit written beside the name, or None
+    # how clearly it is the name of a measurement: 1 with a word for it, 0 without, -1 where the
+    # name has words that nobody knows
     measured: int = 0
-    foreign: bool = False
+    foreign: bool = False  # whether it is something else than a joint signal
 
 
 def words_of(name: str) -> list[str]:
