@@ -177,16 +177,7 @@ def _with_model(
     findings += [*order.findings, *delay.findings, *power.findings, *scale.findings]
     findings += [*_unexplained(model), *excitation.findings]
     return Audit(
-        log,
-        tuple(findings),
-        timing,
-        quantisation,
-        model,
-        order,
-        delay,
-        power,
-        scale,
-        excitation,
+        log, tuple(findings), timing, quantisation, model, order, delay, power, scale, excitation
     )
 
 

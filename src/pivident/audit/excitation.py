@@ -185,10 +185,7 @@ def _ranges(models: Sequence[InverseModel]) -> np.ndarray:
 
 
 def _findings(
-    models: Sequence[InverseModel],
-    found: Excitation,
-    unseen: list[np.ndarray],
-    parts: np.ndarray,
+    models: Sequence[InverseModel], found: Excitation, unseen: list[np.ndarray], parts: np.ndarray
 ) -> list[Finding]:
     """Rank, directions that were not seen, weak parameters and the use of the limits."""
     model, names, parameters = models[0], found.names, models[0].base.parameters

@@ -131,12 +131,7 @@ def _friction_power(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float
 
 
 def _power_finding(
-    model: InverseModel,
-    j: int,
-    power: float,
-    deviation: float,
-    negative: list[int],
-    clear: bool,
+    model: InverseModel, j: int, power: float, deviation: float, negative: list[int], clear: bool
 ) -> Finding:
     name = model.robot.joints[j].name
     severity: Severity = "ok"

@@ -188,10 +188,7 @@ def _another_position_unit(
         return None
     if log.side == "motor":
         return _joint_side_already(log, model, timing)
-    for factor, said, meant in (
-        (np.pi / 180.0, "rad", "deg"),
-        (180.0 / np.pi, "deg", "rad"),
-    ):
+    for factor, said, meant in ((np.pi / 180.0, "rad", "deg"), (180.0 / np.pi, "deg", "rad")):
         if np.abs(model.q).max() * factor > 20.0 or np.ptp(model.q, axis=0).max() * factor < 0.05:
             continue
         try:

@@ -136,10 +136,7 @@ def _compared(
         kv = of_joint(entry.kv, j)
         declared = {"kp": (gain * kp * kv, found[0]), "kv": (gain * kv, found[1])}
     else:
-        declared = {
-            "kp": (gain * kp, found[0]),
-            "kd": (gain * of_joint(entry.kd, j), found[1]),
-        }
+        declared = {"kp": (gain * kp, found[0]), "kd": (gain * of_joint(entry.kd, j), found[1])}
     for key, (said, seen) in declared.items():
         ratio = seen / said if said else np.inf
         if 1 / DIFFERENT < ratio < DIFFERENT or (key != "kp" and abs(seen - said) <= late):

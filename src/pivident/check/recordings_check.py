@@ -10,11 +10,7 @@ from pivident.check.remark import Place, Remark
 from pivident.recording.recording import Recording
 
 #: What tables of recordings are for, by the table's first key.
-PURPOSE = {
-    "validation": "judged on",
-    "payload": "with the load",
-    "gains": "with the payload",
-}
+PURPOSE = {"validation": "judged on", "payload": "with the load", "gains": "with the payload"}
 
 
 def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Remark]:

@@ -42,10 +42,7 @@ KEYS: dict[tuple[str, str], Place] = {
 IN_ROBOT = {("power", "gravity at rest"): "gravity", ("scale", "load"): "model"}
 
 #: Findings that are mended elsewhere than in the table of their recording.
-ELSEWHERE: dict[str, Place] = {
-    "excitation": ("identify", "parameters"),
-    "model": ("robot",),
-}
+ELSEWHERE: dict[str, Place] = {"excitation": ("identify", "parameters"), "model": ("robot",)}
 
 #: Tables of recordings.
 RECORDINGS = (("recording",), ("validation",), ("payload",), ("gains",))

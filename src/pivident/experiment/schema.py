@@ -26,10 +26,7 @@ LOOP_KEYS = {"drive_gain", "limit", "feed_forward"}
 LAW_KEYS = {
     "pd": ({"kp", "kd"}, LOOP_KEYS | {"derivative_time"}),
     "pid": ({"kp", "kd"}, LOOP_KEYS | {"ki", "derivative_time"}),
-    "cascade": (
-        {"kp", "kv"},
-        LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"},
-    ),
+    "cascade": ({"kp", "kv"}, LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"}),
     "virtual_pd": (set(), {"bandwidth", "damping"}),
     "identify": (set(), {"drive_gain", "limit"}),
 }

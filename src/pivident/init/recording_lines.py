@@ -18,11 +18,7 @@ from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
 from pivident.init.torque_unit import Comparison, compare, torque_unit
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
-from pivident.logs.recognition.position_units import (
-    AssumedUnits,
-    following_unit,
-    position_unit,
-)
+from pivident.logs.recognition.position_units import AssumedUnits, following_unit, position_unit
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
 

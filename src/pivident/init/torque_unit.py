@@ -156,11 +156,7 @@ def _beside_a_rotor(model: InverseModel, j: int) -> tuple[float, float]:
 
 
 def torque_unit(
-    robot: Robot,
-    found: Comparison,
-    named: str | None,
-    is_current: bool,
-    answer: str | None,
+    robot: Robot, found: Comparison, named: str | None, is_current: bool, answer: str | None
 ) -> TorqueUnit:
     """The unit of the logged torques."""
     named = answer if answer in ("N m", "A") else named

@@ -40,12 +40,7 @@ STAUBLI_TX40: dict[str, Any] = {
 EMPS: dict[str, Any] = {
     "name": "emps",
     "columns": {"q": "qm", "q_ref": "qg", "tau": "vir", "t": "t"},
-    "units": {
-        "q": "m",
-        "q_ref": "m",
-        "tau": {"unit": "V", "gain": 35.15065188248547},
-        "t": "s",
-    },
+    "units": {"q": "m", "q_ref": "m", "tau": {"unit": "V", "gain": 35.15065188248547}, "t": "s"},
     "torque_timing": "held",
 }
 

@@ -59,11 +59,7 @@ def bag_channel(
 
 
 def full_names(
-    bag: Bag,
-    path: Path,
-    columns: Sequence[str],
-    per_joint: bool,
-    joint_names: Sequence[str] = (),
+    bag: Bag, path: Path, columns: Sequence[str], per_joint: bool, joint_names: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Names of a channel's columns in full; see `bag_channel` for arguments and errors."""
     known = bag.names()

@@ -15,12 +15,7 @@ import numpy as np
 
 from pivident.errors import FileFormatError
 from pivident.logs.bags.bag_containers import MAX_MESSAGE, Topic
-from pivident.logs.bags.message_definitions import (
-    KNOWN,
-    Definitions,
-    parse_definition,
-    short_name,
-)
+from pivident.logs.bags.message_definitions import KNOWN, Definitions, parse_definition, short_name
 from pivident.logs.bags.message_layout import MAX_VISITS, Layout, layout_of
 from pivident.logs.source_files import refuse_bomb
 from pivident.scratch import working_array

@@ -11,11 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.errors import GapInClock
-from pivident.logs.clocks.clock_alignment import (
-    ClockedChannel,
-    have_one_clock,
-    onto_one_clock,
-)
+from pivident.logs.clocks.clock_alignment import ClockedChannel, have_one_clock, onto_one_clock
 
 #: Channels on their clock: values by name, clocks by name [s], and what was done.
 OnOneClock = tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[str]]

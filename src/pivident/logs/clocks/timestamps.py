@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.errors import (
-    IrregularSampling,
-    MissingSamples,
-    RecordingError,
-    RecordingTooShort,
-)
+from pivident.errors import IrregularSampling, MissingSamples, RecordingError, RecordingTooShort
 from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
 from pivident.logs.units import TIME
 
