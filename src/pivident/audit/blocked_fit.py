@@ -34,7 +34,7 @@ class BlockedFit:
     replicates: np.ndarray  # without each block, shape (blocks, columns)
 
     def spread(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Jackknife deviations of the coefficients, or of functions of them."""
+        """Jackknife standard errors of the coefficients, or of functions of them."""
         return jackknife(self.replicates if of is None else of)
 
 

@@ -1,7 +1,7 @@
-"""What the motion tells: rank and condition, weak parameters, and the motion they would need.
+"""What the motion excites: rank and condition, weak parameters, and the motion they would need.
 
 W stacks the equations of all joints, each divided by its residual, with columns scaled to unit
-length. With σ_k the standard deviation that a parameter would have, and φ_k its column in motions
+length. With σ_k the standard error that a parameter would have, and φ_k its column in motions
 that use all of the robot's limits, rms(φ_k) σ_k is the torque that nobody could predict because of
 it. A parameter is weak if that is a large share of the torque.
 """
@@ -72,8 +72,8 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     condition = float(largest / singular[seen][0]) if seen.any() else np.inf
     inverse = (vectors[:, seen] / singular[seen]) ** 2
     # Rows follow each other faster than the band has new values.
-    deviation = np.sqrt(inverse.sum(axis=1) * OVERSAMPLING / 2.0) * scale
-    deviation[length == 0] = np.inf
+    standard_error = np.sqrt(inverse.sum(axis=1) * OVERSAMPLING / 2.0) * scale
+    standard_error[length == 0] = np.inf
     full, parts = _full_motion(models)
     found = Excitation(
         (),
@@ -81,7 +81,7 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
         int(seen.sum()),
         condition,
         singular[::-1] / largest,
-        deviation * full / torque,
+        standard_error * full / torque,
         length / np.sqrt(max(rows, 1)) / np.maximum(full / noise, 1e-300),
         _ranges(models),
     )
@@ -200,16 +200,8 @@ def _findings(
     step = ""
     if severity != "ok":
         step = "Add motions as below, or name fewer parameters under [identify]."
-    findings = [
-        Finding(
-            severity,
-            "excitation",
-            "rank",
-            text,
-            next_step=step,
-            evidence={"condition": Quantity(condition, bound=CONDITION)},
-        )
-    ]
+    evidence = {"condition": Quantity(condition, bound=CONDITION)}
+    findings = [Finding(severity, "excitation", "rank", text, next_step=step, evidence=evidence)]
     for vector in unseen:
         first = np.argsort(-np.abs(vector))[:4]
         group = [int(k) for k in first if abs(vector[k]) > 0.3 * np.abs(vector).max()]
@@ -217,19 +209,13 @@ def _findings(
         kind, words = "inseparable", f"{listed} cannot be separated"
         if len(group) == 1:
             kind, words = "no effect", f"{listed} has no effect"
+        advice = _motion(model, parameters[group[0]], parts[group[0]], ranges)
         findings.append(
-            Finding(
-                "error",
-                "excitation",
-                kind,
-                f"{words} in this motion.",
-                listed,
-                _motion(model, parameters[group[0]], parts[group[0]], ranges),
-            )
+            Finding("error", "excitation", kind, f"{words} in this motion.", listed, advice)
         )
-    told = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
+    named = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
     for k in np.argsort(-open_torque):
-        if k in told or not (open_torque[k] > WEAK or used[k] < UNUSED):
+        if k in named or not (open_torque[k] > WEAK or used[k] < UNUSED):
             continue
         share = 100 * float(open_torque[k])
         findings.append(

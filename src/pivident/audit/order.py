@@ -53,13 +53,9 @@ def check_order(model: InverseModel) -> Order:
         f"The torque columns fit in another order: {pairs}; the errors of these joints shrink "
         f"by a factor of {factor:.3g}."
     )
+    step = "Change the order of the columns of tau, or that of q."
+    evidence = {"factor": Quantity(factor, bound=BETTER)}
     finding = Finding(
-        "error",
-        "order",
-        "order",
-        text,
-        ", ".join(names[j] for j in moved),
-        "Change the order of the columns of tau, or that of q.",
-        evidence={"factor": Quantity(factor, bound=BETTER)},
+        "error", "order", "order", text, ", ".join(names[j] for j in moved), step, evidence=evidence
     )
     return Order((finding,), errors, tuple(int(k) for k in best))

@@ -75,7 +75,7 @@ def find_grid(name: str, values: np.ndarray) -> Grid:
 def _step(values: np.ndarray) -> float:
     """Distance of neighbouring values, NaN where they do not lie on a grid.
 
-    The smallest gaps between distinct values give a first guess; every gap near a whole multiple
+    The smallest gaps between distinct values give a first step; every gap near a whole multiple
     of it then refines the step, Σ gap·n / Σ n² with n = round(gap / step).
     """
     middle = len(values) // 2
@@ -89,9 +89,8 @@ def _step(values: np.ndarray) -> float:
     return _refined(gaps, float(np.median(gaps[: max(3, gaps.size // 10)])))
 
 
-def _refined(gaps: np.ndarray, guess: float) -> float:
+def _refined(gaps: np.ndarray, step: float) -> float:
     """The step of which nearly all gaps are multiples, NaN where there is none."""
-    step = guess
     for most in (4, 64, 1024):
         used = gaps[gaps < (most + 0.5) * step]
         if not used.size:
@@ -157,24 +156,15 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
             if kind == "q"
             else "Log the torque with a finer resolution, or identify over a longer record."
         )
-    findings.append(
-        Finding(
-            "warning" if few else "ok",
-            "quantisation",
-            "step",
-            text,
-            name,
-            step,
-            evidence={
-                "step": Quantity(
-                    grid.step,
-                    "unit of the file",
-                    bound=float(np.ptp(values)) / MIN_LEVELS[kind]
-                    if MIN_LEVELS.get(kind)
-                    else None,
-                )
-            },
+    evidence = {
+        "step": Quantity(
+            grid.step,
+            "unit of the file",
+            bound=float(np.ptp(values)) / MIN_LEVELS[kind] if MIN_LEVELS.get(kind) else None,
         )
+    }
+    findings.append(
+        Finding("warning" if few else "ok", "quantisation", "step", text, name, step, evidence)
     )
     return findings
 

@@ -1,4 +1,4 @@
-"""The check of an experiment file: everything that would spoil an identification, in one go.
+"""The check of an experiment file: everything that would stop or bias an identification, in one go.
 
 file ─▶ robot ─▶ each log: names of columns, audit, motion, reference, gains ─▶ recordings together
 ─▶ methods, parameters, output ─▶ plan. Nothing is estimated. What fails early does not stop what

@@ -201,27 +201,16 @@ def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
 
 def _long_delay(delay: float, place: Place) -> Remark:
     """A declared delay that no logger has."""
-    return Remark(
-        "error",
-        "timing",
-        "delay",
-        f"The torque is declared to be {delay:g} s late.",
-        "tau",
-        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
-        place=(*place, "delay"),
-    )
+    text = f"The torque is declared to be {delay:g} s late."
+    step = f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}."
+    return Remark("error", "timing", "delay", text, "tau", step, place=(*place, "delay"))
 
 
 def _no_rate(rate: float, place: Place) -> Remark:
     """A declared rate that no log has."""
-    return Remark(
-        "error",
-        "timing",
-        "rate",
-        f"The rate is {rate:g} Hz, which no robot's log has.",
-        next_step="It may be a period in seconds, or a rate in kHz; rate is in Hz.",
-        place=(*place, "rate"),
-    )
+    text = f"The rate is {rate:g} Hz, which no robot's log has."
+    step = "It may be a period in seconds, or a rate in kHz; rate is in Hz."
+    return Remark("error", "timing", "rate", text, next_step=step, place=(*place, "rate"))
 
 
 def _kind(failure: PividentError) -> str:

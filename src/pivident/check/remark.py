@@ -13,7 +13,7 @@ from pivident.text.finding import SEVERITIES, Finding
 #: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
 Place = tuple[int | str, ...]
 
-#: Where the findings of an audit are mended, below the table of their recording.
+#: Where the findings of an audit are fixed, below the table of their recording.
 KEYS: dict[tuple[str, str], Place] = {
     ("timing", "no clock"): ("columns", "t"),
     ("timing", "no stamp"): ("columns", "t"),
@@ -38,10 +38,10 @@ KEYS: dict[tuple[str, str], Place] = {
     ("speed", "derivative"): ("columns", "dq_ref"),
 }
 
-#: Findings of single kinds that are mended in the robot's table, by its key.
+#: Findings of single kinds that are fixed in the robot's table, by its key.
 IN_ROBOT = {("power", "gravity at rest"): "gravity", ("scale", "load"): "model"}
 
-#: Findings that are mended elsewhere than in the table of their recording.
+#: Findings that are fixed elsewhere than in the table of their recording.
 ELSEWHERE: dict[str, Place] = {"excitation": ("identify", "parameters"), "model": ("robot",)}
 
 #: Tables of recordings.
@@ -127,7 +127,7 @@ def without_table(text: str) -> str:
 
 
 def with_key(place: Place, message: str, content: Mapping[str, Any]) -> Place:
-    """A place that is a table with the key of it that a message speaks of."""
+    """A place that is a table with the key of it that a message names."""
     value: Any = content
     for part in place:
         known = isinstance(value, Mapping) and part in value
@@ -167,7 +167,7 @@ _NAMES = {"q", "dq", "tau", "t", "kp", "kd", "ki", "kv", "rate", "mask", "delay"
 
 
 def place_in(message: str, table: Place = ()) -> Place:
-    """Table and key that a message speaks of."""
+    """Table and key that a message names."""
     found = _TABLE.match(message)
     place: Place = table
     if found:
@@ -180,7 +180,7 @@ def place_in(message: str, table: Place = ()) -> Place:
 
 
 def _channel(message: str) -> Place:
-    """Columns or units of the channel that a message speaks of."""
+    """Columns or units of the channel that a message names."""
     channel = _CHANNEL.search(message)
     if channel is None:
         return ()

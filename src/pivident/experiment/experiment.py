@@ -170,8 +170,8 @@ class Experiment:
     def made_consistent(self, names: Sequence[str] | None = None) -> tuple[str, ...]:
         """Methods whose estimates the stage of physical consistency follows, by name.
 
-        Those that are asked for as ``pc-piv`` and the like. Where none is, a table
-        ``[consistency]`` asks for all.
+        Those requested as ``pc-piv`` and the like. Where none is, a table
+        ``[consistency]`` requests all.
 
         Args:
             names: methods with or without ``pc-``; default: those of the file.
@@ -222,7 +222,7 @@ def load_experiment(path: str | Path) -> Experiment:
         path: the file.
 
     Returns:
-        The experiment, checked; its records are read when they are asked for.
+        The experiment, checked; its records are read on demand.
 
     Raises:
         ExperimentError: it cannot be read, has an unknown key, a bad value or contradictory

@@ -30,7 +30,7 @@ class DeclaredGain:
 
     value: float  # torque per unit of the command that the log was read with [N m or N per unit]
     unit: str  # unit of the command as the file has it, ``mA``, ``V`` …, or of a torque
-    given: bool  # whether somebody gave that gain; a guess or 1 stands for it otherwise
+    given: bool  # whether somebody gave that gain; an assumption or 1 stands for it otherwise
     # where it is written: ``robot`` (drive_gain), ``units`` (gain of a unit), ``factor`` (a torque
     # or a bare factor) or ``dataset``
     place: str
@@ -61,7 +61,7 @@ class GainsOfExperiment:
 
     @property
     def std(self) -> np.ndarray:
-        """Their standard deviations, shape (joints,)."""
+        """Their standard errors, shape (joints,)."""
         return self.gains.std * np.abs([d.value for d in self.declared])
 
 

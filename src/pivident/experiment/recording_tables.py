@@ -172,7 +172,7 @@ def _adjusted(entry: RecordingEntry, keys: Sequence[str]) -> dict[str, Any]:
 
 def _files(entry: RecordingEntry, folder: Path) -> Any:
     """The user's own files."""
-    assert entry.files is not None, "the schema asks for it"
+    assert entry.files is not None, "the schema requires it"
     if isinstance(entry.files, dict):
         return {key: folder / path for key, path in entry.files.items()}
     return folder / entry.files
@@ -180,7 +180,7 @@ def _files(entry: RecordingEntry, folder: Path) -> Any:
 
 def _description(entry: RecordingEntry) -> dict[str, Any]:
     """What the file says about the columns of a log."""
-    assert entry.columns is not None, "the schema asks for it"
+    assert entry.columns is not None, "the schema requires it"
     return {
         "columns": entry.columns.model_dump(exclude_unset=True),
         "units": entry.units.model_dump(exclude_unset=True),

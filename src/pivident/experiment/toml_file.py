@@ -42,7 +42,7 @@ def toml_content(path: Path) -> dict[str, Any]:
 
 
 def _advice(path: Path, error: str) -> str:
-    """What to do about a text that is not TOML, as far as the text tells."""
+    """What to do about a text that is not TOML, as far as the text shows."""
     text = _file_text(path)
     beginning = text.lstrip("\ufeff \t\r\n")
     first = beginning.partition("\n")[0]

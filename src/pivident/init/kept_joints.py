@@ -35,7 +35,7 @@ def kept_joints(
         position = q.values(run, [name])[:, 0]
         reason = _reason(run, joints, name, position, list(q.columns))
         if wanted and name not in wanted:
-            reason = "not asked for"
+            reason = "not requested"
         if reason:
             left_out[name] = reason
         else:

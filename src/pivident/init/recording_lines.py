@@ -26,7 +26,7 @@ from pivident.robot.description import Robot
 WORTH_CUTTING = 1.0
 
 #: Rows with positions of all joints, at least; fewer are no log.
-FEWEST = 10
+MIN_ROWS = 10
 
 #: Tracking error below which a reference is only a copy of the measurement, relative.
 COPY = 1e-6
@@ -57,7 +57,7 @@ def recording_lines(
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
     rows = np.isfinite(raw[:, own]).all(axis=1)
-    if rows.sum() < FEWEST:
+    if rows.sum() < MIN_ROWS:
         raise DraftError(
             f"{int(rows.sum())} of {len(rows)} rows of {run.files[q.file].shown} have a position "
             f"of every joint ({', '.join(kept.names)}); export the joints on one clock without "

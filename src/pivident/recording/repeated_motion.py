@@ -88,7 +88,7 @@ def find_repetition(
     with them.
     """
     instants: list[np.ndarray] = []
-    offset, period_found, told = 0, None, []
+    offset, period_found, sentences = 0, None, []
     leaders: list[tuple[int, int]] = []  # recordings that others may repeat, their first instant
     twins: dict[int, int] = {}
     for k, recording in enumerate(recordings):
@@ -103,7 +103,7 @@ def find_repetition(
         leaders.append((k, offset))
         instants.append(offset + np.arange(recording.samples))
         offset += recording.samples
-    told += [
+    sentences += [
         f"recordings {recordings[a].name!r} and {recordings[b].name!r} follow the same motion"
         for b, a in twins.items()
     ]
@@ -116,14 +116,14 @@ def find_repetition(
             continue
         instants[k] = first + np.arange(recording.samples) % length
         period_found = length
-        told.append(
+        sentences.append(
             f"the motion of {recording.name!r} has a period of {length} samples "
             f"({length / recording.rate:.4g} s), {recording.samples / length:.1f} of them"
         )
-    if not told:
+    if not sentences:
         return None
     placed = tuple(np.where(own < 0, offset, own) for own in instants)
-    return RepeatedMotion(placed, offset, period_found, "; ".join(told))
+    return RepeatedMotion(placed, offset, period_found, "; ".join(sentences))
 
 
 def find_period(recording: Recording) -> int | None:

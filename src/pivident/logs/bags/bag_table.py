@@ -24,7 +24,7 @@ KINDS = {
     "q": "q", "tau": "tau", "current": "tau", "dq": "dq", "q_ref": "q_ref", "dq_ref": "dq_ref",
 }  # fmt: skip
 
-#: Messages that come slower speak of no control loop [Hz].
+#: Messages that come slower are not those of a control loop [Hz].
 SLOWEST = 20.0
 
 #: Share of the positions' instants that a topic has to cover.

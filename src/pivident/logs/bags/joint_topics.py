@@ -75,7 +75,7 @@ class TopicReader:
     """Takes the messages of one topic, one by one."""
 
     topic: Topic
-    patience: WorkBudget = field(default_factory=WorkBudget)  # what all topics of the bag share
+    budget: WorkBudget = field(default_factory=WorkBudget)  # what all topics of the bag share
     why_not: str = ""  # why its messages cannot be read, empty as long as they can
     _versions: list[Definitions] = field(default_factory=list)
     _waiting: list[bytes] = field(default_factory=list)
@@ -95,10 +95,10 @@ class TopicReader:
         if not self.topic.readable or not texts:
             self.why_not = "its encoding or type is not known"
             return
-        if self.patience.left <= 0:
+        if self.budget.left <= 0:
             self.why_not = "the messages before it are built in too many ways"
             return
-        self.patience.spend(sum(map(len, texts)) // READ_IN_A_VISIT)
+        self.budget.spend(sum(map(len, texts)) // READ_IN_A_VISIT)
         try:
             self._versions = [parse_definition(self.topic.type, text) for text in texts]
         except FileFormatError as error:
@@ -216,7 +216,7 @@ class TopicReader:
 
     def _layout(self, message: bytes) -> Layout:
         """The structure of a message; the first one settles the version of its type."""
-        if self._visits > VISITS_OF_TOPIC or self.patience.left <= 0:
+        if self._visits > VISITS_OF_TOPIC or self.budget.left <= 0:
             raise FileFormatError("its messages are built in too many ways")
         for version in tuple(self._versions):
             try:
@@ -234,4 +234,4 @@ class TopicReader:
     def _spend(self, visits: int) -> None:
         """Count the work of one walk."""
         self._visits += visits + WALK
-        self.patience.spend(visits + WALK)
+        self.budget.spend(visits + WALK)

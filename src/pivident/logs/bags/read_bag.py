@@ -135,12 +135,12 @@ def _state(file: Path) -> tuple[int, int, int]:
 def _opened(path: Path, states: tuple[tuple[Path, int, int, int], ...]) -> Bag:
     """Read every message once."""
     readers: dict[Topic, TopicReader] = {}
-    patience = WorkBudget()
+    budget = WorkBudget()
     for file, *_ in states:
         for topic, received, message in _messages(file):
             reader = readers.get(topic)
             if reader is None:
-                reader = readers[topic] = TopicReader(topic, patience)
+                reader = readers[topic] = TopicReader(topic, budget)
             if not reader.why_not:
                 reader.take(received, message)
     largest = max((file for file, *_ in states), key=lambda file: file.stat().st_size)

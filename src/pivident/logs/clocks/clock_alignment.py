@@ -31,7 +31,7 @@ CUTOFF = 0.4
 #: Values above this are no measurement in any unit, and overflow a spline.
 LARGEST = 1e100
 
-#: Share of the time that regular intervals have to fill to tell the rate.
+#: Share of the time that regular intervals must fill for a rate to be determined.
 MOSTLY = 0.8
 
 #: Header stamps of two topics whose lead over their receipt differs by more are two clocks [s].

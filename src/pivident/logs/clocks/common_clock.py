@@ -32,7 +32,7 @@ def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOn
         except GapInClock as gap:
             if last:
                 raise
-            notes = [f"Only the longest stretch without gaps is looked at: {gap}."]
+            notes = [f"Only the longest stretch without gaps is used: {gap}."]
             part = gap.stretches.longest
     return aligned.values, {"common clock": aligned.t}, [*notes, *aligned.notes]
 

@@ -1,6 +1,6 @@
 """Gaps in the stamps of a log, and the stretches between them that can be used.
 
-Over short gaps samples are interpolated if that is asked for. Nothing is interpolated over longer
+Over short gaps samples are interpolated on request. Nothing is interpolated over longer
 ones: the motion in between is not known. What lies before and behind such a gap is still good, as a
 recording of its own or as several.
 """
@@ -25,7 +25,7 @@ WORTHWHILE = 0.1
 
 
 def bridged_interval(period: float) -> float:
-    """Longest interval that is interpolated where that is asked for [s]; period [s]."""
+    """Longest interval that is interpolated on request [s]; period [s]."""
     return max(BRIDGED_PERIODS * period, BRIDGED_SECONDS)
 
 

@@ -85,7 +85,7 @@ def rate_of(t: np.ndarray) -> float:
 
 
 def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray) -> None:
-    """Tell samples that are missing from a clock that is not regular."""
+    """Distinguish missing samples from an irregular clock."""
     gaps = lacking(intervals, float(np.median(intervals)))
     if gaps.size and gaps.size == np.sum(deviation > JITTER_TOLERANCE):
         k = int(gaps[np.argmax(intervals[gaps])])

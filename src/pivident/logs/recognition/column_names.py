@@ -20,7 +20,7 @@ WORDS = {
     "tau": {*PLAIN_QUANTITIES["tau"].split(), *PLAIN_QUANTITIES["current"].split()},
 }
 
-#: Words that tell nothing about the joint.
+#: Words without information about the joint.
 FILLING = PLAIN_FILLING | PLAIN_MEASURED | {"rad", "deg", "nm"}
 
 _WORD = re.compile(r"[a-z]+|\d+")
@@ -40,7 +40,7 @@ def channel_of(name: str) -> tuple[str, str] | None:
     return (f"{kinds[0]}_ref" if is_reference else kinds[0]), joint
 
 
-def guess_channels(
+def recognise_columns(
     names: Sequence[str], joint_names: Sequence[str] = ()
 ) -> tuple[dict[str, list[str]], list[str]]:
     """Columns of each channel, one per joint, as far as their names show."""

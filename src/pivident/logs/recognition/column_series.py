@@ -67,7 +67,7 @@ def column_series(columns: Sequence[str], joint_names: Sequence[str] = ()) -> li
 
 
 def _unit(own: Mapping[str, str], bare: Mapping[str, tuple[str, str | None, str | None]]):
-    """Unit of a series' first column, and the quantity that it betrays."""
+    """Unit of a series' first column, and the quantity that it implies."""
     return bare[next(iter(own.values()))][1:]
 
 

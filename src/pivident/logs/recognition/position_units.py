@@ -17,7 +17,7 @@ SLACK = 0.05
 #: Largest angle that an arm without known limits is believed to reach [rad].
 FARTHEST = 4.0 * np.pi
 
-#: Smallest range of motion that speaks for a unit by itself [rad].
+#: Smallest range of motion that supports a unit by itself [rad].
 SPEAKING = 0.2
 
 #: Correlation from which on one signal follows another.

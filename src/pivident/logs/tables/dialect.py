@@ -50,7 +50,7 @@ class Dialect:
 
 
 def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
-    """Tell how a table was written."""
+    """How a table was written."""
     looked_at: list[tuple[int, str]] = []
     for number, line in enumerate(lines):
         if "\0" in line:
