@@ -29,6 +29,9 @@ def audit_file(
         experiment: experiment file that says what the columns of the log are.
         progress: called with one line at each stage.
 
+    Returns:
+        One audit for each log.
+
     Raises:
         RecordingError: the log cannot be read at all, or the arguments contradict each other.
         ExperimentError: the experiment file cannot be used.

@@ -37,7 +37,7 @@ EFFECT_WARNING, EFFECT_ERROR = 0.001, 0.003
 #: Delays below these shares of a sampling period are not reported, or only as a warning.
 SHORT, LONG = 0.3, 1.0
 
-#: Above this standard error [s] a joint's delay says nothing.
+#: Above this standard error [s] a joint's delay is not used.
 BLUNT = 5e-3
 
 
@@ -168,23 +168,8 @@ def _findings(
             )
         if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
             step += ' Half a sample is what torque_timing = "sampled" would explain too.'
-    findings = [
-        Finding(
-            severity,
-            "delay",
-            "late" if mean > 0 else "early",
-            text,
-            next_step=step,
-            evidence={
-                "delay": Quantity(
-                    1e3 * mean,
-                    "ms",
-                    bound=1e3 * LONG * period,
-                    interval=(1e3 * (mean - 2 * standard_error), 1e3 * (mean + 2 * standard_error)),
-                )
-            },
-        )
-    ]
+    kind, evidence = "late" if mean > 0 else "early", _evidence(mean, standard_error, period)
+    findings = [Finding(severity, "delay", kind, text, next_step=step, evidence=evidence)]
     for j in np.flatnonzero(sharp):
         others = sharp & (np.arange(len(sharp)) != j)
         if not others.any():
@@ -192,35 +177,27 @@ def _findings(
         rest, rest_error = _common(
             np.where(others, estimates, np.nan), standard_errors, np.full((0, len(sharp)), np.nan)
         )
-        apart, uncertain = (
-            float(estimates[j] - rest),
-            float(np.hypot(standard_errors[j], rest_error)),
-        )
+        apart = float(estimates[j] - rest)
+        uncertain = float(np.hypot(standard_errors[j], rest_error))
         own = _severity(apart, uncertain, float(gains[j]), float(effects[j]), period)
         if own == "ok":
             continue
         name = model.robot.joints[j].name
-        findings.append(
-            Finding(
-                own,
-                "delay",
-                "joint late" if apart > 0 else "joint early",
-                f"The torque of {name} is {_with_interval(abs(apart), 2 * uncertain)} "
-                f"{'later' if apart > 0 else 'earlier'} than that "
-                "of the other joints.",
-                name,
-                "One delay for all joints does not fit; log the channels at the same instants.",
-                evidence={
-                    "delay": Quantity(
-                        1e3 * apart,
-                        "ms",
-                        bound=1e3 * LONG * period,
-                        interval=(1e3 * (apart - 2 * uncertain), 1e3 * (apart + 2 * uncertain)),
-                    )
-                },
-            )
+        kind, side = ("joint late", "later") if apart > 0 else ("joint early", "earlier")
+        text = (
+            f"The torque of {name} is {_with_interval(abs(apart), 2 * uncertain)} {side} than that "
+            "of the other joints."
         )
+        step = "One delay for all joints does not fit; log the channels at the same instants."
+        evidence = _evidence(apart, uncertain, period)
+        findings.append(Finding(own, "delay", kind, text, name, step, evidence))
     return findings
+
+
+def _evidence(delay: float, standard_error: float, period: float) -> dict[str, Quantity]:
+    """A delay with its interval ± 2 standard errors, in milliseconds."""
+    interval = (1e3 * (delay - 2 * standard_error), 1e3 * (delay + 2 * standard_error))
+    return {"delay": Quantity(1e3 * delay, "ms", bound=1e3 * LONG * period, interval=interval)}
 
 
 def _severity(

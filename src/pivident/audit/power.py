@@ -179,26 +179,25 @@ def _gravity_at_rest(
         severity: Severity = "error" if opposite else "warning" if off else "ok"
         unit = "N m" if joint.kind == "revolute" else "N"
         sample = model.first + int(model.at[heaviest])
+        text = (
+            f"At rest {joint.name} holds {held:.3g} {unit}; gravity of the description is "
+            f"{weight:.3g} {unit}, friction {friction:.2g} {unit}."
+        )
+        step = (
+            ""
+            if severity == "ok"
+            else "Check the sign of the torque, the direction of gravity, the zero of the "
+            "position and the gain."
+        )
+        evidence = {
+            "torque": Quantity(
+                held,
+                unit,
+                interval=(weight - allowed, weight + allowed) if severity != "ok" else None,
+            ),
+            **at_sample(sample, log.time_of(sample)),
+        }
         findings.append(
-            Finding(
-                severity,
-                "power",
-                "gravity at rest",
-                f"At rest {joint.name} holds {held:.3g} {unit}; gravity of the description is "
-                f"{weight:.3g} {unit}, friction {friction:.2g} {unit}.",
-                joint.name,
-                ""
-                if severity == "ok"
-                else "Check the sign of the torque, the direction of gravity, the zero of the "
-                "position and the gain.",
-                evidence={
-                    "torque": Quantity(
-                        held,
-                        unit,
-                        interval=(weight - allowed, weight + allowed) if severity != "ok" else None,
-                    ),
-                    **at_sample(sample, log.time_of(sample)),
-                },
-            )
+            Finding(severity, "power", "gravity at rest", text, joint.name, step, evidence=evidence)
         )
     return findings

@@ -113,19 +113,18 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
     last = robot.joints[-1].name
     half = 2 * load.standard_error
     low, high = load.mass - half, load.mass + half
-    return Finding(
-        "warning",
-        "scale",
-        "load",
+    text = (
         f"The torques show a body of {plus_minus(load.mass, half)} kg (2σ of the "
         f"fit, if the masses of the description are exact) on the link of {last} that the "
-        "description lacks; beside it their scale is right.",
-        last,
+        "description lacks; beside it their scale is right."
+    )
+    step = (
         f"A tool or a payload? Add its mass, centre of mass and inertia to the link of {last} in "
         "the file that model names under [robot]. Left as it is, its parameters become part of "
-        "those of this link, which is right for torques of the arm with it.",
-        evidence={"mass": Quantity(load.mass, "kg", interval=(low, high))},
+        "those of this link, which is right for torques of the arm with it."
     )
+    evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
+    return Finding("warning", "scale", "load", text, last, step, evidence=evidence)
 
 
 def check_reach(log: Log, timing: Timing) -> list[Finding]:
