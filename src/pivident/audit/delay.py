@@ -48,11 +48,9 @@ class Delay:
     findings: tuple[Finding, ...]
     shifts: np.ndarray  # that were tried [s]
     errors: np.ndarray  # relative error of each joint at each shift, shape (shifts, joints)
-    # delay of each joint beyond the declared one [s], NaN where it is not determined
-    estimates: np.ndarray
+    estimates: np.ndarray  # by joint, beyond the declared delay [s], or NaN
     standard_errors: np.ndarray  # of the estimates [s]
-    # delay of all joints together and its standard error [s], NaN where there is none
-    common: tuple[float, float]
+    common: tuple[float, float]  # of all joints together, and its standard error [s], or NaN
     gains: np.ndarray  # share of the sum of squares that goes away with it, by joint
     effects: np.ndarray  # torque that it explains, as share of the joint's torque
 

@@ -51,8 +51,7 @@ class Excitation:
     singular_values: np.ndarray  # relative to the largest one
     open_torque: np.ndarray  # share of the torque in full motion that each parameter leaves open
     used: np.ndarray  # share of its column in full motion that the log has, by parameter
-    # share of position range, rated speed and acceleration used, shape (joints, 3)
-    ranges: np.ndarray
+    ranges: np.ndarray  # used of position range, speed, acceleration, (joints, 3)
 
 
 def check_excitation(models: Sequence[InverseModel]) -> Excitation:

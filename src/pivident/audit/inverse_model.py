@@ -55,12 +55,10 @@ class InverseModel:
     rate: float  # sampling rate of the log [Hz]
     first: int  # sample of the log with which the part that is looked at begins
     at: np.ndarray  # position of each row, in samples from there
-    # observation matrix of each joint, shape (rows, own parameters)
-    columns: tuple[np.ndarray, ...]
+    columns: tuple[np.ndarray, ...]  # of each joint, shape (rows, own parameters)
     own: tuple[np.ndarray, ...]  # indices of these parameters in ``base``, for each joint
     moving: np.ndarray  # which rows of which joint count, shape (rows, joints)
-    # low-passed positions [rad or m], shape (rows, joints); ``dq`` and ``ddq`` likewise
-    q: np.ndarray
+    q: np.ndarray  # low-passed positions [rad or m], shape (rows, joints), as ``dq`` and ``ddq``
     dq: np.ndarray  # speeds
     ddq: np.ndarray  # accelerations
     gravity: np.ndarray  # torque of gravity after the description, low-passed, shape (rows, joints)

@@ -23,8 +23,7 @@ class Order:
     """Which torque fits which joint."""
 
     findings: tuple[Finding, ...]
-    # relative error of torque k on the columns of joint j, shape (joints, joints)
-    errors: np.ndarray
+    errors: np.ndarray  # relative, of torque k on the columns of joint j, (joints, joints)
     torque_of: tuple[int, ...]  # index of the torque that fits each joint best as a whole
 
 

@@ -30,8 +30,7 @@ class Grid:
     name: str  # name of the signal
     step: float  # distance of neighbouring values, in the unit of the file, NaN where there is none
     levels: float  # range of the signal in steps
-    # significant digits that all values have at most, or None where there are more
-    digits: int | None
+    digits: int | None  # significant ones that all values have at most, None for more
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,11 +72,7 @@ def find_grid(name: str, values: np.ndarray) -> Grid:
 
 
 def _step(values: np.ndarray) -> float:
-    """Distance of neighbouring values, NaN where they do not lie on a grid.
-
-    The smallest gaps between distinct values give a first step; every gap near a whole multiple
-    of it then refines the step, Σ gap·n / Σ n² with n = round(gap / step).
-    """
+    """Distance of values Σ gap·n / Σ n² with n = round(gap / step), NaN where there is no grid."""
     middle = len(values) // 2
     levels = np.unique(values[max(0, middle - MAX_VALUES // 2) : middle + MAX_VALUES // 2])
     if levels.size < 4:

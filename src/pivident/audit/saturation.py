@@ -70,10 +70,7 @@ def _constant(name: str, value: float) -> Finding:
 
 
 def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Finding]:
-    """Single samples far from both neighbours, which agree with each other.
-
-    A spike of height A makes the second difference (-A/2, A, -A/2); a step does not.
-    """
+    """Single samples of height A with second difference (-A/2, A, -A/2), unlike a step."""
     if x.size < 4 * NEIGHBOURS:
         return []
     second = x[1:-1] - 0.5 * (x[:-2] + x[2:])

@@ -53,16 +53,12 @@ class Scale:
     """Factors between log and description."""
 
     findings: tuple[Finding, ...]
-    # torque of the log per torque of the description, by joint, NaN if not known
-    factors: np.ndarray
+    factors: np.ndarray  # torque of the log per torque of the description, or NaN
     standard_errors: np.ndarray  # of the factors
 
 
 def check_assumed(log: Log) -> list[Finding]:
-    """Scales of the torque that were taken from the description, or assumed.
-
-    A factor of 1 between log and description confirms nothing then.
-    """
+    """Assumed scales of the torque; a factor of 1 to the description confirms nothing then."""
     return [
         Finding("warning", "scale", "assumed", sentence)
         for sentence in scale_sentences(log.torque_scale)

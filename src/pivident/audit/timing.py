@@ -38,9 +38,7 @@ class Timing:
     intervals: np.ndarray  # between finite stamps [s]; empty without a clock
     rate: float | None  # sampling rate of the stamps or as given [Hz], or None
     regular: bool  # whether samples can be taken as equidistant
-    # samples after which motion jumps over lost samples, or repeats itself, with the number lost
-    # (-1: repeated), shape (places, 2)
-    steps: np.ndarray
+    steps: np.ndarray  # sample and samples lost behind it (-1: repeated), shape (places, 2)
 
 
 def check_timing(log: Log) -> Timing:
@@ -216,10 +214,7 @@ def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[
 
 
 def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope of y over x less one, and a standard error that jitter of single stamps explains.
-
-    Ends are compared and not all samples fitted: the error of a clock is a random walk.
-    """
+    """Slope Σxy / Σx² from the first sample on, less one, and its standard error by jitter."""
     x, y = x - x[0], y - y[0]
     slope = float(np.dot(x, y) / np.dot(x, x))
     residual = y - slope * x

@@ -125,10 +125,7 @@ def _products(
 def _compared(
     name: str, j: int, found: tuple[float, float], entry: ControllerEntry, rate: float
 ) -> Iterator[Remark]:
-    """Declared gains that differ from those of the log.
-
-    A torque that is a sample late takes kp/rate from the gain on the speed, which is no fault.
-    """
+    """Declared gains that differ from the log's; a sample of delay may take kp/rate from kd."""
     late = LATE * abs(found[0]) / rate
     gain = of_joint(entry.drive_gain, j)
     kp = of_joint(entry.kp, j)

@@ -68,9 +68,7 @@ class LogCheck:
     """What was found out about one log."""
 
     remarks: tuple[Remark, ...]  # what is wrong with it
-    # as an identification reads it; the stretches between its gaps where it has some; none where it
-    # cannot be read
-    recordings: tuple[Recording, ...] = ()
+    recordings: tuple[Recording, ...] = ()  # as read, or the stretches between gaps
     audit: Audit | None = None  # the audit, where it can be read at all
     looked_at: str = ""  # what was checked, in words
 

@@ -15,7 +15,7 @@ from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
-from pivident.experiment.experiment import Experiment
+from pivident.experiment.experiment import Experiment, problem_of
 from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
 from pivident.logs.clocks.timestamps import LOWEST_RATE
@@ -104,14 +104,7 @@ class ProblemCheck:
             self._parameters(robot)
             return None
         try:
-            return Problem(
-                robot,
-                tuple(fitted),
-                loop,
-                parameters=None if given.parameters is None else tuple(given.parameters),
-                mask=given.mask,
-                initial=given.initial,
-            )
+            return problem_of(given, robot, fitted, loop)
         except PividentError as error:
             key = "initial" if given.parameters is None else "parameters"
             self.remarks.append(self._refused(error, ("identify", key)))

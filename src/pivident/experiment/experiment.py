@@ -34,6 +34,7 @@ from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
+from pivident.experiment.method_keys import IdentifyEntry
 from pivident.experiment.method_table import method_of
 from pivident.experiment.recording_tables import loop_of, one_by_one, recording_of
 from pivident.experiment.robot_table import robot_of
@@ -42,6 +43,7 @@ from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
+from pivident.simulation.control_loop import Loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,14 +138,7 @@ class Experiment:
                 recordings, loop = loop_of(controller, robot, recordings)
         say("finding the base parameters")
         with errors_name(self.path, ""):
-            return Problem(
-                robot,
-                tuple(recordings),
-                loop,
-                parameters=None if given.parameters is None else tuple(given.parameters),
-                mask=given.mask,
-                initial=given.initial,
-            )
+            return problem_of(given, robot, recordings, loop)
 
     def methods(self, names: Sequence[str] | None = None) -> dict[str, Method]:
         """Methods with the file's options, by name.
@@ -213,6 +208,16 @@ class Experiment:
                 '[controller] the reference is "recorded", but no column is named for q_ref; '
                 'name it under columns, or set reference = "reconstruct" or "smoothed"'
             )
+
+
+def problem_of(
+    entry: IdentifyEntry, robot: Robot, recordings: Sequence[Recording], loop: Loop | None
+) -> Problem:
+    """What the table ``[identify]`` wants to be estimated from recordings."""
+    names = None if entry.parameters is None else tuple(entry.parameters)
+    return Problem(
+        robot, tuple(recordings), loop, parameters=names, mask=entry.mask, initial=entry.initial
+    )
 
 
 def load_experiment(path: str | Path) -> Experiment:

@@ -31,9 +31,7 @@ class DeclaredGain:
     value: float  # torque per unit of the command that the log was read with [N m or N per unit]
     unit: str  # unit of the command as the file has it, ``mA``, ``V`` …, or of a torque
     given: bool  # whether somebody gave that gain; an assumption or 1 stands for it otherwise
-    # where it is written: ``robot`` (drive_gain), ``units`` (gain of a unit), ``factor`` (a torque
-    # or a bare factor) or ``dataset``
-    place: str
+    place: str  # ``robot`` (drive_gain), ``units``, ``factor`` or ``dataset``
 
     @property
     def base_unit(self) -> str:
@@ -50,8 +48,7 @@ class GainsOfExperiment:
     torque_units: tuple[str, ...]  # ``N m`` or ``N`` of each joint
     payload: Payload | None  # the payload, or None
     trusted: tuple[str, ...]
-    # temperature coefficients, where they were asked for
-    temperatures: tuple[MotorTemperature, ...]
+    temperatures: tuple[MotorTemperature, ...]  # coefficients, where requested
     model: str  # the robot's model as the file names it
 
     @property

@@ -100,10 +100,7 @@ def log_of(
 def loop_of(
     entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording]
 ) -> tuple[tuple[Recording, ...], Loop]:
-    """The control loop that the recordings were taken in, or a virtual one.
-
-    Recordings come back with the reference that they have, or with a reconstructed one.
-    """
+    """The control loop, or a virtual one, and the recordings with measured or rebuilt reference."""
     n = robot.size
     law: Controller | None = None
     if entry.type == "virtual_pd":

@@ -16,11 +16,7 @@ from pivident.text.toml import MAX_FILE, parse_toml
 
 @contextmanager
 def errors_name(path: Path, table: str) -> Iterator[None]:
-    """Say in which file and table an error arose.
-
-    An `ExperimentError` gets it in front of its message; errors that carry evidence keep their
-    class and get it as a note.
-    """
+    """Name file and table in front of an `ExperimentError`, in a note of errors with evidence."""
     try:
         yield
     except ExperimentError as error:

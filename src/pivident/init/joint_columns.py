@@ -47,8 +47,7 @@ class ChannelColumns:
 class JointMap:
     """Which columns belong to which joint."""
 
-    # by name; each has a column for every joint of ``q``, or for some
-    channels: dict[str, ChannelColumns]
+    channels: dict[str, ChannelColumns]  # with a column for some or all joints of ``q``
     sure: Sureness  # how sure the map from columns to joints is
     seen: str  # what it follows from
 
@@ -186,11 +185,7 @@ def _channel(
     keys: Sequence[str],
     joint_names: Sequence[str],
 ) -> ChannelColumns:
-    """The best series of a channel with its columns by joint.
-
-    Other series count from another first number than the positions do now and then; as many
-    columns as positions are then taken in their order.
-    """
+    """The best series of a channel by joint; in its own order if it counts from another number."""
     file, series = ranked[0]
     own = list(series.columns)
     if series.named or set(own) <= set(joints):

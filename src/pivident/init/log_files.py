@@ -25,8 +25,7 @@ class LogFile:
     """One file."""
 
     path: Path  # where it is
-    # every numeric column, shape (samples,), in the units of the file
-    columns: dict[str, np.ndarray]
+    columns: dict[str, np.ndarray]  # numeric, shape (samples,), in the units of the file
     series: tuple[Series, ...]  # columns that belong together
     # clocks of the columns that have one of their own, by name; these columns are taken at the
     # instants of the others, NaN where they say nothing
@@ -51,11 +50,7 @@ class Run:
 
 
 def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
-    """Read the files, and separate runs from parts of one run.
-
-    Files with the same columns and names of no different quantities are runs; all
-    others lie side by side.
-    """
+    """Read the files: those with the same columns are runs, all others parts of one run."""
     files = [_read(path, joint_names) for path in paths]
     kinds = {reading.channel for f in files if (reading := file_reading(f.path)).channel}
     alike = len({tuple(n for n in f.columns if n not in f.own_clocks) for f in files}) == 1

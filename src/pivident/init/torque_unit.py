@@ -54,13 +54,11 @@ class Comparison:
 
     factors: np.ndarray  # logged torque per torque of the description, NaN where it is not known
     standard_errors: np.ndarray  # of the factors
-    # joints whose friction would give energy: the sign of their torque is wrong
-    reversed: tuple[int, ...] = ()
+    reversed: tuple[int, ...] = ()  # joints whose friction would give energy
     angle_unit: bool = False  # whether positions in the other angle unit fit much better
     errors: np.ndarray | None = None  # share of each joint's torque that no parameters explain
     trouble: str = ""  # why nothing could be compared, or empty
-    # a body on the flange that the description lacks; the factors are beside it
-    load: FlangeLoad | None = None
+    load: FlangeLoad | None = None  # on the flange, not in the description
 
 
 @dataclass(frozen=True)
@@ -264,16 +262,13 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
 
 
 def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, list[int]]:
-    """N m per unit of every joint, and the joints of which nothing is known.
-
-    These get the typical gain of other joints, and the sign with which friction takes energy.
-    """
+    """N m per unit by joint, and the joints that got the typical gain of the others."""
     gains = 1.0 / (found.factors * unit)
     known = np.isfinite(gains)
     assumed = [j for j in range(robot.size) if not known[j]]
     for j in assumed:
         magnitude = _typical_gain(robot, np.where(known, np.abs(gains), np.nan), j, 1.0 / unit)
-        gains[j] = -magnitude if j in found.reversed else magnitude
+        gains[j] = -magnitude if j in found.reversed else magnitude  # friction takes energy
     return gains, assumed
 
 

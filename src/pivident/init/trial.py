@@ -37,11 +37,9 @@ class Findings:
     law_failed: str = ""  # why no law could be identified, or empty
     law_found: str = ""  # what the identified law is like, or empty
     loop_failed: str = ""  # why no loop can be simulated, or empty
-    # why methods fail that others of their kind do not share, by name
-    failed: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, str] = field(default_factory=dict)  # why, by method
     troubles: tuple[str, ...] = ()  # what a person has to do before it runs
-    # relative error of least squares by joint
-    explained: dict[str, float] = field(default_factory=dict)
+    explained: dict[str, float] = field(default_factory=dict)  # relative error by joint
     settled: bool = False  # whether nothing more is to be tried
 
 

@@ -86,11 +86,7 @@ def _bag_log(path: Path, robot: Robot | None) -> Log:
 def _arm(
     bag: Bag, path: Path, robot: Robot | None
 ) -> tuple[dict[str, dict[str, str]], list[str], list[str]]:
-    """Columns of each channel by joint, the joints, and what was left aside.
-
-    Of several topics the one with most joints that have positions and torques is taken; torques
-    of another topic are taken where none has both.
-    """
+    """Columns by channel and joint from the fullest topic, the joints, and what was left aside."""
     tables = list(bag.topics.values())
     held = {table.name: joint_fields(table) for table in tables}
 

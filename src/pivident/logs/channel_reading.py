@@ -61,11 +61,7 @@ def read_channels(
     samples_axis: int | None,
     joint_names: Sequence[str],
 ) -> tuple[dict[str, np.ndarray], dict[str, ClockedChannel], list[PividentError]]:
-    """Load the arrays that are needed, file by file, and assemble the channels from them.
-
-    Cells that are no numbers become NaN, and arrays keep columns that no joint needs; both are
-    faults.
-    """
+    """Channels assembled file by file, those with own stamps, and faults (cells become NaN)."""
     values: dict[str, np.ndarray] = {}
     clocked: dict[str, ClockedChannel] = {}
     faults: list[PividentError] = []

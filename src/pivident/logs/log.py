@@ -23,12 +23,10 @@ CHANNELS = ("q", "dq", "tau", "q_ref", "dq_ref", "ddq_ref")
 class Description:
     """What was said about the channels of a log; it turns them into SI on the joint side."""
 
-    # unit of each channel, in the notation of `pivident.logs.units`; ``t`` among them
-    units: Mapping[str, Any] = field(default_factory=dict)
+    units: Mapping[str, Any] = field(default_factory=dict)  # by channel and ``t``
     side: Any = "joint"  # ``joint`` or ``motor``, for all channels or by channel
     transmission: Transmission | None = None  # between motor and joint side, or None
-    # added to the joint positions [rad or m], or None
-    position_offset: Sequence[float] | None = None
+    position_offset: Sequence[float] | None = None  # on the joint side [rad or m]
     clock: str | None = None  # name of the one time column, or None
 
 

@@ -34,8 +34,7 @@ class PublicFile:
     name: str  # file name as published
     sha256: str  # hash of the published file
     url: str | None = None  # where it is published, or None where only a local copy can be used
-    # hash of the copy ``<name>.gz``, or None where there is no such copy
-    gzipped: str | None = None
+    gzipped: str | None = None  # hash of the copy ``<name>.gz``, if there is one
 
     def forms(self) -> Iterator[tuple[str, str]]:
         """File name and hash of each form in which the file may lie here."""

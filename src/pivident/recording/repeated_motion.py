@@ -37,8 +37,7 @@ _LEFT = 0.1
 class RepeatedMotion:
     """Which samples belong to the same instant of a motion."""
 
-    # for each recording the instant of each sample, shape (samples,); -1 where it belongs to none
-    instants: tuple[np.ndarray, ...]
+    instants: tuple[np.ndarray, ...]  # of each sample by recording, (samples,), or -1
     count: int  # number of instants
     period: int | None  # samples of a period, None where whole recordings repeat each other
     description: str  # where the repetition was found, in words
@@ -82,11 +81,7 @@ def repeated_motion(recordings: Sequence[Recording], period: int | None = None) 
 def find_repetition(
     recordings: Sequence[Recording], period: int | None = None
 ) -> RepeatedMotion | None:
-    """Recordings of the same motion, or a periodic motion in one of them.
-
-    References are compared, or measured positions where there are none; known inputs must repeat
-    with them.
-    """
+    """Recordings of one motion, by reference or position and inputs, or a periodic motion."""
     instants: list[np.ndarray] = []
     offset, period_found, sentences = 0, None, []
     leaders: list[tuple[int, int]] = []  # recordings that others may repeat, their first instant
@@ -127,15 +122,7 @@ def find_repetition(
 
 
 def find_period(recording: Recording) -> int | None:
-    """Shortest period of a recording's motion and inputs [samples], None without one.
-
-    The mean squared difference of a signal and itself p samples later,
-
-        d(p) = mean_k (x_{k+p} - x_k)²,
-
-    is found for all p by FFT. The deepest point of each of its dips, after the signal has left
-    its starting point, is checked sample by sample. At least two periods are needed.
-    """
+    """Shortest p [samples] at a dip of d(p) = mean_k (x_{k+p} - x_k)² where x repeats, or None."""
     signals, tolerance = _motion_signals(recording)
     ranges = np.ptp(signals, axis=0)
     signals = signals[:, ranges > 0]

@@ -46,12 +46,9 @@ class TopicTable:
 
     name: str  # name of the topic
     received: np.ndarray  # when each message was received, shape (messages,) [ns]
-    # time stamps of the headers, shape (messages,) [ns], or None where there are none
-    stamps: np.ndarray | None
-    # values by field and joint (``position/elbow``), NaN where a message lacks them
-    columns: dict[str, np.ndarray]
-    # messages that hold a column, by its name; not given for those that are in all
-    rows: dict[str, np.ndarray]
+    stamps: np.ndarray | None  # of the headers, shape (messages,) [ns], or None
+    columns: dict[str, np.ndarray]  # by field and joint (``position/elbow``), or NaN
+    rows: dict[str, np.ndarray]  # messages with a column, where not all have it
 
     def rows_of(self, column: str) -> np.ndarray:
         """Indices of the messages that hold a column."""

@@ -40,8 +40,7 @@ class Field:
 
     name: str
     type: str  # ``float64``, ``string``, ``time`` or the full name of another type
-    # None for a single value, the length of a fixed array, -1 for a sequence
-    count: int | None = None
+    count: int | None = None  # None for a single value, -1 for a sequence
 
 
 #: Fields of each type by its full name, ``package/Type``.

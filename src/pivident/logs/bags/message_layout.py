@@ -65,8 +65,7 @@ class Layout:
     names: tuple[str, ...]  # the names in it, of the joints as a rule
     stamp: int | None  # first byte of the header's time stamp, or None
     order: str  # ``<`` or ``>``
-    # indices of the bytes that make the structure, and ``bytes_there`` their values
-    places: np.ndarray
+    places: np.ndarray  # bytes that make the structure, with ``bytes_there``
     bytes_there: np.ndarray
     visits: int = 0  # fields that the walk met
 

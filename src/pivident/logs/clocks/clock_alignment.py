@@ -46,9 +46,7 @@ class ClockedChannel:
     clock: str  # name of the column of stamps, for messages
     t: np.ndarray  # stamps, shape (samples,) [s]
     values: np.ndarray  # shape (samples, joints)
-    # how much the stamps are ahead of a clock that all topics share, the recorder's [s]; None where
-    # there is no such clock
-    lead: float | None = None
+    lead: float | None = None  # of the stamps over the recorder's shared clock [s]
     notes: tuple[str, ...] = ()  # what was done so far, in sentences
 
     @property
@@ -84,18 +82,14 @@ def have_one_clock(channels: Sequence[ClockedChannel]) -> bool:
 
 
 def in_order(channel: ClockedChannel) -> ClockedChannel:
-    """The channel with its stamps in order, and samples that were logged twice once.
-
-    Messages of several publishers arrive in any order, and some publishers repeat the last state.
-    Samples with the same stamp and other values stay, to be refused.
-    """
+    """The channel with its stamps in order; a state that a publisher repeats stands once."""
     t, values, notes = channel.t, channel.values, list(channel.notes)
     if (np.diff(t) < 0).any():
         order = np.argsort(t, kind="stable")
         moved = int(np.sum(np.diff(t) < 0))
         notes.append(f"{channel.channel}: {moved} samples came out of order and were sorted.")
         t, values = t[order], values[order]
-    again = np.diff(t) == 0
+    again = np.diff(t) == 0  # with other values they stay, to be refused
     again &= ((values[1:] == values[:-1]) | np.isnan(values[1:])).all(axis=1)
     if again.any():
         keep = np.concatenate([[True], ~again])

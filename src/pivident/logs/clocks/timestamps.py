@@ -95,13 +95,10 @@ def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray)
 
 
 def lacking(intervals: np.ndarray, period: float) -> np.ndarray:
-    """Numbers of the intervals that lack samples, where late stamps of a clock do not look so.
-
-    An interval lacks samples if it is a multiple of the period, up to the jitter, or longer than
-    what is ever interpolated: a logger that paused begins anew at any time.
-    """
+    """Numbers of the intervals that are multiples of the period up to the jitter, or pauses."""
     periods = intervals / period
     whole = np.abs(periods - np.round(periods)) <= 2.0 * JITTER_TOLERANCE
+    # A logger that paused begins anew at any time.
     return np.flatnonzero((periods > GAP) & (whole | (intervals > bridged_interval(period))))
 
 

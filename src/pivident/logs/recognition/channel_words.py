@@ -122,13 +122,9 @@ _WORD = re.compile(r"[^\W\d_]+|\d+|°")
 class Reading:
     """What the words of a name say."""
 
-    # ``q``, ``dq``, ``ddq``, ``tau``, ``current``, with ``_ref`` for references; None where the
-    # words name no quantity, or something that is no joint signal
-    channel: str | None
+    channel: str | None  # ``q``, ``tau_ref``, …; None for no quantity or no joint signal
     unit: str | None  # unit written beside the name, or None
-    # how clearly it is the name of a measurement: 1 with a word for it, 0 without, -1 where the
-    # name has words that nobody knows
-    measured: int = 0
+    measured: int = 0  # 1: called a measurement, 0: not, -1: has unknown words
     foreign: bool = False  # whether it is something else than a joint signal
 
 

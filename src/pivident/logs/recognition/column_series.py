@@ -21,9 +21,7 @@ class Series:
     """One signal of several joints."""
 
     words: tuple[str, ...]  # words of the names, with `JOINT` for the joint
-    # column of each joint, by a joint's name or by the number in the column's name; the key is
-    # empty where the name holds neither
-    columns: Mapping[str, str]
+    columns: Mapping[str, str]  # by joint's name or number, empty without either
     named: bool  # whether the keys are names of the robot's joints
     reading: Reading  # what the words say
 

@@ -26,9 +26,7 @@ class LogClock:
     rate: float  # sampling rate [Hz]
     sure: Sureness  # how sure column and rate are
     seen: str
-    # whether the stamps are too irregular to pass for equidistant, but for gaps that nothing is
-    # interpolated over
-    resample: bool
+    resample: bool  # whether the stamps between gaps are too irregular for equidistant
     by_rate: bool  # whether the rate stands for the stamps, which repeat or go backward
     seconds: np.ndarray  # the stamps [s], or those that follow from the rate, shape (samples,)
 

@@ -127,11 +127,7 @@ def is_number(cell: str, decimal_comma: bool = False) -> bool:
 
 
 def _separator(lines: Sequence[str]) -> str:
-    """What stands between cells.
-
-    A semicolon or a tab that every line has alike does: commas beside it, be they ever so many,
-    belong to numbers or to names. Else it is what the first line has most of.
-    """
+    """What stands between cells: a semicolon or tab alike in all lines, else the most frequent."""
     for separator in SEPARATORS[1:]:
         counts = {line.count(separator) for line in lines}
         if len(counts) == 1 and counts.pop():
