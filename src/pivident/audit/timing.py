@@ -126,7 +126,7 @@ def _one_clock(
             f"{lost} sample(s) are missing in {gaps.size} gap(s); the longest lasts "
             f"{1e3 * steps[longest]:.4g} ms after sample {k} (t = {t[k]:.6g} s)."
         )
-        step = "Mend the stamps first; then cut the recording there (part)."
+        step = "Fix the stamps first; then cut the recording there (part)."
         if regular:
             left = stretches(finite)
             advice = (replace(left, resample=False) if log.resample else left).advice()
