@@ -75,8 +75,8 @@ def test_mass_and_gains_are_found_together(robot):
     gain = np.array([0.08, 0.08, 0.1, 0.12, 0.12])
     model = model_of(log_of(robot, *signals(robot, 1.5, gain)))
     load = flange_load(model, np.array([0.09, 0.09, 0.12, 0.3, np.nan]))
-    assert load.mass == pytest.approx(1.5, abs=4 * load.deviation + 0.02)
-    assert load.deviation < 0.1
+    assert load.mass == pytest.approx(1.5, abs=4 * load.standard_error + 0.02)
+    assert load.standard_error < 0.1
     np.testing.assert_allclose(load.factors, gain, rtol=0.04)
 
 

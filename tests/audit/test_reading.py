@@ -10,7 +10,7 @@ from pivident.audit.audit_file import audit_file
 from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
 from pivident.logs.bare_log import bare_log
 from pivident.logs.described_log import described_log
-from pivident.logs.recognition.column_names import channel_of, guess_channels
+from pivident.logs.recognition.column_names import channel_of, recognise_columns
 from pivident.robot.gallery import load_robot
 from tests.audit.logs import delayed, planar, serious
 from tests.planar_log import EXPERIMENT, write_experiment
@@ -24,7 +24,7 @@ def test_names_of_columns():
     assert channel_of("position_ref_4") == ("q_ref", "4")
     assert channel_of("joint2_velocity") == ("dq", "2")
     assert channel_of("temperature") is None
-    channels, joints = guess_channels(["tau2", "tau1", "q1", "q2", "r1", "note"])
+    channels, joints = recognise_columns(["tau2", "tau1", "q1", "q2", "r1", "note"])
     assert channels == {"q": ["q1", "q2"], "tau": ["tau1", "tau2"]}
     assert joints == ["joint_1", "joint_2"]
 
@@ -32,7 +32,7 @@ def test_names_of_columns():
 def test_columns_of_recorders_are_told_by_what_they_differ_in():
     signals = ("target_q", "actual_q", "actual_qd", "actual_current", "actual_TCP_pose")
     names = ["timestamp", *(f"{signal}_{j}" for signal in signals for j in range(6))]
-    channels, joints = guess_channels(names)
+    channels, joints = recognise_columns(names)
     assert channels["q"] == [f"actual_q_{j}" for j in range(6)]
     assert channels["tau"] == [f"actual_current_{j}" for j in range(6)]
     assert channels["dq"] == [f"actual_qd_{j}" for j in range(6)]
@@ -42,7 +42,7 @@ def test_columns_of_recorders_are_told_by_what_they_differ_in():
     two = [
         f"{arm}_{kind}_{j}" for arm in ("left", "right") for kind in ("q", "tau") for j in (1, 2)
     ]
-    assert guess_channels(two) == ({}, [])
+    assert recognise_columns(two) == ({}, [])
 
 
 def test_bare_csv_with_a_robot(tmp_path):

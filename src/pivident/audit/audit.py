@@ -96,7 +96,7 @@ class Audit:
                 "common_s": _number(delay.common[0]),
                 "common_std_s": _number(delay.common[1]),
                 "joints_s": _numbers(delay.estimates),
-                "joints_std_s": _numbers(delay.deviations),
+                "joints_std_s": _numbers(delay.standard_errors),
             },
             "gain": None if self.scale is None else _numbers(self.scale.factors),
             "relative_errors": None if self.model is None else _numbers(self.model.relative_errors),
@@ -177,16 +177,7 @@ def _with_model(
     findings += [*order.findings, *delay.findings, *power.findings, *scale.findings]
     findings += [*_unexplained(model), *excitation.findings]
     return Audit(
-        log,
-        tuple(findings),
-        timing,
-        quantisation,
-        model,
-        order,
-        delay,
-        power,
-        scale,
-        excitation,
+        log, tuple(findings), timing, quantisation, model, order, delay, power, scale, excitation
     )
 
 
@@ -196,18 +187,11 @@ def _unexplained(model: InverseModel) -> list[Finding]:
     for joint, error in zip(model.robot.joints, model.relative_errors, strict=True):
         if not error <= UNEXPLAINED:
             share = "nothing" if not np.isfinite(error) else f"{100 * (1 - error):.3g} %"
+            text = f"The inverse model explains {share} of the torque of {joint.name}."
+            step = "Check the column, the geometry and the friction law of this joint."
+            evidence = {"unexplained": Quantity(100 * float(error), "%", bound=100 * UNEXPLAINED)}
             findings.append(
-                Finding(
-                    "warning",
-                    "model",
-                    "unexplained",
-                    f"The inverse model explains {share} of the torque of {joint.name}.",
-                    joint.name,
-                    "Check the column, the geometry and the friction law of this joint.",
-                    evidence={
-                        "unexplained": Quantity(100 * float(error), "%", bound=100 * UNEXPLAINED)
-                    },
-                )
+                Finding("warning", "model", "unexplained", text, joint.name, step, evidence)
             )
     return findings
 
@@ -221,13 +205,9 @@ def _inverse_model(log: Log, timing: Timing) -> InverseModel:
 
 def _not_judged(reason: str) -> Finding:
     """What could not be said, and why."""
-    return Finding(
-        "ok",
-        "reading",
-        "not judged",
-        f"Delay, signs, gains and excitation were not judged: {reason}.",
-        next_step="Give the robot (--robot) and the columns (--experiment).",
-    )
+    text = f"Delay, signs, gains and excitation were not judged: {reason}."
+    step = "Give the robot (--robot) and the columns (--experiment)."
+    return Finding("ok", "reading", "not judged", text, next_step=step)
 
 
 def _number(value: float) -> float | None:

@@ -18,11 +18,7 @@ DEPENDENT = 1e-4
 
 
 def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Orthonormal basis Q of some columns, and T with columns · T = Q.
-
-    Args:
-        columns: shape (rows, parameters).
-    """
+    """Orthonormal basis Q of some columns, and T with columns · T = Q."""
     length = np.linalg.norm(columns, axis=0)
     scale = 1.0 / np.where(length > 0, length, 1.0)
     u, s, vt = np.linalg.svd(columns * scale, full_matrices=False)
@@ -32,22 +28,13 @@ def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @dataclass(frozen=True, eq=False)
 class BlockedFit:
-    """A least squares fit with one replicate for each stretch of time left out.
+    """A least squares fit with one replicate for each stretch of time left out."""
 
-    Attributes:
-        estimate: coefficients, shape (columns,).
-        replicates: without each block, shape (blocks, columns).
-    """
-
-    estimate: np.ndarray
-    replicates: np.ndarray
+    estimate: np.ndarray  # coefficients, shape (columns,)
+    replicates: np.ndarray  # without each block, shape (blocks, columns)
 
     def spread(self, of: np.ndarray | None = None) -> np.ndarray:
-        """Jackknife deviations of the coefficients, or of functions of them.
-
-        Args:
-            of: replicates of the functions, shape (blocks, functions).
-        """
+        """Jackknife standard errors of the coefficients, or of functions of them."""
         return jackknife(self.replicates if of is None else of)
 
 
@@ -58,13 +45,7 @@ def jackknife(replicates: np.ndarray) -> np.ndarray:
 
 
 def blocked_fit(columns: np.ndarray, y: np.ndarray, block: np.ndarray) -> BlockedFit:
-    """Ordinary least squares and its leave-one-block-out replicates, from normal equations.
-
-    Args:
-        columns: well conditioned, shape (rows, columns).
-        y: shape (rows,).
-        block: number of the block of each row.
-    """
+    """Ordinary least squares and its leave-one-block-out replicates, from normal equations."""
     present = np.unique(block)
     parts = [(columns[block == b], y[block == b]) for b in present]
     grams = [(a.T @ a, a.T @ b) for a, b in parts]

@@ -23,57 +23,41 @@ from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import with_spread
 
 #: Shifts that are tried [s], but at least so many samples on each side.
-LONGEST, FEWEST = 0.04, 6
+MAX_SHIFT, MIN_SHIFT_SAMPLES = 0.04, 6
 
-#: A delay counts from this many of its deviations on, besides the bounds below.
+#: A delay counts from this many of its standard errors on, besides the bounds below.
 CLEAR = 4.0
 
 #: … and if so much of the residual's sum of squares goes away with it.
-GAIN_LOOK, GAIN_WRONG = 0.2, 0.5
+GAIN_WARNING, GAIN_ERROR = 0.2, 0.5
 
 #: … and if that is so much of the torque.
-EFFECT_LOOK, EFFECT_WRONG = 0.001, 0.003
+EFFECT_WARNING, EFFECT_ERROR = 0.001, 0.003
 
-#: Delays below these shares of a sampling period are not worth a word, or only a look.
+#: Delays below these shares of a sampling period are not reported, or only as a warning.
 SHORT, LONG = 0.3, 1.0
 
-#: Above this deviation [s] a joint's delay says nothing.
+#: Above this standard error [s] a joint's delay is not used.
 BLUNT = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
 class Delay:
-    """Delays by joint.
-
-    Attributes:
-        findings: what was found.
-        shifts: that were tried [s].
-        errors: relative error of each joint at each shift, shape (shifts, joints).
-        estimates: delay of each joint beyond the declared one [s], NaN where it says nothing.
-        deviations: their standard deviations [s].
-        common: delay of all joints together and its deviation [s], NaN where there is none.
-        gains: share of the sum of squares that goes away with it, by joint.
-        effects: torque that it explains, as share of the joint's torque.
-    """
+    """Delays by joint."""
 
     findings: tuple[Finding, ...]
-    shifts: np.ndarray
-    errors: np.ndarray
-    estimates: np.ndarray
-    deviations: np.ndarray
-    common: tuple[float, float]
-    gains: np.ndarray
-    effects: np.ndarray
+    shifts: np.ndarray  # that were tried [s]
+    errors: np.ndarray  # relative error of each joint at each shift, shape (shifts, joints)
+    estimates: np.ndarray  # by joint, beyond the declared delay [s], or NaN
+    standard_errors: np.ndarray  # of the estimates [s]
+    common: tuple[float, float]  # of all joints together, and its standard error [s], or NaN
+    gains: np.ndarray  # share of the sum of squares that goes away with it, by joint
+    effects: np.ndarray  # torque that it explains, as share of the joint's torque
 
 
 def check_delay(log: Log, model: InverseModel) -> Delay:
-    """Estimate how much later the torque was logged than the positions.
-
-    Args:
-        log: the log.
-        model: rows of its inverse model.
-    """
-    reach = min(max(LONGEST, FEWEST / model.rate), model.at[0] / model.rate)
+    """Estimate how much later the torque was logged than the positions."""
+    reach = min(max(MAX_SHIFT, MIN_SHIFT_SAMPLES / model.rate), model.at[0] / model.rate)
     shifts = np.linspace(-reach, reach, 81)
     torques = [model.tau(s) for s in shifts]
     joints = model.robot.size
@@ -87,15 +71,17 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
             found = _joint_delay(model, j, float(shifts[np.argmin(errors[:, j])]), reach)
             if found is not None:
                 estimates[j], replicates[: len(found[1]), j], gains[j] = found
-    deviations = np.array(
+    standard_errors = np.array(
         [jackknife(x[np.isfinite(x)]) if np.isfinite(x).sum() > 2 else np.nan for x in replicates.T]
     )
-    sharp = np.isfinite(estimates) & (deviations > 0) & (deviations < BLUNT)
+    sharp = np.isfinite(estimates) & (standard_errors > 0) & (standard_errors < BLUNT)
     estimates[~sharp] = np.nan
-    common = _common(estimates, deviations, replicates)
+    common = _common(estimates, standard_errors, replicates)
     effects = model.relative_errors * np.sqrt(np.clip(gains, 0.0, 1.0))
-    findings = _findings(log, model, estimates, deviations, common, gains, effects)
-    return Delay(tuple(findings), shifts, errors, estimates, deviations, common, gains, effects)
+    findings = _findings(log, model, estimates, standard_errors, common, gains, effects)
+    return Delay(
+        tuple(findings), shifts, errors, estimates, standard_errors, common, gains, effects
+    )
 
 
 def _joint_delay(
@@ -125,21 +111,21 @@ def _joint_delay(
 
 
 def _common(
-    estimates: np.ndarray, deviations: np.ndarray, replicates: np.ndarray
+    estimates: np.ndarray, standard_errors: np.ndarray, replicates: np.ndarray
 ) -> tuple[float, float]:
-    """Mean of the joints, weighted by their precision, and its deviation."""
+    """Mean of the joints, weighted by their precision, and its standard error."""
     sharp = np.isfinite(estimates)
     if not sharp.any():
         return float("nan"), float("nan")
-    weight = deviations[sharp] ** -2.0
+    weight = standard_errors[sharp] ** -2.0
     weight /= weight.sum()
     blocks = replicates[:, sharp]
     blocks = blocks[np.isfinite(blocks).all(axis=1)]
-    own = float(np.sqrt(np.sum((weight * deviations[sharp]) ** 2)))
+    own = float(np.sqrt(np.sum((weight * standard_errors[sharp]) ** 2)))
     spread = float(jackknife(blocks @ weight)) if len(blocks) > 2 else own
     mean = float(estimates[sharp] @ weight)
-    # Joints that disagree beyond their deviations show a model error, which all of them share.
-    apart = np.sum(((estimates[sharp] - mean) / deviations[sharp]) ** 2)
+    # Joints that disagree beyond their standard errors show a model error, which all of them share.
+    apart = np.sum(((estimates[sharp] - mean) / standard_errors[sharp]) ** 2)
     birge = float(np.sqrt(apart / max(int(sharp.sum()) - 1, 1)))
     return mean, max(spread, own) * max(1.0, birge)
 
@@ -148,24 +134,24 @@ def _findings(
     log: Log,
     model: InverseModel,
     estimates: np.ndarray,
-    deviations: np.ndarray,
+    standard_errors: np.ndarray,
     common: tuple[float, float],
     gains: np.ndarray,
     effects: np.ndarray,
 ) -> list[Finding]:
     """The delay of all joints, then those of joints that differ from it."""
     period = 1.0 / model.rate
-    mean, deviation = common
+    mean, standard_error = common
     if not np.isfinite(mean):
-        text = "The motion does not tell whether torque and position were logged together."
+        text = "The motion does not show whether torque and position were logged together."
         step = "Log a motion with reversals and accelerations."
         return [Finding("ok", "delay", "unknown", text, next_step=step)]
     sharp = np.isfinite(estimates)
     most = int(np.argmax(np.where(sharp, effects, 0.0)))
-    severity = _severity(mean, deviation, float(gains[most]), float(effects[most]), period)
+    severity = _severity(mean, standard_error, float(gains[most]), float(effects[most]), period)
     total = log.delay + mean
     text = (
-        f"The torque is {_with_interval(abs(mean), 2 * deviation)} "
+        f"The torque is {_with_interval(abs(mean), 2 * standard_error)} "
         f"({abs(mean) / period:.2f} samples) {'later' if mean > 0 else 'earlier'} than the "
         "positions"
         + (f", beyond the declared delay of {_milliseconds(log.delay)}." if log.delay else ".")
@@ -175,72 +161,52 @@ def _findings(
         step = f"Set delay = {total:.3g} under [recording]."
         if total < 0:
             step += (
-                f" If the log holds what the drive was told, and the drive answers late, set "
+                f" If the log holds the command and the drive answers late, set "
                 f"drive_delay = {-total:.3g} instead: the simulated loop then waits as long."
             )
         if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
             step += ' Half a sample is what torque_timing = "sampled" would explain too.'
-    findings = [
-        Finding(
-            severity,
-            "delay",
-            "late" if mean > 0 else "early",
-            text,
-            next_step=step,
-            evidence={
-                "delay": Quantity(
-                    1e3 * mean,
-                    "ms",
-                    bound=1e3 * LONG * period,
-                    interval=(1e3 * (mean - 2 * deviation), 1e3 * (mean + 2 * deviation)),
-                )
-            },
-        )
-    ]
+    kind, evidence = "late" if mean > 0 else "early", _evidence(mean, standard_error, period)
+    findings = [Finding(severity, "delay", kind, text, next_step=step, evidence=evidence)]
     for j in np.flatnonzero(sharp):
         others = sharp & (np.arange(len(sharp)) != j)
         if not others.any():
             continue
-        rest, its_deviation = _common(
-            np.where(others, estimates, np.nan), deviations, np.full((0, len(sharp)), np.nan)
+        rest, rest_error = _common(
+            np.where(others, estimates, np.nan), standard_errors, np.full((0, len(sharp)), np.nan)
         )
-        apart, uncertain = float(estimates[j] - rest), float(np.hypot(deviations[j], its_deviation))
+        apart = float(estimates[j] - rest)
+        uncertain = float(np.hypot(standard_errors[j], rest_error))
         own = _severity(apart, uncertain, float(gains[j]), float(effects[j]), period)
         if own == "ok":
             continue
         name = model.robot.joints[j].name
-        findings.append(
-            Finding(
-                own,
-                "delay",
-                "joint late" if apart > 0 else "joint early",
-                f"The torque of {name} is {_with_interval(abs(apart), 2 * uncertain)} "
-                f"{'later' if apart > 0 else 'earlier'} than that "
-                "of the other joints.",
-                name,
-                "One delay for all joints does not fit; log the channels at the same instants.",
-                evidence={
-                    "delay": Quantity(
-                        1e3 * apart,
-                        "ms",
-                        bound=1e3 * LONG * period,
-                        interval=(1e3 * (apart - 2 * uncertain), 1e3 * (apart + 2 * uncertain)),
-                    )
-                },
-            )
+        kind, side = ("joint late", "later") if apart > 0 else ("joint early", "earlier")
+        text = (
+            f"The torque of {name} is {_with_interval(abs(apart), 2 * uncertain)} {side} than that "
+            "of the other joints."
         )
+        step = "One delay for all joints does not fit; log the channels at the same instants."
+        evidence = _evidence(apart, uncertain, period)
+        findings.append(Finding(own, "delay", kind, text, name, step, evidence))
     return findings
 
 
+def _evidence(delay: float, standard_error: float, period: float) -> dict[str, Quantity]:
+    """A delay with its interval ± 2 standard errors, in milliseconds."""
+    interval = (1e3 * (delay - 2 * standard_error), 1e3 * (delay + 2 * standard_error))
+    return {"delay": Quantity(1e3 * delay, "ms", bound=1e3 * LONG * period, interval=interval)}
+
+
 def _severity(
-    delay: float, deviation: float, gain: float, effect: float, period: float
+    delay: float, standard_error: float, gain: float, effect: float, period: float
 ) -> Severity:
     """How bad a delay is: clear of noise, long enough, and visible in residual and torque."""
-    if abs(delay) <= CLEAR * deviation:
+    if abs(delay) <= CLEAR * standard_error:
         return "ok"
-    if abs(delay) > LONG * period and gain > GAIN_WRONG and effect > EFFECT_WRONG:
+    if abs(delay) > LONG * period and gain > GAIN_ERROR and effect > EFFECT_ERROR:
         return "error"
-    visible = gain > GAIN_LOOK and effect > EFFECT_LOOK
+    visible = gain > GAIN_WARNING and effect > EFFECT_WARNING
     return "warning" if visible and abs(delay) > SHORT * period else "ok"
 
 

@@ -1,7 +1,7 @@
-"""What the motion tells: rank and condition, weak parameters, and the motion they would need.
+"""What the motion excites: rank and condition, weak parameters, and the motion they would need.
 
 W stacks the equations of all joints, each divided by its residual, with columns scaled to unit
-length. With σ_k the standard deviation that a parameter would have, and φ_k its column in motions
+length. With σ_k the standard error that a parameter would have, and φ_k its column in motions
 that use all of the robot's limits, rms(φ_k) σ_k is the torque that nobody could predict because of
 it. A parameter is weak if that is a large share of the torque.
 """
@@ -42,35 +42,20 @@ LIMITS = ("range", "rated speed", "usual acceleration")
 
 @dataclass(frozen=True, eq=False)
 class Excitation:
-    """How well a motion determines the base parameters.
-
-    Attributes:
-        findings: what was found.
-        names: of the base parameters.
-        rank: numerical rank of the scaled observation matrix.
-        condition: its condition number.
-        singular_values: relative to the largest one.
-        open_torque: share of the torque in full motion that each parameter leaves open.
-        used: share of its column in full motion that the log has, by parameter.
-        ranges: share of position range, rated speed and acceleration used, shape (joints, 3).
-    """
+    """How well a motion determines the base parameters."""
 
     findings: tuple[Finding, ...]
-    names: tuple[str, ...]
-    rank: int
+    names: tuple[str, ...]  # of the base parameters
+    rank: int  # numerical rank of the scaled observation matrix
     condition: float
-    singular_values: np.ndarray
-    open_torque: np.ndarray
-    used: np.ndarray
-    ranges: np.ndarray
+    singular_values: np.ndarray  # relative to the largest one
+    open_torque: np.ndarray  # share of the torque in full motion that each parameter leaves open
+    used: np.ndarray  # share of its column in full motion that the log has, by parameter
+    ranges: np.ndarray  # used of position range, speed, acceleration, (joints, 3)
 
 
 def check_excitation(models: Sequence[InverseModel]) -> Excitation:
-    """Judge the motion of one log, or of several that are identified together.
-
-    Args:
-        models: rows of the inverse model of each log, all of one robot.
-    """
+    """Judge the motion of one log, or of several that are identified together."""
     base = models[0].base
     size = len(base)
     gram, rows = np.zeros((size, size)), 0
@@ -86,8 +71,8 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
     condition = float(largest / singular[seen][0]) if seen.any() else np.inf
     inverse = (vectors[:, seen] / singular[seen]) ** 2
     # Rows follow each other faster than the band has new values.
-    deviation = np.sqrt(inverse.sum(axis=1) * OVERSAMPLING / 2.0) * scale
-    deviation[length == 0] = np.inf
+    standard_error = np.sqrt(inverse.sum(axis=1) * OVERSAMPLING / 2.0) * scale
+    standard_error[length == 0] = np.inf
     full, parts = _full_motion(models)
     found = Excitation(
         (),
@@ -95,7 +80,7 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
         int(seen.sum()),
         condition,
         singular[::-1] / largest,
-        deviation * full / torque,
+        standard_error * full / torque,
         length / np.sqrt(max(rows, 1)) / np.maximum(full / noise, 1e-300),
         _ranges(models),
     )
@@ -104,11 +89,7 @@ def check_excitation(models: Sequence[InverseModel]) -> Excitation:
 
 
 def _sparse(null: np.ndarray) -> list[np.ndarray]:
-    """A basis of the unseen directions with few parameters in each: one belongs to it alone.
-
-    Args:
-        null: orthonormal directions, shape (parameters, missing rank).
-    """
+    """A basis of the unseen directions with few parameters in each: one belongs to it alone."""
     from scipy.linalg import qr
 
     if not null.shape[1]:
@@ -128,17 +109,7 @@ def _noise(model: InverseModel) -> np.ndarray:
 def _add_equations(
     model: InverseModel, gram: np.ndarray, torque: np.ndarray, noise: np.ndarray
 ) -> int:
-    """Add the weighted equations of one log to WᵀW.
-
-    Args:
-        model: rows of its inverse model.
-        gram: WᵀW, shape (parameters, parameters); changed.
-        torque: largest rms torque that each parameter acts on; changed.
-        noise: smallest residual of the joints that it acts on; changed.
-
-    Returns:
-        Rows of the joint that has most.
-    """
+    """Add the weighted equations of one log to WᵀW; gram (parameters, parameters)."""
     residual, rows = _noise(model), 0
     tau = np.sqrt(np.mean(model.tau() ** 2, axis=0))
     for j, columns in enumerate(model.columns):
@@ -152,11 +123,7 @@ def _add_equations(
 
 
 def _full_motion(models: Sequence[InverseModel]) -> tuple[np.ndarray, np.ndarray]:
-    """Rms of each column in motions within all limits, and of its three parts.
-
-    Returns:
-        Shape (parameters,) and (parameters, 3) for posture, speed and acceleration.
-    """
+    """Rms of each column in motions within all limits, and of its three parts."""
     robot, positions = models[0].robot, np.concatenate([model.q for model in models])
     rng = np.random.default_rng(1988)
     low, high = np.array(
@@ -217,10 +184,7 @@ def _ranges(models: Sequence[InverseModel]) -> np.ndarray:
 
 
 def _findings(
-    models: Sequence[InverseModel],
-    found: Excitation,
-    unseen: list[np.ndarray],
-    parts: np.ndarray,
+    models: Sequence[InverseModel], found: Excitation, unseen: list[np.ndarray], parts: np.ndarray
 ) -> list[Finding]:
     """Rank, directions that were not seen, weak parameters and the use of the limits."""
     model, names, parameters = models[0], found.names, models[0].base.parameters
@@ -235,16 +199,8 @@ def _findings(
     step = ""
     if severity != "ok":
         step = "Add motions as below, or name fewer parameters under [identify]."
-    findings = [
-        Finding(
-            severity,
-            "excitation",
-            "rank",
-            text,
-            next_step=step,
-            evidence={"condition": Quantity(condition, bound=CONDITION)},
-        )
-    ]
+    evidence = {"condition": Quantity(condition, bound=CONDITION)}
+    findings = [Finding(severity, "excitation", "rank", text, next_step=step, evidence=evidence)]
     for vector in unseen:
         first = np.argsort(-np.abs(vector))[:4]
         group = [int(k) for k in first if abs(vector[k]) > 0.3 * np.abs(vector).max()]
@@ -252,19 +208,13 @@ def _findings(
         kind, words = "inseparable", f"{listed} cannot be separated"
         if len(group) == 1:
             kind, words = "no effect", f"{listed} has no effect"
+        advice = _motion(model, parameters[group[0]], parts[group[0]], ranges)
         findings.append(
-            Finding(
-                "error",
-                "excitation",
-                kind,
-                f"{words} in this motion.",
-                listed,
-                _motion(model, parameters[group[0]], parts[group[0]], ranges),
-            )
+            Finding("error", "excitation", kind, f"{words} in this motion.", listed, advice)
         )
-    told = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
+    named = {k for vector in unseen for k in np.flatnonzero(np.abs(vector) > 0.3)}
     for k in np.argsort(-open_torque):
-        if k in told or not (open_torque[k] > WEAK or used[k] < UNUSED):
+        if k in named or not (open_torque[k] > WEAK or used[k] < UNUSED):
             continue
         share = 100 * float(open_torque[k])
         findings.append(

@@ -7,7 +7,7 @@ body, fixed to the last link, with ten inertial parameters θ, moves all of them
 
     τ_j = a_j (d_j + Φ_j θ) + b_j ddq_j + friction_j,
 
-where d_j is the torque that the description asks for, Φ_j the regressor of the last link, and a_j
+where d_j is the torque that the description gives, Φ_j the regressor of the last link, and a_j
 the logged torque per N m. The links before the last one set the scale. The equations are bilinear
 in a and θ and solved by Gauss-Newton steps.
 """
@@ -24,7 +24,7 @@ from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.robot.description import INERTIAL
 
-#: Deviations by which the mass of a load must be above zero.
+#: Standard errors by which the mass of a load must be above zero.
 CLEAR = 6.0
 
 #: A load must leave at most this share of the error that gains alone leave, in squares.
@@ -36,33 +36,16 @@ STEPS, SETTLED = 30, 1e-4
 
 @dataclass(frozen=True, eq=False)
 class FlangeLoad:
-    """A body on the last link, and the torques beside description and body.
+    """A body on the last link, and the torques beside description and body."""
 
-    Attributes:
-        mass: its mass [kg].
-        deviation: the standard deviation of the mass.
-        factors: logged torque per torque of description and body, by joint.
-        deviations: their standard deviations.
-    """
-
-    mass: float
-    deviation: float
-    factors: np.ndarray
-    deviations: np.ndarray
+    mass: float  # its mass [kg]
+    standard_error: float  # the standard error of the mass
+    factors: np.ndarray  # logged torque per torque of description and body, by joint
+    standard_errors: np.ndarray  # of the factors
 
 
 def flange_load(model: InverseModel, factors: np.ndarray) -> FlangeLoad | None:
-    """The load that explains the torques of all joints together, if there is one.
-
-    Args:
-        model: rows of the inverse model, of a robot whose description has masses.
-        factors: logged torque per torque of the description, joint by joint, NaN where unknown;
-            the steps start there.
-
-    Returns:
-        None where gains alone do about as well, where the load would have no mass, on a tree
-        of several arms, and where a joint does not move enough.
-    """
+    """The load that explains the torques of all joints together, if there is one."""
     robot = model.robot
     joints = robot.size
     if joints < 2 or not robot.is_chain or not all(model.usable(j) for j in range(joints)):
@@ -89,12 +72,14 @@ def flange_load(model: InverseModel, factors: np.ndarray) -> FlangeLoad | None:
             break
     else:
         return None
-    deviation = jackknife(fit.replicates / length)
+    standard_error = jackknife(fit.replicates / length)
     together = _squares(model, body, a, theta, weights, with_load=True)
     mass = INERTIAL.index("m")
-    if not (together < BETTER * alone and theta[mass] > CLEAR * deviation[joints + mass]):
+    if not (together < BETTER * alone and theta[mass] > CLEAR * standard_error[joints + mass]):
         return None
-    return FlangeLoad(float(theta[mass]), float(deviation[joints + mass]), a, deviation[:joints])
+    return FlangeLoad(
+        float(theta[mass]), float(standard_error[joints + mass]), a, standard_error[:joints]
+    )
 
 
 def _squares(

@@ -48,55 +48,28 @@ TOLERATED_MISSING = 0.05
 
 @dataclass(frozen=True, eq=False)
 class InverseModel:
-    """Rows of the inverse model of every joint.
-
-    Attributes:
-        robot: the robot.
-        base: its base parameters.
-        rate: sampling rate of the log [Hz].
-        first: sample of the log with which the part that is looked at begins.
-        at: position of each row, in samples from there.
-        columns: observation matrix of each joint, shape (rows, own parameters).
-        own: indices of these parameters in ``base``, for each joint.
-        moving: which rows of which joint count, shape (rows, joints).
-        q: low-passed positions [rad or m], shape (rows, joints); ``dq`` and ``ddq`` likewise.
-        dq: speeds.
-        ddq: accelerations.
-        gravity: torque of gravity after the description, low-passed, shape (rows, joints).
-        inertial: torque of all other inertial parameters after it.
-        shift: samples by which the torque belongs later than its sample says, as declared.
-        block: number of the stretch of time that a row belongs to.
-        torque: low-passed torque as a function of the position in samples.
-        samples: number of samples looked at.
-    """
+    """Rows of the inverse model of every joint."""
 
     robot: Robot
-    base: BaseParameters
-    rate: float
-    first: int
-    at: np.ndarray
-    columns: tuple[np.ndarray, ...]
-    own: tuple[np.ndarray, ...]
-    moving: np.ndarray
-    q: np.ndarray
-    dq: np.ndarray
-    ddq: np.ndarray
-    gravity: np.ndarray
-    inertial: np.ndarray
-    shift: float
-    block: np.ndarray
-    torque: CubicSpline
-    samples: int
+    base: BaseParameters  # its base parameters
+    rate: float  # sampling rate of the log [Hz]
+    first: int  # sample of the log with which the part that is looked at begins
+    at: np.ndarray  # position of each row, in samples from there
+    columns: tuple[np.ndarray, ...]  # of each joint, shape (rows, own parameters)
+    own: tuple[np.ndarray, ...]  # indices of these parameters in ``base``, for each joint
+    moving: np.ndarray  # which rows of which joint count, shape (rows, joints)
+    q: np.ndarray  # low-passed positions [rad or m], shape (rows, joints), as ``dq`` and ``ddq``
+    dq: np.ndarray  # speeds
+    ddq: np.ndarray  # accelerations
+    gravity: np.ndarray  # torque of gravity after the description, low-passed, shape (rows, joints)
+    inertial: np.ndarray  # torque of all other inertial parameters after it
+    shift: float  # samples by which the torque belongs later than its sample says, as declared
+    block: np.ndarray  # number of the stretch of time that a row belongs to
+    torque: CubicSpline  # low-passed torque as a function of the position in samples
+    samples: int  # number of samples looked at
 
     def tau(self, delay: float = 0.0) -> np.ndarray:
-        """Torque on the rows if it was logged that much later than the positions.
-
-        Args:
-            delay: beyond the declared one [s].
-
-        Returns:
-            Shape (rows, joints) [N m or N].
-        """
+        """Torque on the rows if it was logged that much later than the positions."""
         return self.torque(self.at - self.shift + delay * self.rate)
 
     def reordered(self, torque_of: Sequence[int]) -> InverseModel:
@@ -124,12 +97,7 @@ class InverseModel:
         return np.array([self.relative_error(j, tau[:, j]) for j in range(self.robot.size)])
 
     def relative_error(self, joint: int, tau: np.ndarray) -> float:
-        """‖τ - Φ_j θ̂‖ / ‖τ‖ of some torque on one joint's columns.
-
-        Args:
-            joint: whose columns.
-            tau: the torque on all rows, shape (rows,).
-        """
+        """‖τ - Φ_j θ̂‖ / ‖τ‖ of some torque on one joint's columns; tau (rows,)."""
         basis, tau = self.bases[joint], tau[self.moving[:, joint]]
         size = float(np.linalg.norm(tau))
         return float(np.linalg.norm(tau - basis @ (basis.T @ tau))) / size if size else np.nan
@@ -141,16 +109,7 @@ class InverseModel:
 
 
 def build_inverse_model(log: Log, timing: Timing, scale: float | np.ndarray = 1.0) -> InverseModel:
-    """Prepare rows of the inverse model from a log.
-
-    Args:
-        log: a log with robot, positions and torques.
-        timing: its clock.
-        scale: factor on the positions, for all or by joint, to try another unit or side.
-
-    Raises:
-        RecordingError: the log is too short, too slow or too broken for it; says why.
-    """
+    """Prepare rows of the inverse model from a log."""
     robot = log.robot
     assert robot is not None and timing.rate, "the caller has asked for both"
     q, tau, invented, first = uniform(log, timing, robot.size)
@@ -205,13 +164,7 @@ def build_inverse_model(log: Log, timing: Timing, scale: float | np.ndarray = 1.
 
 
 def _moving(robot: Robot, dq: np.ndarray, limit: np.ndarray) -> np.ndarray:
-    """Rows on which a joint moves, and every motor coupled with it as well.
-
-    Args:
-        robot: its couplings matter.
-        dq: speeds, shape (rows, joints).
-        limit: of each joint's speed, shape (joints,).
-    """
+    """Rows on which a joint moves, and every motor coupled with it as well."""
     fast = np.abs(dq) > limit
     for c in robot.couplings:
         together = np.abs(dq[:, c.motor] + c.ratio * dq[:, c.joint]) > limit[c.motor]
@@ -231,15 +184,7 @@ def _near(invented: np.ndarray, margin: int) -> np.ndarray:
 def uniform(
     log: Log, timing: Timing, joints: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Positions and torques on a uniform grid, holes filled.
-
-    Returns:
-        Positions and torques, shape (samples, joints); which samples were invented to fill holes,
-        shape (samples,); and the first sample of the log that is among them.
-
-    Raises:
-        RecordingError: too much is missing, or there are too many or too few joints.
-    """
+    """Positions and torques on a uniform grid, holes filled; returns (samples, joints)."""
     q, tau = log.channels["q"], log.channels["tau"]
     if q.shape[1] != joints or tau.shape != q.shape:
         raise RecordingError(

@@ -20,25 +20,15 @@ BETTER = 2.0
 
 @dataclass(frozen=True, eq=False)
 class Order:
-    """Which torque fits which joint.
-
-    Attributes:
-        findings: what was found.
-        errors: relative error of torque k on the columns of joint j, shape (joints, joints).
-        torque_of: index of the torque that fits each joint best as a whole.
-    """
+    """Which torque fits which joint."""
 
     findings: tuple[Finding, ...]
-    errors: np.ndarray
-    torque_of: tuple[int, ...]
+    errors: np.ndarray  # relative, of torque k on the columns of joint j, (joints, joints)
+    torque_of: tuple[int, ...]  # index of the torque that fits each joint best as a whole
 
 
 def check_order(model: InverseModel) -> Order:
-    """Find the order of the torque columns that fits the joints.
-
-    Args:
-        model: rows of the inverse model.
-    """
+    """Find the order of the torque columns that fits the joints."""
     from scipy.optimize import linear_sum_assignment
 
     tau, joints = model.tau(), model.robot.size
@@ -62,13 +52,9 @@ def check_order(model: InverseModel) -> Order:
         f"The torque columns fit in another order: {pairs}; the errors of these joints shrink "
         f"by a factor of {factor:.3g}."
     )
+    step = "Change the order of the columns of tau, or that of q."
+    evidence = {"factor": Quantity(factor, bound=BETTER)}
     finding = Finding(
-        "error",
-        "order",
-        "order",
-        text,
-        ", ".join(names[j] for j in moved),
-        "Change the order of the columns of tau, or that of q.",
-        evidence={"factor": Quantity(factor, bound=BETTER)},
+        "error", "order", "order", text, ", ".join(names[j] for j in moved), step, evidence=evidence
     )
     return Order((finding,), errors, tuple(int(k) for k in best))

@@ -21,7 +21,7 @@ from pivident.robot.friction import FrictionColumn
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 from pivident.text.numbers import with_spread
 
-#: A power counts as negative from this many of its deviations on.
+#: A power counts as negative from this many of its standard errors on.
 CLEAR = 3.0
 
 #: … and if it is at least this share of the power that goes back and forth.
@@ -42,53 +42,38 @@ DESCRIPTION = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Power:
-    """What power and gravity say about the signs.
-
-    Attributes:
-        findings: what was found.
-        friction: power that friction takes from each joint [W], NaN where it is not known.
-        deviations: their standard deviations [W].
-        reversed: joints whose sign is reversed.
-        static: friction level of each joint [N m or N], NaN where it is not known.
-    """
+    """What power and gravity say about the signs."""
 
     findings: tuple[Finding, ...]
-    friction: np.ndarray
-    deviations: np.ndarray
-    reversed: tuple[int, ...]
-    static: np.ndarray
+    friction: np.ndarray  # power that friction takes from each joint [W], NaN where it is not known
+    standard_errors: np.ndarray  # of that power [W]
+    reversed: tuple[int, ...]  # joints whose sign is reversed
+    static: np.ndarray  # friction level of each joint [N m or N], NaN where it is not known
 
 
 def check_power(log: Log, model: InverseModel) -> Power:
-    """Judge the sign of every torque.
-
-    Args:
-        log: the log.
-        model: rows of its inverse model.
-    """
+    """Judge the sign of every torque."""
     joints = model.robot.size
     tau = model.tau()
-    power, deviations, static = (np.full(joints, np.nan) for _ in range(3))
+    power, standard_errors, static = (np.full(joints, np.nan) for _ in range(3))
     findings: list[Finding] = []
     for j in range(joints):
         if model.usable(j):
-            power[j], deviations[j], static[j] = _friction_power(model, j, tau[:, j])
+            power[j], standard_errors[j], static[j] = _friction_power(model, j, tau[:, j])
     swing = np.mean(np.abs(tau * model.dq), axis=0)
-    clear = np.abs(power) > np.maximum(CLEAR * deviations, SHARE * swing)
+    clear = np.abs(power) > np.maximum(CLEAR * standard_errors, SHARE * swing)
     negative = [j for j in range(joints) if clear[j] and power[j] < 0]
     for j in range(joints):
         if np.isfinite(power[j]):
-            findings.append(_power_finding(model, j, power[j], deviations[j], negative, clear[j]))
+            findings.append(
+                _power_finding(model, j, power[j], standard_errors[j], negative, clear[j])
+            )
     findings += _gravity_at_rest(log, model, tau, static)
-    return Power(tuple(findings), power, deviations, tuple(negative), static)
+    return Power(tuple(findings), power, standard_errors, tuple(negative), static)
 
 
 def mechanical_power(log: Log) -> list[Finding]:
-    """Without a robot: an arm that gives energy all the time is a sign that is reversed.
-
-    Args:
-        log: a log with positions and torques.
-    """
+    """Without a robot: an arm that gives energy all the time is a sign that is reversed."""
     q, tau = log.channels["q"], log.channels["tau"]
     findings: list[Finding] = []
     if q.shape != tau.shape or not (np.isfinite(q).all() and np.isfinite(tau).all()):
@@ -98,31 +83,24 @@ def mechanical_power(log: Log) -> list[Finding]:
     turnover = np.abs(work).sum(axis=0)
     for j, name in enumerate(log.joint_names):
         parts = np.array([part.sum() for part in np.array_split(work[:, j], BLOCKS)])
-        total, deviation = float(parts.sum()), float(np.std(parts) * np.sqrt(BLOCKS))
-        if total + CLEAR * deviation < 0 and total < -0.05 * turnover[j]:
-            findings.append(
-                Finding(
-                    "warning",
-                    "power",
-                    "gives energy",
-                    f"{name} gives {abs(total):.3g} J instead of taking energy from its drive.",
-                    name,
-                    "Torque or position may have the wrong sign; --robot tells for certain.",
-                    evidence={
-                        "energy": Quantity(
-                            total,
-                            "J",
-                            bound=0.0,
-                            interval=(total - 2 * deviation, total + 2 * deviation),
-                        )
-                    },
+        total, standard_error = float(parts.sum()), float(np.std(parts) * np.sqrt(BLOCKS))
+        if total + CLEAR * standard_error < 0 and total < -0.05 * turnover[j]:
+            text = f"{name} gives {abs(total):.3g} J instead of taking energy from its drive."
+            step = "Torque or position may have the wrong sign; --robot makes it certain."
+            evidence = {
+                "energy": Quantity(
+                    total,
+                    "J",
+                    bound=0.0,
+                    interval=(total - 2 * standard_error, total + 2 * standard_error),
                 )
-            )
+            }
+            findings.append(Finding("warning", "power", "gives energy", text, name, step, evidence))
     return findings
 
 
 def _friction_power(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float, float]:
-    """Power of one joint's friction, its deviation, and its level at typical speed."""
+    """Power of one joint's friction, its standard error, and its level at typical speed."""
     rows = model.moving[:, j]
     columns, dq = model.columns[j][rows], model.dq[rows, j]
     parameters = model.base.parameters
@@ -151,7 +129,7 @@ def _power_finding(
     model: InverseModel,
     j: int,
     power: float,
-    deviation: float,
+    standard_error: float,
     negative: list[int],
     clear: bool,
 ) -> Finding:
@@ -166,24 +144,17 @@ def _power_finding(
         )
         if len(negative) == model.robot.size and len(negative) > 1:
             step = "All joints give power: flip tau as a whole, units = {tau = -1.0}."
-    size, spread = with_spread(power, 2 * deviation)
+    size, spread = with_spread(power, 2 * standard_error)
     text = f"Friction of {name} takes {size} ± {spread} W"
     text += "." if power >= 0 else ", that is, it would give energy."
     if not clear:
-        text += " The motion does not tell its sign."
-    return Finding(
-        severity,
-        "power",
-        "sign",
-        text,
-        name,
-        step,
-        evidence={
-            "friction power": Quantity(
-                power, "W", bound=0.0, interval=(power - 2 * deviation, power + 2 * deviation)
-            )
-        },
-    )
+        text += " The motion does not determine its sign."
+    evidence = {
+        "friction power": Quantity(
+            power, "W", bound=0.0, interval=(power - 2 * standard_error, power + 2 * standard_error)
+        )
+    }
+    return Finding(severity, "power", "sign", text, name, step, evidence)
 
 
 def _gravity_at_rest(
@@ -208,26 +179,25 @@ def _gravity_at_rest(
         severity: Severity = "error" if opposite else "warning" if off else "ok"
         unit = "N m" if joint.kind == "revolute" else "N"
         sample = model.first + int(model.at[heaviest])
+        text = (
+            f"At rest {joint.name} holds {held:.3g} {unit}; gravity of the description is "
+            f"{weight:.3g} {unit}, friction {friction:.2g} {unit}."
+        )
+        step = (
+            ""
+            if severity == "ok"
+            else "Check the sign of the torque, the direction of gravity, the zero of the "
+            "position and the gain."
+        )
+        evidence = {
+            "torque": Quantity(
+                held,
+                unit,
+                interval=(weight - allowed, weight + allowed) if severity != "ok" else None,
+            ),
+            **at_sample(sample, log.time_of(sample)),
+        }
         findings.append(
-            Finding(
-                severity,
-                "power",
-                "gravity at rest",
-                f"At rest {joint.name} holds {held:.3g} {unit}; gravity of the description is "
-                f"{weight:.3g} {unit}, friction {friction:.2g} {unit}.",
-                joint.name,
-                ""
-                if severity == "ok"
-                else "Check the sign of the torque, the direction of gravity, the zero of the "
-                "position and the gain.",
-                evidence={
-                    "torque": Quantity(
-                        held,
-                        unit,
-                        interval=(weight - allowed, weight + allowed) if severity != "ok" else None,
-                    ),
-                    **at_sample(sample, log.time_of(sample)),
-                },
-            )
+            Finding(severity, "power", "gravity at rest", text, joint.name, step, evidence=evidence)
         )
     return findings

@@ -25,40 +25,24 @@ ENOUGH_DIGITS = 7
 
 @dataclass(frozen=True)
 class Grid:
-    """Rounding of one signal.
+    """Rounding of one signal."""
 
-    Attributes:
-        name: name of the signal.
-        step: distance of neighbouring values, in the unit of the file, NaN where there is none.
-        levels: range of the signal in steps.
-        digits: significant digits that all values have at most, or None where there are more.
-    """
-
-    name: str
-    step: float
-    levels: float
-    digits: int | None
+    name: str  # name of the signal
+    step: float  # distance of neighbouring values, in the unit of the file, NaN where there is none
+    levels: float  # range of the signal in steps
+    digits: int | None  # significant ones that all values have at most, None for more
 
 
 @dataclass(frozen=True, eq=False)
 class Quantisation:
-    """Grids of all signals.
-
-    Attributes:
-        findings: what was found.
-        grids: of each signal.
-    """
+    """Grids of all signals."""
 
     findings: tuple[Finding, ...]
-    grids: tuple[Grid, ...]
+    grids: tuple[Grid, ...]  # of each signal
 
 
 def check_quantisation(log: Log) -> Quantisation:
-    """Find the grid of every signal and say what it means.
-
-    Args:
-        log: the log.
-    """
+    """Find the grid of every signal and say what it means."""
     findings, grids = [], []
     for name, values in log.signals().items():
         finite = values[np.isfinite(values)]
@@ -71,12 +55,7 @@ def check_quantisation(log: Log) -> Quantisation:
 
 
 def find_grid(name: str, values: np.ndarray) -> Grid:
-    """The step of a signal and the digits it was written with.
-
-    Args:
-        name: name of the signal.
-        values: finite samples.
-    """
+    """The step of a signal and the digits it was written with."""
     digits = significant_digits(values)
     step = _step(values)
     if digits is not None:
@@ -93,11 +72,7 @@ def find_grid(name: str, values: np.ndarray) -> Grid:
 
 
 def _step(values: np.ndarray) -> float:
-    """Distance of neighbouring values, NaN where they do not lie on a grid.
-
-    The smallest gaps between distinct values give a first guess; every gap near a whole multiple
-    of it then refines the step, Σ gap·n / Σ n² with n = round(gap / step).
-    """
+    """Distance of values Σ gap·n / Σ n² with n = round(gap / step), NaN where there is no grid."""
     middle = len(values) // 2
     levels = np.unique(values[max(0, middle - MAX_VALUES // 2) : middle + MAX_VALUES // 2])
     if levels.size < 4:
@@ -109,9 +84,8 @@ def _step(values: np.ndarray) -> float:
     return _refined(gaps, float(np.median(gaps[: max(3, gaps.size // 10)])))
 
 
-def _refined(gaps: np.ndarray, guess: float) -> float:
+def _refined(gaps: np.ndarray, step: float) -> float:
     """The step of which nearly all gaps are multiples, NaN where there is none."""
-    step = guess
     for most in (4, 64, 1024):
         used = gaps[gaps < (most + 0.5) * step]
         if not used.size:
@@ -124,11 +98,7 @@ def _refined(gaps: np.ndarray, guess: float) -> float:
 
 
 def significant_digits(values: np.ndarray) -> int | None:
-    """Fewest significant digits that write every value, up to `ENOUGH_DIGITS`.
-
-    Args:
-        values: finite samples.
-    """
+    """Fewest significant digits that write every value, up to `ENOUGH_DIGITS`."""
     some = values[values != 0.0][:MAX_VALUES]
     if some.size < 20 or np.all(some == np.round(some)):
         return None  # counts are whole numbers, whatever their digits
@@ -181,24 +151,15 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
             if kind == "q"
             else "Log the torque with a finer resolution, or identify over a longer record."
         )
-    findings.append(
-        Finding(
-            "warning" if few else "ok",
-            "quantisation",
-            "step",
-            text,
-            name,
-            step,
-            evidence={
-                "step": Quantity(
-                    grid.step,
-                    "unit of the file",
-                    bound=float(np.ptp(values)) / MIN_LEVELS[kind]
-                    if MIN_LEVELS.get(kind)
-                    else None,
-                )
-            },
+    evidence = {
+        "step": Quantity(
+            grid.step,
+            "unit of the file",
+            bound=float(np.ptp(values)) / MIN_LEVELS[kind] if MIN_LEVELS.get(kind) else None,
         )
+    }
+    findings.append(
+        Finding("warning" if few else "ok", "quantisation", "step", text, name, step, evidence)
     )
     return findings
 

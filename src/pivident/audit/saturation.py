@@ -21,11 +21,7 @@ ONE_VALUE = 0.5
 
 
 def check_channels(log: Log) -> tuple[Finding, ...]:
-    """Judge each signal by itself.
-
-    Args:
-        log: the log.
-    """
+    """Judge each signal by itself."""
     findings: list[Finding] = []
     for name, values in log.signals().items():
         findings += _missing(log, name, values)
@@ -50,21 +46,16 @@ def _missing(log: Log, name: str, values: np.ndarray) -> list[Finding]:
     bad = np.flatnonzero(~np.isfinite(values))
     if not bad.size:
         return []
-    return [
-        Finding(
-            "error",
-            "channels",
-            "missing",
-            f"{name} has {bad.size} sample(s) that are empty, NaN or infinite, the first at "
-            f"sample {bad[0]}.",
-            name,
-            "Cut the recording there, or repair the log.",
-            evidence={
-                "missing": Quantity(float(bad.size), "samples"),
-                **at_sample(int(bad[0]), log.time_of(int(bad[0]))),
-            },
-        )
-    ]
+    text = (
+        f"{name} has {bad.size} sample(s) that are empty, NaN or infinite, the first at "
+        f"sample {bad[0]}."
+    )
+    step = "Cut the recording there, or repair the log."
+    evidence = {
+        "missing": Quantity(float(bad.size), "samples"),
+        **at_sample(int(bad[0]), log.time_of(int(bad[0]))),
+    }
+    return [Finding("error", "channels", "missing", text, name, step, evidence)]
 
 
 def _constant(name: str, value: float) -> Finding:
@@ -78,10 +69,7 @@ def _constant(name: str, value: float) -> Finding:
 
 
 def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Finding]:
-    """Single samples far from both neighbours, which agree with each other.
-
-    A spike of height A makes the second difference (-A/2, A, -A/2); a step does not.
-    """
+    """Single samples of height A with second difference (-A/2, A, -A/2), unlike a step."""
     if x.size < 4 * NEIGHBOURS:
         return []
     second = x[1:-1] - 0.5 * (x[:-2] + x[2:])
@@ -104,21 +92,16 @@ def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Findi
         return []
     first = int(place[spikes[0] + 2])
     largest = float(height[spikes].max())
-    return [
-        Finding(
-            "warning",
-            "channels",
-            "spike",
-            f"{name} has {len(spikes)} single sample(s) that stick out, by up to {largest:.4g}; "
-            f"the first is sample {first}.",
-            name,
-            "Remove them (bandpass = {median = 3} under [identify] does), and ask the logger why.",
-            evidence={
-                "height": Quantity(largest, "unit of the file", bound=SPIKE * usual),
-                **at_sample(first, log.time_of(first)),
-            },
-        )
-    ]
+    text = (
+        f"{name} has {len(spikes)} single sample(s) that stick out, by up to {largest:.4g}; "
+        f"the first is sample {first}."
+    )
+    step = "Remove them (bandpass = {median = 3} under [identify] does), and ask the logger why."
+    evidence = {
+        "height": Quantity(largest, "unit of the file", bound=SPIKE * usual),
+        **at_sample(first, log.time_of(first)),
+    }
+    return [Finding("warning", "channels", "spike", text, name, step, evidence)]
 
 
 def _clipped(
@@ -132,21 +115,16 @@ def _clipped(
     share = clipped.size / len(tau)
     first, value = int(place[clipped[0]]), float(tau[clipped[0]])
     severity: Severity = "error" if share > TOLERATED_CLIPPING else "warning"
-    return [
-        Finding(
-            severity,
-            "channels",
-            "clipped",
-            f"{name} is cut off at {value:.6g} during {clipped.size} samples "
-            f"({100 * share:.2g} %), first at sample {first}.",
-            name,
-            "Cut these parts, or repeat the motion more slowly.",
-            evidence={
-                "share": Quantity(100 * share, "%", bound=100 * TOLERATED_CLIPPING),
-                **at_sample(first, log.time_of(first)),
-            },
-        )
-    ]
+    text = (
+        f"{name} is cut off at {value:.6g} during {clipped.size} samples "
+        f"({100 * share:.2g} %), first at sample {first}."
+    )
+    step = "Cut these parts, or repeat the motion more slowly."
+    evidence = {
+        "share": Quantity(100 * share, "%", bound=100 * TOLERATED_CLIPPING),
+        **at_sample(first, log.time_of(first)),
+    }
+    return [Finding(severity, "channels", "clipped", text, name, step, evidence)]
 
 
 def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
@@ -158,18 +136,13 @@ def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
     share = float(counts.max() / moving.sum())
     if share < ONE_VALUE:
         return []
-    return [
-        Finding(
-            "error",
-            "channels",
-            "stuck",
-            f"{name} is exactly {values[counts.argmax()]:.4g} during {100 * share:.3g} % of the "
-            "motion of its joint.",
-            name,
-            "The channel does not measure this joint; leave the joint out, or log it otherwise.",
-            evidence={"share": Quantity(100 * share, "%", bound=100 * ONE_VALUE)},
-        )
-    ]
+    text = (
+        f"{name} is exactly {values[counts.argmax()]:.4g} during {100 * share:.3g} % of the "
+        "motion of its joint."
+    )
+    step = "The channel does not measure this joint; leave the joint out, or log it otherwise."
+    evidence = {"share": Quantity(100 * share, "%", bound=100 * ONE_VALUE)}
+    return [Finding("error", "channels", "stuck", text, name, step, evidence)]
 
 
 def _wrapped(log: Log, name: str, q: np.ndarray, place: np.ndarray) -> list[Finding]:
@@ -180,16 +153,10 @@ def _wrapped(log: Log, name: str, q: np.ndarray, place: np.ndarray) -> list[Find
         at = np.flatnonzero(np.abs(np.abs(jump) - turn) < 0.1 * turn)
         if at.size and usual < 0.1 * turn and at.size < 0.001 * len(q):
             k = int(place[at[0]])
-            return [
-                Finding(
-                    "error",
-                    "channels",
-                    "wrapped",
-                    f"{name} jumps by a full turn ({unit}) {at.size} time(s), first after sample "
-                    f"{k}.",
-                    name,
-                    "Unwrap the angle before it is logged or read.",
-                    evidence={"jumps": Quantity(float(at.size)), **at_sample(k, log.time_of(k))},
-                )
-            ]
+            text = (
+                f"{name} jumps by a full turn ({unit}) {at.size} time(s), first after sample {k}."
+            )
+            step = "Unwrap the angle before it is logged or read."
+            evidence = {"jumps": Quantity(float(at.size)), **at_sample(k, log.time_of(k))}
+            return [Finding("error", "channels", "wrapped", text, name, step, evidence)]
     return []

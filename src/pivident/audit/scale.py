@@ -26,13 +26,13 @@ from pivident.robot.description import Robot
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import plus_minus
 
-#: A gain that differs from 1 by this factor deserves a look, by that one it is wrong.
-LOOK, WRONG = 1.3, 3.0
+#: A gain that differs from 1 by this factor gets a warning, by that one it is wrong.
+WARNING, ERROR = 1.3, 3.0
 
-#: Deviations from 1 that a factor must have.
+#: Standard errors by which a factor must differ from 1.
 CLEAR = 4.0
 
-#: Relative deviation above which a factor says nothing.
+#: Relative standard error above which a factor is not used.
 BLUNT = 0.2
 
 #: Share of a joint's described torque that friction and a rotor of its own must leave open.
@@ -45,32 +45,20 @@ NEAR = 1.4
 BETTER = 0.5
 
 #: Times the rated speed that a joint may be logged to have.
-FASTEST = 3.0
+MAX_SPEED_RATIO = 3.0
 
 
 @dataclass(frozen=True, eq=False)
 class Scale:
-    """Factors between log and description.
-
-    Attributes:
-        findings: what was found.
-        factors: torque of the log per torque of the description, by joint, NaN if not known.
-        deviations: their standard deviations.
-    """
+    """Factors between log and description."""
 
     findings: tuple[Finding, ...]
-    factors: np.ndarray
-    deviations: np.ndarray
+    factors: np.ndarray  # torque of the log per torque of the description, or NaN
+    standard_errors: np.ndarray  # of the factors
 
 
 def check_assumed(log: Log) -> list[Finding]:
-    """Scales of the torque that were taken from the description, or assumed.
-
-    A factor of 1 between log and description confirms nothing then.
-
-    Args:
-        log: the log, with the marks of its units.
-    """
+    """Assumed scales of the torque; a factor of 1 to the description confirms nothing then."""
     return [
         Finding("warning", "scale", "assumed", sentence)
         for sentence in scale_sentences(log.torque_scale)
@@ -80,16 +68,7 @@ def check_assumed(log: Log) -> list[Finding]:
 def check_positions(
     log: Log, timing: Timing, model: InverseModel
 ) -> tuple[list[Finding], InverseModel | None]:
-    """Whether the positions can be what they are said to be, and a model in the right unit.
-
-    Args:
-        log: the log.
-        timing: its clock.
-        model: rows of its inverse model, positions as they were taken.
-
-    Returns:
-        Findings, and the model to go on with; None if no unit makes sense.
-    """
+    """Whether the positions can be what they are said to be, and a model in the right unit."""
     findings = check_reach(log, timing)
     better = _another_position_unit(log, model, timing)
     if better is None:
@@ -99,63 +78,53 @@ def check_positions(
 
 
 def check_scale(log: Log, model: InverseModel) -> Scale:
-    """Compare the torques of a log with those of the robot's description.
-
-    Args:
-        log: the log.
-        model: rows of its inverse model.
-    """
+    """Compare the torques of a log with those of the robot's description."""
     joints = model.robot.size
-    factors, deviations = np.full(joints, np.nan), np.full(joints, np.nan)
+    factors, standard_errors = np.full(joints, np.nan), np.full(joints, np.nan)
     tau = model.tau()
     described = any(np.any(link.inertia) for link in model.robot.links)
     for j in range(joints):
         if described and model.usable(j):
-            factors[j], deviations[j] = _gain(model, j, tau[:, j])
-    blunt = ~(deviations < BLUNT * np.abs(factors))
+            factors[j], standard_errors[j] = _gain(model, j, tau[:, j])
+    blunt = ~(standard_errors < BLUNT * np.abs(factors))
     factors[blunt] = np.nan
-    findings = _gain_findings(log, model, factors, deviations)
+    findings = _gain_findings(log, model, factors, standard_errors)
     if any(f.severity != "ok" for f in findings):
         load = flange_load(model, factors)
         if load is not None and _gains_agree(load, [j for j in range(joints) if j in log.commands]):
             fine = [f for f in findings if f.severity == "ok"]
             findings = [*fine, _load_finding(model.robot, load)]
-    return Scale(tuple(findings), factors, deviations)
+    return Scale(tuple(findings), factors, standard_errors)
 
 
 def _gains_agree(load: FlangeLoad, commands: list[int]) -> bool:
     """Whether all torques are those of description and load; a command has no gain to agree."""
     off = np.abs(load.factors - 1.0)
-    near = (load.factors > 1.0 / LOOK) & (load.factors < LOOK)
-    return not commands and bool(np.all(near | (off < CLEAR * load.deviations)))
+    near = (load.factors > 1.0 / WARNING) & (load.factors < WARNING)
+    return not commands and bool(np.all(near | (off < CLEAR * load.standard_errors)))
 
 
 def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
     """A body on the last link explains what looked like gains."""
     last = robot.joints[-1].name
-    low, high = load.mass - 2 * load.deviation, load.mass + 2 * load.deviation
-    return Finding(
-        "warning",
-        "scale",
-        "load",
-        f"The torques show a body of {plus_minus(load.mass, 2 * load.deviation)} kg (2σ of the "
+    half = 2 * load.standard_error
+    low, high = load.mass - half, load.mass + half
+    text = (
+        f"The torques show a body of {plus_minus(load.mass, half)} kg (2σ of the "
         f"fit, if the masses of the description are exact) on the link of {last} that the "
-        "description lacks; beside it their scale is right.",
-        last,
+        "description lacks; beside it their scale is right."
+    )
+    step = (
         f"A tool or a payload? Add its mass, centre of mass and inertia to the link of {last} in "
         "the file that model names under [robot]. Left as it is, its parameters become part of "
-        "those of this link, which is right for torques of the arm with it.",
-        evidence={"mass": Quantity(load.mass, "kg", interval=(low, high))},
+        "those of this link, which is right for torques of the arm with it."
     )
+    evidence = {"mass": Quantity(load.mass, "kg", interval=(low, high))}
+    return Finding("warning", "scale", "load", text, last, step, evidence=evidence)
 
 
 def check_reach(log: Log, timing: Timing) -> list[Finding]:
-    """Positions and speeds that the robot cannot have.
-
-    Args:
-        log: the log.
-        timing: its clock.
-    """
+    """Positions and speeds that the robot cannot have."""
     findings: list[Finding] = []
     robot, q = log.robot, log.channels["q"]
     if robot is None or q.shape[1] != robot.size:
@@ -166,35 +135,24 @@ def check_reach(log: Log, timing: Timing) -> list[Finding]:
             check_within_reach("q", finite, _only(robot, j))
         except PositionsBeyondLimits as error:
             bound = error.limits[int(error.position > error.limits[1])]
+            step = error.advice[0].upper() + error.advice[1:]
+            evidence = {"position": Quantity(error.position, error.unit, bound=bound)}
             findings.append(
-                Finding(
-                    "error",
-                    "scale",
-                    "reach",
-                    f"{error.fact}.",
-                    joint.name,
-                    error.advice[0].upper() + error.advice[1:],
-                    {"position": Quantity(error.position, error.unit, bound=bound)},
-                )
+                Finding("error", "scale", "reach", f"{error.fact}.", joint.name, step, evidence)
             )
             continue
         if joint.rated_speed is None or not timing.rate or len(finite) < 100:
             continue
         fastest = float(np.quantile(np.abs(np.diff(finite[:, j])), 0.999)) * timing.rate
         unit = "rad/s" if joint.kind == "revolute" else "m/s"
-        if fastest > FASTEST * joint.rated_speed:
-            findings.append(
-                Finding(
-                    "error",
-                    "scale",
-                    "speed",
-                    f"{joint.name} would move at {fastest:.3g} {unit}; it is rated for "
-                    f"{joint.rated_speed:.3g} {unit}.",
-                    joint.name,
-                    "Check the unit of the positions, the reduction and the sampling rate.",
-                    evidence={"speed": Quantity(fastest, unit, bound=FASTEST * joint.rated_speed)},
-                )
+        if fastest > MAX_SPEED_RATIO * joint.rated_speed:
+            text = (
+                f"{joint.name} would move at {fastest:.3g} {unit}; it is rated for "
+                f"{joint.rated_speed:.3g} {unit}."
             )
+            step = "Check the unit of the positions, the reduction and the sampling rate."
+            evidence = {"speed": Quantity(fastest, unit, bound=MAX_SPEED_RATIO * joint.rated_speed)}
+            findings.append(Finding("error", "scale", "speed", text, joint.name, step, evidence))
     return findings
 
 
@@ -215,10 +173,7 @@ def _another_position_unit(
         return None
     if log.side == "motor":
         return _joint_side_already(log, model, timing)
-    for factor, said, meant in (
-        (np.pi / 180.0, "rad", "deg"),
-        (180.0 / np.pi, "deg", "rad"),
-    ):
+    for factor, said, meant in ((np.pi / 180.0, "rad", "deg"), (180.0 / np.pi, "deg", "rad")):
         if np.abs(model.q).max() * factor > 20.0 or np.ptp(model.q, axis=0).max() * factor < 0.05:
             continue
         try:
@@ -227,16 +182,13 @@ def _another_position_unit(
             continue
         there = _total_error(other)
         if there < BETTER * here:
-            finding = Finding(
-                "error",
-                "scale",
-                "angle unit",
+            text = (
                 f"The positions seem to be in {meant} where {said} was taken: the inverse model "
-                f"then leaves {100 * there:.3g} % of the torque instead of {100 * here:.3g} %.",
-                "q",
-                f'Set units = {{q = "{meant}"}} under [recording].',
-                evidence={"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)},
+                f"then leaves {100 * there:.3g} % of the torque instead of {100 * here:.3g} %."
             )
+            step = f'Set units = {{q = "{meant}"}} under [recording].'
+            evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
+            finding = Finding("error", "scale", "angle unit", text, "q", step, evidence)
             return finding, other
     return None
 
@@ -254,17 +206,14 @@ def _joint_side_already(
     there = _total_error(other)
     if not there < BETTER * here:
         return None
-    finding = Finding(
-        "error",
-        "scale",
-        "side",
+    text = (
         "The positions seem to be of the joint side, but were divided by the gear ratios: the "
         f"inverse model leaves {100 * there:.3g} % of the torque without that, instead of "
-        f"{100 * here:.3g} %.",
-        "q",
-        'Set side = {q = "joint"} under [recording].',
-        evidence={"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)},
+        f"{100 * here:.3g} %."
     )
+    step = 'Set side = {q = "joint"} under [recording].'
+    evidence = {"unexplained": Quantity(100 * here, "%", bound=100 * here * BETTER)}
+    finding = Finding("error", "scale", "side", text, "q", step, evidence)
     return finding, other
 
 
@@ -278,9 +227,9 @@ def _total_error(model: InverseModel) -> float:
 def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
     """One factor for gravity and inertia together, and how far the two disagree.
 
-    A rotor that the description lacks takes its part of the inertia. The deviation of the factor is
-    that of the fit, or half the distance between gravity's factor and inertia's where both are
-    known: a wrong description is not a wrong gain.
+    A rotor that the description lacks takes its part of the inertia. The standard error is that of
+    the fit, or half the distance between gravity's factor and inertia's where both are known: a
+    wrong description is not a wrong gain.
     """
     rows = model.moving[:, j]
     parameters = model.base.parameters
@@ -303,14 +252,14 @@ def _gain(model: InverseModel, j: int, tau: np.ndarray) -> tuple[float, float]:
         return np.nan, np.nan
     fit = blocked_fit(np.column_stack([together / np.linalg.norm(together), rest]), y, block)
     factor = float(fit.estimate[0] / np.linalg.norm(together))
-    deviation = float(jackknife(fit.replicates[:, :1])[0] / np.linalg.norm(together))
+    standard_error = float(jackknife(fit.replicates[:, :1])[0] / np.linalg.norm(together))
     if size.min() > 0.05 * size.max() and _apart(both[:, 1], rest) > OWN:
         split = blocked_fit(np.column_stack([both / size, rest]), y, block)
         apart = split.estimate[:2] / size
         spread = jackknife(split.replicates[:, :2]) / size
         if np.all(spread < BLUNT * np.abs(apart)):
-            deviation = max(deviation, float(abs(apart[0] - apart[1])) / 4.0)
-    return factor, deviation
+            standard_error = max(standard_error, float(abs(apart[0] - apart[1])) / 4.0)
+    return factor, standard_error
 
 
 def _apart(column: np.ndarray, rest: np.ndarray) -> float:
@@ -320,20 +269,20 @@ def _apart(column: np.ndarray, rest: np.ndarray) -> float:
 
 
 def _gain_findings(
-    log: Log, model: InverseModel, factors: np.ndarray, deviations: np.ndarray
+    log: Log, model: InverseModel, factors: np.ndarray, standard_errors: np.ndarray
 ) -> list[Finding]:
     findings = []
     reduction = np.abs(np.diag(model.robot.transmission.reduction))
     for j, joint in enumerate(model.robot.joints):
-        a, deviation = float(factors[j]), float(deviations[j])
+        a, standard_error = float(factors[j]), float(standard_errors[j])
         if not np.isfinite(a):
             continue
-        interval = (a - 2 * deviation, a + 2 * deviation)
+        interval = (a - 2 * standard_error, a + 2 * standard_error)
         text = (
-            f"The torque of {joint.name} is {plus_minus(a, 2 * deviation)} times that of the "
+            f"The torque of {joint.name} is {plus_minus(a, 2 * standard_error)} times that of the "
             "description."
         )
-        severity, step = _judged_gain(a, deviation, float(reduction[j]))
+        severity, step = _judged_gain(a, standard_error, float(reduction[j]))
         if j in log.commands:
             unit = "N m" if joint.kind == "revolute" else "N"
             severity = "warning"
@@ -343,27 +292,18 @@ def _gain_findings(
                 f"suggests {1 / a:.4g} {unit} per unit (between {low:.3g} and {high:.3g})."
             )
             step = f"Write gain = {1 / a:.4g} beside the unit of tau if that is so."
-        findings.append(
-            Finding(
-                severity,
-                "scale",
-                "gain",
-                text,
-                joint.name,
-                step,
-                evidence={
-                    "factor": Quantity(
-                        a, bound=LOOK if severity != "error" else WRONG, interval=interval
-                    )
-                },
+        evidence = {
+            "factor": Quantity(
+                a, bound=WARNING if severity != "error" else ERROR, interval=interval
             )
-        )
+        }
+        findings.append(Finding(severity, "scale", "gain", text, joint.name, step, evidence))
     return findings
 
 
-def _judged_gain(a: float, deviation: float, ratio: float) -> tuple[Severity, str]:
+def _judged_gain(a: float, standard_error: float, ratio: float) -> tuple[Severity, str]:
     """Severity of a factor, and what may explain it."""
-    if abs(a - 1.0) < CLEAR * deviation or 1.0 / LOOK < a < LOOK:
+    if abs(a - 1.0) < CLEAR * standard_error or 1.0 / WARNING < a < WARNING:
         return "ok", ""
     if a < 0:
         return "error", "The sign of the torque, of the position or of gravity is reversed."
@@ -374,4 +314,4 @@ def _judged_gain(a: float, deviation: float, ratio: float) -> tuple[Severity, st
         if ratio > 2.0 and 1.0 / NEAR < a / candidate < NEAR:
             return "error", cause
     step = "Check drive gain, gear ratio and unit of the torque, or the masses of the description."
-    return ("error" if not 1.0 / WRONG < a < WRONG else "warning"), step
+    return ("error" if not 1.0 / ERROR < a < ERROR else "warning"), step

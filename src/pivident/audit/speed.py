@@ -10,25 +10,20 @@ from pivident.logs.log import Log
 from pivident.signals.bandpass import butterworth, central_difference
 from pivident.text.finding import Finding, Quantity, Severity
 
-#: Factors further from 1 than this deserve a look, or are wrong.
-LOOK, WRONG = 0.02, 0.2
+#: Factors further from 1 than this get a warning, or are wrong.
+WARNING, ERROR = 0.02, 0.2
 
 #: A speed that lags by more samples than this was filtered.
 LAG = 1.0
 
 #: Longest lag that is searched [s].
-LONGEST = 0.4
+MAX_LAG = 0.4
 
 PAIRS = (("dq", "q"), ("dq_ref", "q_ref"), ("ddq_ref", "dq_ref"))
 
 
 def check_speeds(log: Log, timing: Timing) -> tuple[Finding, ...]:
-    """Compare every logged derivative with the derivative of the channel it belongs to.
-
-    Args:
-        log: the log.
-        timing: its clock.
-    """
+    """Compare every logged derivative with the derivative of the channel it belongs to."""
     findings = []
     for derivative, channel in PAIRS:
         if derivative not in log.channels or channel not in log.channels or not timing.rate:
@@ -45,17 +40,11 @@ def check_speeds(log: Log, timing: Timing) -> tuple[Finding, ...]:
 
 
 def compare(x: np.ndarray, dx: np.ndarray, rate: float) -> tuple[float, float, float] | None:
-    """Factor, lag [s] and relative remainder of dx(t) = a·ẋ(t - s).
-
-    Args:
-        x: a signal, shape (samples,).
-        dx: what was logged as its derivative.
-        rate: sampling rate [Hz].
-    """
+    """Factor, lag [s] and relative remainder of dx(t) = a·ẋ(t - s); x (samples,), rate [Hz]."""
     band = 0.1 * rate
     slope = butterworth(central_difference(x, rate), rate, band)
     logged = butterworth(dx, rate, band)
-    reach = int(min(LONGEST * rate, len(x) // 10))
+    reach = int(min(MAX_LAG * rate, len(x) // 10))
     inside = np.arange(reach, len(x) - reach)
     power = float(np.linalg.norm(slope[inside]))
     if power == 0 or not np.linalg.norm(logged):
@@ -86,21 +75,14 @@ def _finding(
     samples = lag * timing.rate
     severity: Severity = "ok"
     step = ""
-    if abs(factor - 1.0) > WRONG:
+    if abs(factor - 1.0) > ERROR:
         severity, step = "error", f"Check the units of {name.partition(' ')[0]} and {channel}."
-    elif abs(factor - 1.0) > LOOK or abs(samples) > LAG or error > 0.3:
+    elif abs(factor - 1.0) > WARNING or abs(samples) > LAG or error > 0.3:
         severity = "warning"
         step = "It was filtered before it was logged; use the derivative of the position instead."
     text = (
         f"{name} is {factor:.4g} times the derivative of {channel}, {1e3 * lag:.3g} ms "
         f"({samples:.3g} samples) later; {100 * error:.3g} % of it are something else."
     )
-    return Finding(
-        severity,
-        "speed",
-        "derivative",
-        text,
-        name,
-        step,
-        evidence={"factor": Quantity(factor, bound=1 + LOOK)},
-    )
+    evidence = {"factor": Quantity(factor, bound=1 + WARNING)}
+    return Finding(severity, "speed", "derivative", text, name, step, evidence)

@@ -11,8 +11,8 @@ from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lack
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
-#: Two clocks that drift apart by more than this deserve a look; quartz keeps 1e-4.
-DRIFT_LOOK = 2e-4
+#: Two clocks that drift apart by more than this get a warning; quartz keeps 1e-4.
+MAX_DRIFT = 2e-4
 
 #: … and from here on the speeds, and with them all parameters, are off by a per cent.
 DRIFT_WRONG = 1e-2
@@ -20,7 +20,7 @@ DRIFT_WRONG = 1e-2
 #: Two time columns that differ by more do not mean the same time.
 ANOTHER_CLOCK = 0.2
 
-#: Deviations of a lost or repeated step beyond those of all steps, in their own spread.
+#: Distance of a lost or repeated step from all others, in their spread.
 CLEAR_STEP = 10.0
 
 #: Intervals that differ by less differ by the rounding of their stamps, relative.
@@ -32,30 +32,17 @@ WHOLE = 0.25
 
 @dataclass(frozen=True, eq=False)
 class Timing:
-    """What the clock is like.
-
-    Attributes:
-        findings: what was found.
-        intervals: between finite stamps [s]; empty without a clock.
-        rate: sampling rate that the stamps or somebody tell [Hz], or None.
-        regular: whether samples can be taken as equidistant.
-        steps: samples after which motion jumps over lost samples, or repeats itself, with the
-            number lost (-1: repeated), shape (places, 2).
-    """
+    """What the clock is like."""
 
     findings: tuple[Finding, ...]
-    intervals: np.ndarray
-    rate: float | None
-    regular: bool
-    steps: np.ndarray
+    intervals: np.ndarray  # between finite stamps [s]; empty without a clock
+    rate: float | None  # sampling rate of the stamps or as given [Hz], or None
+    regular: bool  # whether samples can be taken as equidistant
+    steps: np.ndarray  # sample and samples lost behind it (-1: repeated), shape (places, 2)
 
 
 def check_timing(log: Log) -> Timing:
-    """Judge every clock of a log, and the motion where it betrays lost samples.
-
-    Args:
-        log: the log.
-    """
+    """Judge every clock of a log, and the motion where it shows lost samples."""
     findings: list[Finding] = []
     intervals, rate, regular = np.empty(0), log.rate, True
     clock = log.clock
@@ -77,8 +64,8 @@ def check_timing(log: Log) -> Timing:
     steps = np.empty((0, 2))
     if "q" in log.channels and rate:
         steps = unsteady_steps(log.channels["q"])
-        untold = steps if clock is None else steps[~_stamped_as_lost(clock, steps)]
-        findings += _step_findings(log, untold, regular and clock is not None)
+        unexplained = steps if clock is None else steps[~_stamped_as_lost(clock, steps)]
+        findings += _step_findings(log, unexplained, regular and clock is not None)
     return Timing(tuple(findings), intervals, rate, regular, steps)
 
 
@@ -139,7 +126,7 @@ def _one_clock(
             f"{lost} sample(s) are missing in {gaps.size} gap(s); the longest lasts "
             f"{1e3 * steps[longest]:.4g} ms after sample {k} (t = {t[k]:.6g} s)."
         )
-        step = "Mend the stamps first; then cut the recording there (part)."
+        step = "Fix the stamps first; then cut the recording there (part)."
         if regular:
             left = stretches(finite)
             advice = (replace(left, resample=False) if log.resample else left).advice()
@@ -194,8 +181,8 @@ def _stamped_as_lost(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
 def _against_rate(rate: float, t: np.ndarray, name: str) -> Finding:
     """How far the stamps run away from the declared rate."""
     k = np.flatnonzero(np.isfinite(t))
-    drift, deviation = _slope(k / rate, t[k])
-    return _drift_finding(name, f"the declared rate of {rate:g} Hz", drift, deviation)
+    drift, standard_error = _slope(k / rate, t[k])
+    return _drift_finding(name, f"the declared rate of {rate:g} Hz", drift, standard_error)
 
 
 def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[Finding]:
@@ -203,66 +190,55 @@ def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[
     both = np.flatnonzero(np.isfinite(t) & np.isfinite(u))
     if both.size < 3 or np.ptp(t[both]) == 0:
         return []
-    drift, deviation = _slope(t[both], u[both])
+    drift, standard_error = _slope(t[both], u[both])
     if abs(drift) > ANOTHER_CLOCK:
         return []  # it counts something else, such as the samples of another loop
-    findings = [_drift_finding(other, f"the clock {name}", drift, deviation)]
+    findings = [_drift_finding(other, f"the clock {name}", drift, standard_error)]
     apart = (u - t)[both] - np.median((u - t)[both])
     jump = np.abs(np.diff(apart))
     period = float(np.median(np.abs(np.diff(t[both]))))
     k = int(np.argmax(jump))
     if jump[k] > GAP * period:
         where = int(both[k + 1])
-        findings.append(
-            Finding(
-                "warning",
-                "timing",
-                "clocks jump",
-                f"The clocks {name} and {other} move by {1e3 * jump[k]:.4g} ms against each other "
-                f"at sample {where}.",
-                other,
-                "One of the two writers was late there; do not mix channels of both clocks.",
-                evidence={
-                    "jump": Quantity(1e3 * float(jump[k]), "ms", bound=1e3 * GAP * period),
-                    **at_sample(where, float(t[where])),
-                },
-            )
+        text = (
+            f"The clocks {name} and {other} move by {1e3 * jump[k]:.4g} ms against each other "
+            f"at sample {where}."
         )
+        step = "One of the two writers was late there; do not mix channels of both clocks."
+        evidence = {
+            "jump": Quantity(1e3 * float(jump[k]), "ms", bound=1e3 * GAP * period),
+            **at_sample(where, float(t[where])),
+        }
+        findings.append(Finding("warning", "timing", "clocks jump", text, other, step, evidence))
     return findings
 
 
 def _slope(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope of y over x less one, and a deviation that jitter of single stamps explains.
-
-    Ends are compared and not all samples fitted: the error of a clock is a random walk.
-    """
+    """Slope Σxy / Σx² from the first sample on, less one, and its standard error by jitter."""
     x, y = x - x[0], y - y[0]
     slope = float(np.dot(x, y) / np.dot(x, x))
     residual = y - slope * x
     return slope - 1.0, float(np.std(residual) / max(float(x[-1]), 1e-300))
 
 
-def _drift_finding(name: str, against: str, drift: float, deviation: float) -> Finding:
+def _drift_finding(name: str, against: str, drift: float, standard_error: float) -> Finding:
     severity: Severity = "ok"
-    if abs(drift) > DRIFT_LOOK + 2 * deviation:
+    if abs(drift) > MAX_DRIFT + 2 * standard_error:
         severity = "error" if abs(drift) > DRIFT_WRONG else "warning"
-    return Finding(
-        severity,
-        "timing",
-        "drift",
+    text = (
         f"The clock {name} runs {abs(1e6 * drift):.3g} ppm {'slower' if drift < 0 else 'faster'} "
-        f"than {against}.",
-        name,
-        "" if severity == "ok" else "Find out which of the two is right; speeds scale with it.",
-        evidence={
-            "drift": Quantity(
-                1e6 * drift,
-                "ppm",
-                bound=1e6 * DRIFT_LOOK,
-                interval=(1e6 * (drift - 2 * deviation), 1e6 * (drift + 2 * deviation)),
-            )
-        },
+        f"than {against}."
     )
+    step = "" if severity == "ok" else "Find out which of the two is right; speeds scale with it."
+    evidence = {
+        "drift": Quantity(
+            1e6 * drift,
+            "ppm",
+            bound=1e6 * MAX_DRIFT,
+            interval=(1e6 * (drift - 2 * standard_error), 1e6 * (drift + 2 * standard_error)),
+        )
+    }
+    return Finding(severity, "timing", "drift", text, name, step, evidence)
 
 
 def unsteady_steps(q: np.ndarray) -> np.ndarray:
@@ -271,13 +247,7 @@ def unsteady_steps(q: np.ndarray) -> np.ndarray:
     With d_k = q_{k+1} - q_k and v_k the median of the two steps before and the two after, lost
     samples show as d_k = (1 + m) v_k with one whole m for all joints; m = -1 is a repeated sample.
     m is estimated by least squares over the joints, each weighted with the usual spread of
-    d_k - v_k.
-
-    Args:
-        q: positions, shape (samples, joints).
-
-    Returns:
-        Sample before each such step and m, shape (places, 2).
+    d_k - v_k. Returns (places, 2).
     """
     if len(q) < 50:
         return np.empty((0, 2))

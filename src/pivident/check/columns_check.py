@@ -47,14 +47,7 @@ _UNIT_WORD = re.compile(r"[a-zA-Zµ]{2,}|[a-zA-Z](?![a-zA-Z\d])")
 def check_columns(
     columns: Mapping[str, Any], units: Mapping[str, Any], robot: Robot | None, table: Place
 ) -> list[Remark]:
-    """Compare what a file says its columns are with what they are called.
-
-    Args:
-        columns: columns by channel, as in the experiment file.
-        units: units by channel, as in the experiment file.
-        robot: its joints have names, where it is known.
-        table: table of the recording.
-    """
+    """Compare what a file says its columns are with what they are called."""
     named = {channel: _names(spec) for channel, spec in columns.items() if channel != "inputs"}
     remarks = [*_used_twice(named, table)]
     joints = robot.joint_names if robot else ()
@@ -75,14 +68,14 @@ def _names(spec: Any) -> list[str]:
 
 def _used_twice(named: Mapping[str, Sequence[str]], table: Place) -> Iterator[Remark]:
     first: dict[str, str] = {}
-    told: set[tuple[str, str]] = set()
+    reported: set[tuple[str, str]] = set()
     for channel, names in named.items():
         for column in names:
             other = first.setdefault(column, channel)
             again = other != channel or list(names).count(column) > 1
-            if not again or (column, channel) in told or column.endswith("]"):
+            if not again or (column, channel) in reported or column.endswith("]"):
                 continue
-            told.add((column, channel))
+            reported.add((column, channel))
             of = f"for {other} and for {channel}" if other != channel else f"twice for {channel}"
             yield Remark(
                 "error",
@@ -98,8 +91,8 @@ def _used_twice(named: Mapping[str, Sequence[str]], table: Place) -> Iterator[Re
 def _another_quantity(channel: str, names: Sequence[str], table: Place) -> Iterator[Remark]:
     for column in names:
         words = [w.lower() for w in _WORD.findall(column)]
-        guess = channel_of(column)
-        kind = "ddq" if _ACCELERATION & set(words) else guess[0] if guess else None
+        reading = channel_of(column)
+        kind = "ddq" if _ACCELERATION & set(words) else reading[0] if reading else None
         if kind == "dq_ref" and "acc" in words:
             kind = "ddq_ref"
         if kind is None or kind == channel or channel not in CALLED:
@@ -128,31 +121,23 @@ def _another_order(
     for j, (column, joint) in enumerate(zip(names, joints, strict=False)):
         others = [o for o in joints if o != joint and _contains(column, o)]
         if others and not _contains(column, joint):
-            yield Remark(
-                "error",
-                "columns",
-                "joint order",
+            text = (
                 f"Number {j + 1} of the columns of {channel} belongs to {joint}, but is "
-                f"{column!r}, which reads like {others[-1]}.",
-                joint,
-                "List the columns in the order of the robot's joints: " + ", ".join(joints) + ".",
-                place=place,
+                f"{column!r}, which reads like {others[-1]}."
             )
+            step = "List the columns in the order of the robot's joints: " + ", ".join(joints) + "."
+            yield Remark("error", "columns", "joint order", text, joint, step, place=place)
             return
     numbers = [re.findall(r"\d+", column) for column in names]
     if all(len(found) == 1 for found in numbers):
         values = [int(found[0]) for found in numbers]
         if values != sorted(values) and len(set(values)) == len(values):
-            yield Remark(
-                "warning",
-                "columns",
-                "joint order",
+            text = (
                 f"The columns of {channel} are numbered {', '.join(map(str, values))}, not in "
-                "order.",
-                channel,
-                "One column for each joint, from the base to the tip; two may be swapped.",
-                place=place,
+                "order."
             )
+            step = "One column for each joint, from the base to the tip; two may be swapped."
+            yield Remark("warning", "columns", "joint order", text, channel, step, place=place)
 
 
 def _contains(column: str, joint: str) -> bool:
@@ -170,32 +155,29 @@ def _another_unit(channel: str, names: Sequence[str], given: Any, table: Place) 
     taken = _ALIKE.get(taken, taken)
     for column in names:
         words = {w.lower() for w in _UNIT_WORD.findall(column)}
-        told = [unit for unit, own in UNIT_WORDS[quantity].items() if own & words]
-        if not told or taken in told or (quantity == "torque" and taken in _drive_units(told)):
+        found = [unit for unit, own in UNIT_WORDS[quantity].items() if own & words]
+        if not found or taken in found or (quantity == "torque" and taken in _drive_units(found)):
             continue
         how = "is given as" if declared else "is not given and taken for"
-        advice = f'Set units = {{{channel} = "{told[0]}"}} if the name is right.'
-        if quantity == "torque" and told[0] in ("A", "mA", "V"):
+        advice = f'Set units = {{{channel} = "{found[0]}"}} if the name is right.'
+        if quantity == "torque" and found[0] in ("A", "mA", "V"):
             advice = (
                 f"A current or voltage needs N m per unit: units = "
-                f'{{tau = {{unit = "{told[0]}", gain = ...}}}}.'
+                f'{{tau = {{unit = "{found[0]}", gain = ...}}}}.'
             )
-        if told[0] == "counts":
+        if found[0] == "counts":
             advice = 'Counts need their scale: {unit = "counts", per_revolution = ...}.'
         severity: Severity = "warning" if declared or quantity == "torque" else "error"
+        text = (
+            f"The name of the column {column!r} reads like {found[0]}, but the unit of {channel} "
+            f"{how} {taken}."
+        )
         yield Remark(
-            severity,
-            "columns",
-            "unit",
-            f"The name of the column {column!r} reads like {told[0]}, but the unit of {channel} "
-            f"{how} {taken}.",
-            column,
-            advice,
-            place=(*table, "units", channel),
+            severity, "columns", "unit", text, column, advice, place=(*table, "units", channel)
         )
         return
 
 
-def _drive_units(told: Sequence[str]) -> set[str]:
+def _drive_units(found: Sequence[str]) -> set[str]:
     """Commands of a drive may be called by one another's names."""
-    return {"command", "A", "mA", "V", "mV"} if set(told) & {"A", "mA", "V"} else set()
+    return {"command", "A", "mA", "V", "mV"} if set(found) & {"A", "mA", "V"} else set()

@@ -51,14 +51,7 @@ COMPILING = (25.0, 60.0)
 def expected_time(
     problem: Problem, methods: Iterable[Method], folds: int, *, law_unknown: bool
 ) -> float:
-    """Processor time of an identification without compiling [s], about right to a factor of two.
-
-    Args:
-        problem: what is given.
-        methods: how it is estimated.
-        folds: blocks that are held out in turn.
-        law_unknown: whether the control law has to be found first.
-    """
+    """Processor time of an identification without compiling [s], about right to a factor of two."""
     samples = sum(recording.samples for recording in problem.recordings)
     joints, methods = problem.robot.size, list(methods)
     unit = float(samples * joints * len(problem.names))
@@ -75,11 +68,7 @@ def _of_method(method: Method) -> tuple[float, float]:
 
 
 def first_run(methods: Iterable[Method]) -> float:
-    """Processor time to compile what is not in the caches yet [s].
-
-    Args:
-        methods: those that are asked for.
-    """
+    """Processor time to compile what is not in the caches yet [s]."""
     from pivident.dynamics.regressor_kernels import observe
     from pivident.simulation.loop_kernel import run_loop
 
@@ -89,11 +78,7 @@ def first_run(methods: Iterable[Method]) -> float:
 
 
 def is_compiled(kernel: Any) -> bool:
-    """Whether a compiled function lies in its cache; also where nothing is compiled at all.
-
-    Args:
-        kernel: a function of numba, compiled with a cache.
-    """
+    """Whether a compiled function lies in its cache; also where nothing is compiled at all."""
     if not hasattr(kernel, "stats"):
         return True
     folder, name = Path(kernel.stats.cache_path), kernel.py_func.__name__

@@ -1,4 +1,4 @@
-"""The check of an experiment file: everything that would spoil an identification, in one go.
+"""The check of an experiment file: everything that would stop or bias an identification, in one go.
 
 file ─▶ robot ─▶ each log: names of columns, audit, motion, reference, gains ─▶ recordings together
 ─▶ methods, parameters, output ─▶ plan. Nothing is estimated. What fails early does not stop what
@@ -19,14 +19,7 @@ from pivident.check.log_check import check_log
 from pivident.check.plan import Plan
 from pivident.check.problem_check import ProblemCheck
 from pivident.check.recordings_check import check_recordings
-from pivident.check.remark import (
-    Place,
-    Remark,
-    gravest_first,
-    of_error,
-    of_finding,
-    with_line,
-)
+from pivident.check.remark import Place, Remark, gravest_first, of_error, of_finding, with_line
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
 from pivident.errors import PividentError
@@ -77,9 +70,7 @@ class ExperimentCheck:
 
 
 def check_experiment(
-    path: str | Path,
-    robot: str | None = None,
-    progress: Callable[[str], None] | None = None,
+    path: str | Path, robot: str | None = None, progress: Callable[[str], None] | None = None
 ) -> ExperimentCheck:
     """Say everything that is wrong with an experiment; nothing is estimated.
 

@@ -20,18 +20,7 @@ from pivident.experiment.toml_file import toml_content
 def file_problems(
     path: Path, robot: str | None = None
 ) -> tuple[str, Experiment | None, list[Remark]]:
-    """The text of a file, the experiment as far as it can be used, and what is wrong with it.
-
-    Keys that nothing knows are left out, so that the rest can be looked at. Other problems of
-    the tables leave no experiment.
-
-    Args:
-        path: the experiment file.
-        robot: gallery name or robot file in place of the file's.
-
-    Raises:
-        ExperimentError: it cannot be read, or is not TOML.
-    """
+    """Text, experiment without unknown keys (None after other problems), and what is wrong."""
     try:
         content = toml_content(path)
         refuse_robot_file(content)

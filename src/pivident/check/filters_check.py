@@ -10,12 +10,7 @@ from pivident.recording.recording import Recording
 
 
 def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]) -> list[Remark]:
-    """Cut-off frequencies of position filters beyond half the rate of a recording.
-
-    Args:
-        methods: by short name.
-        recordings: those that are read.
-    """
+    """Cut-off frequencies of position filters beyond half the rate of a recording."""
     slowest = min(recordings, key=lambda r: r.rate, default=None)
     if slowest is None:
         return []

@@ -41,15 +41,7 @@ CAUSES = (
 def check_gains(
     log: Log, timing: Timing, entry: ControllerEntry, reversed_joints: tuple[int, ...], table: Place
 ) -> list[Remark]:
-    """The gains of the file beside those that the log shows.
-
-    Args:
-        log: one log with a recorded reference.
-        timing: its clock.
-        entry: the table ``[controller]``.
-        reversed_joints: joints whose torque is known to have the wrong sign.
-        table: table of the recording.
-    """
+    """The gains of the file beside those that the log shows."""
     if "q_ref" not in log.channels or "tau" not in log.channels or not timing.rate:
         return []
     q, q_ref, tau = (log.channels[c] for c in ("q", "q_ref", "tau"))
@@ -83,12 +75,7 @@ def check_gains(
 
 
 def check_limit(log: Log, entry: ControllerEntry) -> list[Remark]:
-    """Outputs in the log that the declared limit of the controller does not allow.
-
-    Args:
-        log: one log.
-        entry: the table ``[controller]``.
-    """
+    """Outputs in the log that the declared limit of the controller does not allow."""
     tau = log.channels.get("tau")
     if entry.limit is None or tau is None or not np.isfinite(tau).any():
         return []
@@ -138,10 +125,7 @@ def _products(
 def _compared(
     name: str, j: int, found: tuple[float, float], entry: ControllerEntry, rate: float
 ) -> Iterator[Remark]:
-    """Declared gains that differ from those of the log.
-
-    A torque that is a sample late takes kp/rate from the gain on the speed, which is no fault.
-    """
+    """Declared gains that differ from the log's; a sample of delay may take kp/rate from kd."""
     late = LATE * abs(found[0]) / rate
     gain = of_joint(entry.drive_gain, j)
     kp = of_joint(entry.kp, j)
@@ -149,10 +133,7 @@ def _compared(
         kv = of_joint(entry.kv, j)
         declared = {"kp": (gain * kp * kv, found[0]), "kv": (gain * kv, found[1])}
     else:
-        declared = {
-            "kp": (gain * kp, found[0]),
-            "kd": (gain * of_joint(entry.kd, j), found[1]),
-        }
+        declared = {"kp": (gain * kp, found[0]), "kd": (gain * of_joint(entry.kd, j), found[1])}
     for key, (said, seen) in declared.items():
         ratio = seen / said if said else np.inf
         if 1 / DIFFERENT < ratio < DIFFERENT or (key != "kp" and abs(seen - said) <= late):
@@ -182,12 +163,7 @@ def _compared(
 
 
 def of_joint(value: object, j: int) -> float:
-    """A gain of one joint; zero where there is none.
-
-    Args:
-        value: one for all joints, one for each, or None.
-        j: the joint.
-    """
+    """A gain of one joint; zero where there is none."""
     if value is None:
         return 0.0
     listed = np.ravel(np.asarray(value, dtype=float))

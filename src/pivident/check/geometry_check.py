@@ -36,14 +36,7 @@ DIRECTIONS = {"+x": (0, 1), "-x": (0, -1), "+y": (1, 1), "-y": (1, -1), "+z": (2
 
 
 def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) -> list[Remark]:
-    """Another geometry that explains the torque far better.
-
-    Args:
-        log: one log with a robot, of which nothing else is wrong.
-        timing: its clock.
-        model: rows of its inverse model.
-        table: table of the recording.
-    """
+    """Another geometry that explains the torque far better."""
     errors = model.relative_errors[np.isfinite(model.relative_errors)]
     if not errors.size or errors.max() < SMALL or log.robot is None or not timing.rate:
         return []
@@ -102,35 +95,27 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
         if np.allclose(gravity, robot.gravity, atol=0.5):
             continue
         listed = ", ".join(f"{g:g}" for g in gravity)
+        text = f"Gravity seems to point along {name} of the base frame"
+        step = f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under [robot]."
         yield (
             replace(log, robot=robot.with_gravity(gravity)),
             Remark(
-                "error",
-                "geometry",
-                "gravity",
-                f"Gravity seems to point along {name} of the base frame",
-                next_step=(
-                    f"The arm may be mounted on a wall or a ceiling: gravity = [{listed}] under "
-                    "[robot]."
-                ),
-                place=("robot", "gravity"),
+                "error", "geometry", "gravity", text, next_step=step, place=("robot", "gravity")
             ),
         )
     for j, joint in enumerate(robot.joints):
         turned = {kind: np.array(values) for kind, values in log.channels.items()}
         for values in turned.values():
             values[:, j] *= -1.0
+        text = f"{joint.name} seems to turn the other way than in the description"
+        step = (
+            "Reverse its axis in the description, or the signs of both its position and its "
+            "torque in the log."
+        )
         yield (
             replace(log, channels=turned),
             Remark(
-                "error",
-                "geometry",
-                "sense",
-                f"{joint.name} seems to turn the other way than in the description",
-                joint.name,
-                "Reverse its axis in the description, or the signs of both its position and its "
-                "torque in the log.",
-                place=(*table, "columns", "q"),
+                "error", "geometry", "sense", text, joint.name, step, place=(*table, "columns", "q")
             ),
         )
         if joint.kind != "revolute":

@@ -22,24 +22,18 @@ from pivident.logs.log import Log
 INCOMPLETE, COMPLETE = 0.98, 0.999
 
 #: Fewest samples that are judged.
-FEWEST = 500
+MIN_ROWS = 500
 
 
 def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Remark]:
-    """Joints whose torque needs gravity in the law that the file states without it.
-
-    Args:
-        log: one log with a recorded reference.
-        timing: its clock.
-        entry: the table ``[controller]``, of a law with gains.
-    """
+    """Joints whose torque needs gravity in the law that the file states without it."""
     given = [log.channels.get(c) for c in ("q", "q_ref", "tau")]
     if log.robot is None or entry.feed_forward != "none" or not timing.rate or not timing.regular:
         return []
     if any(x is None or x.shape[1] != log.robot.size for x in given):
         return []
     rows = usable_rows(*(x for x in given if x is not None))
-    if len(rows) < FEWEST:
+    if len(rows) < MIN_ROWS:
         return []
     q, q_ref, tau = (x[rows] for x in given if x is not None)
     found = []
@@ -51,22 +45,18 @@ def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Rema
     if not found:
         return []
     name, without, with_gravity = found[0]
-    return [
-        Remark(
-            "warning",
-            "controller",
-            "gravity",
-            f"Error and speed explain {100 * without:.3g} % of the torque of {name}, with gravity "
-            f"at the measured position {100 * with_gravity:.4g} %: the controller of "
-            f"{', '.join(own[0] for own in found)} compensates gravity, which the file does not "
-            "say.",
-            name,
-            'Set feed_forward = "gravity_measured" ("gravity" at the reference) where the '
-            'controller has the masses of the description; with controller = "identify" law and '
-            "gravity model are found from the log.",
-            place=("controller",),
-        )
-    ]
+    text = (
+        f"Error and speed explain {100 * without:.3g} % of the torque of {name}, with gravity "
+        f"at the measured position {100 * with_gravity:.4g} %: the controller of "
+        f"{', '.join(own[0] for own in found)} compensates gravity, which the file does not "
+        "say."
+    )
+    step = (
+        'Set feed_forward = "gravity_measured" ("gravity" at the reference) where the '
+        'controller has the masses of the description; with controller = "identify" law and '
+        "gravity model are found from the log."
+    )
+    return [Remark("warning", "controller", "gravity", text, name, step, place=("controller",))]
 
 
 def _explained(

@@ -65,20 +65,12 @@ EARLY = 3
 
 @dataclass(frozen=True, eq=False)
 class LogCheck:
-    """What was found out about one log.
+    """What was found out about one log."""
 
-    Attributes:
-        remarks: what is wrong with it.
-        recordings: as an identification reads it; the stretches between its gaps where it has
-            some; none where it cannot be read.
-        audit: the audit, where it can be read at all.
-        looked_at: what was checked, in words.
-    """
-
-    remarks: tuple[Remark, ...]
-    recordings: tuple[Recording, ...] = ()
-    audit: Audit | None = None
-    looked_at: str = ""
+    remarks: tuple[Remark, ...]  # what is wrong with it
+    recordings: tuple[Recording, ...] = ()  # as read, or the stretches between gaps
+    audit: Audit | None = None  # the audit, where it can be read at all
+    looked_at: str = ""  # what was checked, in words
 
 
 def check_log(
@@ -89,16 +81,7 @@ def check_log(
     controller: ControllerEntry | None,
     content: dict[str, Any],
 ) -> LogCheck:
-    """Everything about one log.
-
-    Args:
-        entry: its table.
-        place: where the table stands.
-        robot: the robot, where it is known.
-        folder: what paths are relative to.
-        controller: the table ``[controller]``, if there is one.
-        content: the content of the file, its short forms written out.
-    """
+    """Everything about one log."""
     remarks: list[Remark] = []
     if entry.columns is not None:
         columns = entry.columns.model_dump(exclude_unset=True)
@@ -216,27 +199,16 @@ def _looked_at(log: Log, audit: Audit, entry: RecordingEntry) -> str:
 
 def _long_delay(delay: float, place: Place) -> Remark:
     """A declared delay that no logger has."""
-    return Remark(
-        "error",
-        "timing",
-        "delay",
-        f"The torque is declared to be {delay:g} s late.",
-        "tau",
-        f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}.",
-        place=(*place, "delay"),
-    )
+    text = f"The torque is declared to be {delay:g} s late."
+    step = f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}."
+    return Remark("error", "timing", "delay", text, "tau", step, place=(*place, "delay"))
 
 
 def _no_rate(rate: float, place: Place) -> Remark:
     """A declared rate that no log has."""
-    return Remark(
-        "error",
-        "timing",
-        "rate",
-        f"The rate is {rate:g} Hz, which no robot's log has.",
-        next_step="It may be a period in seconds, or a rate in kHz; rate is in Hz.",
-        place=(*place, "rate"),
-    )
+    text = f"The rate is {rate:g} Hz, which no robot's log has."
+    step = "It may be a period in seconds, or a rate in kHz; rate is in Hz."
+    return Remark("error", "timing", "rate", text, next_step=step, place=(*place, "rate"))
 
 
 def _kind(failure: PividentError) -> str:

@@ -34,14 +34,7 @@ BEYOND, ABOVE = 0.02, 1.2
 
 
 def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> list[Remark]:
-    """Standstill, length, rate, held samples, limits, and channels that are something else.
-
-    Args:
-        log: one log.
-        timing: its clock.
-        parameters: number of base parameters of the robot, zero where it is not known.
-        table: table of the recording.
-    """
+    """Standstill, length, rate, held samples, limits, and channels that are something else."""
     q, tau = log.channels.get("q"), log.channels.get("tau")
     if q is None or tau is None or not timing.rate or len(q) < 50 or q.shape != tau.shape:
         return []
@@ -69,21 +62,14 @@ def _standing(log: Log, q: np.ndarray, table: Place) -> Iterator[Remark]:
     names = ", ".join(log.joint_names[j] for j in still)
     step = (
         "Repeat the record with motion of this joint, or freeze it (URDF) and leave its columns "
-        "out; its parameters cannot be told. If it did move, check the unit of q."
+        "out; its parameters cannot be identified. If it did move, check the unit of q."
     )
     if len(still) == q.shape[1]:
         names = "the whole arm" if len(still) > 1 else names
         step = "Name the part of the record in which the arm moves, or check the unit of q."
     farthest = 1e3 * float(travel[still].max())
-    yield Remark(
-        "error",
-        "motion",
-        "standstill",
-        f"Standstill: {names} moves by {farthest:.3g} mrad (or mm) in the whole record.",
-        names,
-        step,
-        place=(*table, "columns", "q"),
-    )
+    text = f"Standstill: {names} moves by {farthest:.3g} mrad (or mm) in the whole record."
+    yield Remark("error", "motion", "standstill", text, names, step, place=(*table, "columns", "q"))
 
 
 def _length(log: Log, rate: float, parameters: int, table: Place) -> Iterator[Remark]:
@@ -91,25 +77,17 @@ def _length(log: Log, rate: float, parameters: int, table: Place) -> Iterator[Re
     seconds = log.samples / rate
     needed = SAMPLES_EACH * parameters
     if log.samples < needed:
-        yield Remark(
-            "error",
-            "motion",
-            "too short",
-            f"The record is too short: {log.samples} samples for {parameters} parameters.",
-            next_step=f"{needed} samples of motion are needed; log for longer, or check part.",
-            place=(*table, "files"),
-        )
+        text = f"The record is too short: {log.samples} samples for {parameters} parameters."
+        step = f"{needed} samples of motion are needed; log for longer, or check part."
+        yield Remark("error", "motion", "too short", text, next_step=step, place=(*table, "files"))
     elif seconds < SHORTEST:
+        text = f"The record is short: {seconds:.3g} s of motion."
+        step = (
+            "Ten seconds and more, with moves of all joints, are far better: log for longer, "
+            "or check part and the rate."
+        )
         yield Remark(
-            "warning",
-            "motion",
-            "too short",
-            f"The record is short: {seconds:.3g} s of motion.",
-            next_step=(
-                "Ten seconds and more, with moves of all joints, are far better: log for longer, "
-                "or check part and the rate."
-            ),
-            place=(*table, "files"),
+            "warning", "motion", "too short", text, next_step=step, place=(*table, "files")
         )
 
 
@@ -135,15 +113,13 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
                 continue
             moves = _correlation(np.gradient(column), q[:, j])
             if moves > SAME and abs(_correlation(column, q[:, j])) < 0.9:
-                yield Remark(
-                    "error",
-                    "columns",
-                    "position is speed",
+                text = (
                     f"The position of {joint} is the derivative of the column {name!r}, that is "
-                    "a speed.",
-                    joint,
-                    f"Positions and speeds seem swapped; name {name!r} for q.",
-                    place=(*place, "q"),
+                    "a speed."
+                )
+                step = f"Positions and speeds seem swapped; name {name!r} for q."
+                yield Remark(
+                    "error", "columns", "position is speed", text, joint, step, place=(*place, "q")
                 )
                 break
 
@@ -171,18 +147,15 @@ def _slow_rate(q: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
     share = np.median(np.cumsum(power, axis=0) / np.where(total > 0, total, 1.0), axis=1)
     band = float(np.searchsorted(share, 0.99)) * rate / len(speed)
     if band * SAMPLES_PER_PERIOD > rate:
-        yield Remark(
-            "warning",
-            "motion",
-            "rate",
+        text = (
             f"The rate of {rate:.4g} Hz is low for this motion: 99 % of its speed lies below "
-            f"{band:.3g} Hz.",
-            next_step=(
-                f"Accelerations come out too small; log at {SAMPLES_PER_PERIOD * band:.0f} Hz or "
-                "more, or move more smoothly."
-            ),
-            place=(*table, "rate"),
+            f"{band:.3g} Hz."
         )
+        step = (
+            f"Accelerations come out too small; log at {SAMPLES_PER_PERIOD * band:.0f} Hz or "
+            "more, or move more smoothly."
+        )
+        yield Remark("warning", "motion", "rate", text, next_step=step, place=(*table, "rate"))
 
 
 def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -> Iterator[Remark]:
@@ -192,45 +165,31 @@ def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -
     n = min(holds)
     declared = log.control_rate or rate
     if declared < LOWEST_RATE:
-        yield Remark(
-            "error",
-            "timing",
-            "control rate",
-            f"control_rate is {declared:.5g} Hz, which no control loop has.",
-            next_step="It may be a period in seconds, or a rate in kHz; it is given in Hz.",
-            place=place,
-        )
+        text = f"control_rate is {declared:.5g} Hz, which no control loop has."
+        step = "It may be a period in seconds, or a rate in kHz; it is given in Hz."
+        yield Remark("error", "timing", "control rate", text, next_step=step, place=place)
     elif n > 1 and abs(declared * n / rate - 1) > 0.05:
-        yield Remark(
-            "warning",
-            "timing",
-            "control rate",
+        text = (
             f"The torque changes only at every {n}. sample: the control loop seems to run at "
-            f"{rate / n:.5g} Hz, not at {declared:.5g} Hz.",
-            "tau",
-            f"Set control_rate = {rate / n:.5g} under [recording] if that is so.",
-            place=place,
+            f"{rate / n:.5g} Hz, not at {declared:.5g} Hz."
         )
+        step = f"Set control_rate = {rate / n:.5g} under [recording] if that is so."
+        yield Remark("warning", "timing", "control rate", text, "tau", step, place=place)
     elif n == 1 and declared < 0.95 * rate:
-        yield Remark(
-            "warning",
-            "timing",
-            "control rate",
+        text = (
             f"control_rate is {declared:.5g} Hz, but the torque changes at every sample of "
-            f"{rate:.5g} Hz.",
-            "tau",
-            "Correct control_rate (in Hz), or leave it out where the log runs at the loop's rate.",
-            place=place,
+            f"{rate:.5g} Hz."
         )
+        step = (
+            "Correct control_rate (in Hz), or leave it out where the log runs at the loop's rate."
+        )
+        yield Remark("warning", "timing", "control rate", text, "tau", step, place=place)
     elif declared > 50 * rate:
-        yield Remark(
-            "warning",
-            "timing",
-            "control rate",
-            f"control_rate is {declared:.5g} Hz, {declared / rate:.3g} times the rate of the log.",
-            next_step="It is in Hz; correct it.",
-            place=place,
+        text = (
+            f"control_rate is {declared:.5g} Hz, {declared / rate:.3g} times the rate of the log."
         )
+        step = "It is in Hz; correct it."
+        yield Remark("warning", "timing", "control rate", text, next_step=step, place=place)
     slow = [j for j in range(q.shape[1]) if _hold(q[:, j]) > 1]
     if slow:
         n = _hold(q[:, slow[0]])

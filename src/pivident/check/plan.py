@@ -81,11 +81,7 @@ class Plan:
 
 
 def in_words(seconds: float) -> str:
-    """A rough time as people say it.
-
-    Args:
-        seconds: [s].
-    """
+    """A rough time as people say it; seconds [s]."""
     if seconds < 90:
         return f"{max(1, round(seconds))} s"
     return f"{round(seconds / 60)} min"
@@ -99,16 +95,7 @@ def plan_of(
     controller: str,
     reference: str,
 ) -> Plan:
-    """What an identification of a problem would do.
-
-    Args:
-        problem: what is given.
-        methods: by short name.
-        held_out: recordings that results are judged on.
-        folds: blocks that are held out in turn.
-        controller: kind of control law, empty without one.
-        reference: where its reference comes from.
-    """
+    """What an identification of a problem would do."""
     blocks = 0 if held_out else folds
     return Plan(
         problem.robot.name,

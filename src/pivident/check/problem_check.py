@@ -15,7 +15,7 @@ from pivident.dynamics.base_parameters import base_parameters, parameter_index
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
-from pivident.experiment.experiment import Experiment
+from pivident.experiment.experiment import Experiment, problem_of
 from pivident.experiment.recording_tables import loop_of
 from pivident.files import check_output
 from pivident.logs.clocks.timestamps import LOWEST_RATE
@@ -25,18 +25,7 @@ from pivident.robot.naming import find_joint
 
 
 class ProblemCheck:
-    """The tables about what is to be estimated, and how; each stage adds its remarks.
-
-    Args:
-        experiment: the experiment.
-        robot: the robot, where it can be read.
-        recordings: those that can be read, each with its table.
-        content: the content of the file, its short forms written out.
-
-    Attributes:
-        remarks: what was found.
-        plan: what an identification would do, or None where it cannot begin.
-    """
+    """The tables about what is to be estimated, and how; each stage adds its remarks."""
 
     def __init__(
         self,
@@ -46,7 +35,7 @@ class ProblemCheck:
         content: dict[str, Any],
     ) -> None:
         self.remarks: list[Remark] = []
-        self.plan: Plan | None = None
+        self.plan: Plan | None = None  # None where an identification cannot begin
         self._experiment, self._content, self._plain = experiment, experiment.content, content
         methods = self._methods()
         self._output()
@@ -115,14 +104,7 @@ class ProblemCheck:
             self._parameters(robot)
             return None
         try:
-            return Problem(
-                robot,
-                tuple(fitted),
-                loop,
-                parameters=None if given.parameters is None else tuple(given.parameters),
-                mask=given.mask,
-                initial=given.initial,
-            )
+            return problem_of(given, robot, fitted, loop)
         except PividentError as error:
             key = "initial" if given.parameters is None else "parameters"
             self.remarks.append(self._refused(error, ("identify", key)))

@@ -10,19 +10,11 @@ from pivident.check.remark import Place, Remark
 from pivident.recording.recording import Recording
 
 #: What tables of recordings are for, by the table's first key.
-PURPOSE = {
-    "validation": "judged on",
-    "payload": "with the load",
-    "gains": "with the payload",
-}
+PURPOSE = {"validation": "judged on", "payload": "with the load", "gains": "with the payload"}
 
 
 def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Remark]:
-    """Runs that appear twice, and runs of different rates.
-
-    Args:
-        recordings: each with its table.
-    """
+    """Runs that appear twice, and runs of different rates."""
     remarks: list[Remark] = []
     for k, (place, second) in enumerate(recordings):
         for other, first in recordings[:k]:

@@ -22,12 +22,7 @@ MOTION = 0.05
 
 
 def check_reference(log: Log, table: Place) -> list[Remark]:
-    """Whether the reference is one: of the same joints, in the same unit, before the position.
-
-    Args:
-        log: one log.
-        table: table of the recording.
-    """
+    """Whether the reference is one: of the same joints, in the same unit, before the position."""
     if "q_ref" not in log.channels or "q" not in log.channels:
         return []
     q, q_ref = log.channels["q"], log.channels["q_ref"]
@@ -44,28 +39,18 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
     distance = np.std(q_ref - q, axis=0) / np.maximum(np.std(q, axis=0), 1e-12)
     copies = [names[j] for j in range(q.shape[1]) if np.array_equal(q[:, j], q_ref[:, j])]
     if copies:
-        yield Remark(
-            "error",
-            "reference",
-            "copy",
-            f"The reference of {', '.join(copies)} is the measured position itself.",
-            copies[0],
+        text = f"The reference of {', '.join(copies)} is the measured position itself."
+        advice = (
             "Name the column of the setpoint; without one leave q_ref out and set "
-            'reference = "reconstruct".',
-            place=place,
+            'reference = "reconstruct".'
         )
+        yield Remark("error", "reference", "copy", text, copies[0], advice, place=place)
         return
     for j, name in enumerate(names[: q.shape[1]]):
         if np.std(q_ref[:, j]) == 0 and np.std(q[:, j]) > 0:
-            yield Remark(
-                "error",
-                "reference",
-                "constant",
-                f"The reference of {name} never changes, but {name} moves.",
-                name,
-                "Name the column of this joint's setpoint.",
-                place=place,
-            )
+            text = f"The reference of {name} never changes, but {name} moves."
+            advice = "Name the column of this joint's setpoint."
+            yield Remark("error", "reference", "constant", text, name, advice, place=place)
             return
     far = [j for j in range(q.shape[1]) if distance[j] > CLOSE and np.ptp(q[:, j]) > MOTION]
     if not far:
@@ -89,15 +74,9 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
     swapped = [j for j in far if best[j] != j and fit[j, best[j]] ** 2 > ALIKE]
     if swapped:
         pairs = ", ".join(f"{names[j]} follows the reference of {names[best[j]]}" for j in swapped)
-        yield Remark(
-            "error",
-            "reference",
-            "order",
-            f"The columns of q and q_ref are in different order: {pairs}.",
-            names[swapped[0]],
-            "List both in the order of the robot's joints.",
-            place=place,
-        )
+        text = f"The columns of q and q_ref are in different order: {pairs}."
+        advice = "List both in the order of the robot's joints."
+        yield Remark("error", "reference", "order", text, names[swapped[0]], advice, place=place)
         return
     for j in far:
         signed = _correlations(q[:, [j]], q_ref[:, [j]])[0, 0]
@@ -110,29 +89,18 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
                 step = 'It seems to be in degrees: set units = {q_ref = "deg"}.'
             elif 0.9 < factor * 180 / np.pi < 1.1:
                 step = 'The positions seem to be in degrees: set units = {q = "deg"}.'
-            yield Remark(
-                "error",
-                "reference",
-                "unit",
-                f"The reference of {names[j]} is {cause}.",
-                names[j],
-                step,
-                {"factor": Quantity(factor)},
-                place=units,
-            )
+            text = f"The reference of {names[j]} is {cause}."
+            evidence = {"factor": Quantity(factor)}
+            yield Remark("error", "reference", "unit", text, names[j], step, evidence, place=units)
             continue
         speed_of_ref = abs(_correlations(q[:, [j]], np.gradient(q_ref[:, [j]], axis=0))[0, 0])
         speed_of_q = abs(_correlations(q_ref[:, [j]], np.gradient(q[:, [j]], axis=0))[0, 0])
         if max(speed_of_ref, speed_of_q) ** 2 > 0.9:
             which, other = ("q", "q_ref") if speed_of_ref > speed_of_q else ("q_ref", "q")
+            text = f"{which} of {names[j]} is the derivative of {other}: it holds a speed."
+            advice = f"Name the column of the position for {which}."
             yield Remark(
-                "error",
-                "reference",
-                "speed",
-                f"{which} of {names[j]} is the derivative of {other}: it holds a speed.",
-                names[j],
-                f"Name the column of the position for {which}.",
-                place=(*place[:-1], which),
+                "error", "reference", "speed", text, names[j], advice, place=(*place[:-1], which)
             )
             continue
         yield Remark(

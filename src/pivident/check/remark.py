@@ -13,7 +13,7 @@ from pivident.text.finding import SEVERITIES, Finding
 #: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
 Place = tuple[int | str, ...]
 
-#: Where the findings of an audit are mended, below the table of their recording.
+#: Where the findings of an audit are fixed, below the table of their recording.
 KEYS: dict[tuple[str, str], Place] = {
     ("timing", "no clock"): ("columns", "t"),
     ("timing", "no stamp"): ("columns", "t"),
@@ -38,14 +38,11 @@ KEYS: dict[tuple[str, str], Place] = {
     ("speed", "derivative"): ("columns", "dq_ref"),
 }
 
-#: Findings of single kinds that are mended in the robot's table, by its key.
+#: Findings of single kinds that are fixed in the robot's table, by its key.
 IN_ROBOT = {("power", "gravity at rest"): "gravity", ("scale", "load"): "model"}
 
-#: Findings that are mended elsewhere than in the table of their recording.
-ELSEWHERE: dict[str, Place] = {
-    "excitation": ("identify", "parameters"),
-    "model": ("robot",),
-}
+#: Findings that are fixed elsewhere than in the table of their recording.
+ELSEWHERE: dict[str, Place] = {"excitation": ("identify", "parameters"), "model": ("robot",)}
 
 #: Tables of recordings.
 RECORDINGS = (("recording",), ("validation",), ("payload",), ("gains",))
@@ -92,12 +89,7 @@ class Remark(Finding):
 
 
 def of_finding(finding: Finding, table: Place) -> Remark:
-    """A finding of an audit as a remark about the experiment file.
-
-    Args:
-        finding: what an audit has found in one log.
-        table: the table of that log, such as ``("recording", 0)``.
-    """
+    """A finding of an audit as a remark about the experiment file."""
     kind = (finding.topic, finding.kind)
     if kind in IN_ROBOT:
         place: Place = ("robot", IN_ROBOT[kind])
@@ -115,15 +107,7 @@ def of_error(
     content: Mapping[str, Any] | None = None,
     kind: str = "refused",
 ) -> Remark:
-    """An error that an identification would end with.
-
-    Args:
-        error: what was raised; its notes name the file and are left out.
-        check: what was looked at.
-        table: where it arose, if its message does not say so.
-        content: the content of the file, its short forms written out.
-        kind: one word for programs.
-    """
+    """An error that an identification would end with."""
     text = " ".join(str(error).split())
     sentence, step = split_advice(without_table(text))
     place = place_in(text, table)
@@ -143,13 +127,7 @@ def without_table(text: str) -> str:
 
 
 def with_key(place: Place, message: str, content: Mapping[str, Any]) -> Place:
-    """A place that is a table with the key of it that a message speaks of.
-
-    Args:
-        place: tables and keys.
-        message: what is wrong there.
-        content: the content of the file, its short forms written out.
-    """
+    """A place that is a table with the key of it that a message names."""
     value: Any = content
     for part in place:
         known = isinstance(value, Mapping) and part in value
@@ -189,12 +167,7 @@ _NAMES = {"q", "dq", "tau", "t", "kp", "kd", "ki", "kv", "rate", "mask", "delay"
 
 
 def place_in(message: str, table: Place = ()) -> Place:
-    """Table and key that a message speaks of.
-
-    Args:
-        message: names them as ``[controller] key 'kp'``.
-        table: where it arose, if it does not say so.
-    """
+    """Table and key that a message names."""
     found = _TABLE.match(message)
     place: Place = table
     if found:
@@ -207,7 +180,7 @@ def place_in(message: str, table: Place = ()) -> Place:
 
 
 def _channel(message: str) -> Place:
-    """Columns or units of the channel that a message speaks of."""
+    """Columns or units of the channel that a message names."""
     channel = _CHANNEL.search(message)
     if channel is None:
         return ()

@@ -17,7 +17,7 @@ from pivident.text.finding import Quantity, Severity
 MAX_ANGLE, MAX_TRAVEL = 30.0, 50.0
 
 #: Rated speeds beyond these likewise [rad/s, m/s].
-FASTEST_TURN, FASTEST_SLIDE = 40.0, 20.0
+MAX_TURN_SPEED, MAX_SLIDE_SPEED = 40.0, 20.0
 
 #: Distances between joints, and from a joint to a centre of mass, beyond this are millimetres [m].
 MAX_DISTANCE = 20.0
@@ -33,12 +33,7 @@ EARTH, TOLERANCE = 9.81, 0.5
 
 
 def check_robot(robot: Robot, model: str) -> list[Remark]:
-    """Everything about a description that no machine has, or that an identification would miss.
-
-    Args:
-        robot: the robot.
-        model: what the experiment file names, a file or a name of the gallery.
-    """
+    """Everything about a description that no machine has, or that an identification would miss."""
     file = Path(model).name
     remarks = [*_gravity(robot)]
     for joint, link in zip(robot.joints, robot.links, strict=True):
@@ -48,27 +43,20 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
         text = f"No link in {file} has a mass."
         if len(massless) < robot.size:
             text = f"These links have no mass in {file}: {', '.join(massless)}."
-        remarks.append(
-            _robot_remark(
-                "warning",
-                "no masses",
-                text,
-                "Least squares does not need them. IV and PIV start from them: give rough values "
-                "of mass, centre of mass and inertia. Gains and signs of the torque cannot be "
-                "compared with the description.",
-            )
+        step = (
+            "Least squares does not need them. IV and PIV start from them: give rough values "
+            "of mass, centre of mass and inertia. Gains and signs of the torque cannot be "
+            "compared with the description."
         )
+        remarks.append(_robot_remark("warning", "no masses", text, step))
     unrated = [j.name for j in robot.joints if j.rated_speed is None]
     if unrated:
-        remarks.append(
-            _robot_remark(
-                "warning",
-                "rated speed",
-                f"No rated speed is known of {', '.join(unrated)}.",
-                "The fastest motion of the record and 5 rad/s take its place in the mask and in "
-                "the friction law; give velocity under <limit> of the URDF, or rated_speed.",
-            )
+        message = f"No rated speed is known of {', '.join(unrated)}."
+        step = (
+            "The fastest motion of the record and 5 rad/s take its place in the mask and in "
+            "the friction law; give velocity under <limit> of the URDF, or rated_speed."
         )
+        remarks.append(_robot_remark("warning", "rated speed", message, step))
     return remarks
 
 
@@ -89,23 +77,17 @@ def _robot_remark(
 def _gravity(robot: Robot) -> Iterator[Remark]:
     size = float(np.linalg.norm(robot.gravity))
     if size == 0.0:
-        yield _robot_remark(
-            "warning",
-            "no gravity",
-            "Gravity is zero in the description.",
+        text = "Gravity is zero in the description."
+        step = (
             "That is right only if no joint feels its weight; say gravity = [0, 0, -9.81] "
-            "(m/s², in the base frame) otherwise.",
-            key="gravity",
+            "(m/s², in the base frame) otherwise."
         )
+        yield _robot_remark("warning", "no gravity", text, step, key="gravity")
     elif abs(size - EARTH) > TOLERANCE:
         cause = "in units of g" if abs(size - 1.0) < 0.1 else "in another unit"
-        yield _robot_remark(
-            "error",
-            "gravity",
-            f"Gravity is {size:.4g} m/s² in the description, 9.81 m/s² on Earth.",
-            f"It may have been given {cause}; it is a vector in m/s² in the base frame.",
-            key="gravity",
-        )
+        text = f"Gravity is {size:.4g} m/s² in the description, 9.81 m/s² on Earth."
+        step = f"It may have been given {cause}; it is a vector in m/s² in the base frame."
+        yield _robot_remark("error", "gravity", text, step, key="gravity")
 
 
 def _limits(joint: Joint, file: str) -> Iterator[Remark]:
@@ -115,38 +97,31 @@ def _limits(joint: Joint, file: str) -> Iterator[Remark]:
         low, high = joint.position_limits
         farthest = max(abs(low), abs(high))
         if math.isfinite(farthest) and farthest > (MAX_ANGLE if turning else MAX_TRAVEL):
-            yield _robot_remark(
-                "error",
-                "position limits",
-                f"The limits of {joint.name} are {low:.4g} to {high:.4g} {unit} in {file}.",
+            text = f"The limits of {joint.name} are {low:.4g} to {high:.4g} {unit} in {file}."
+            step = (
                 f"They may be {other}; URDF limits are in {unit}. Positions in a wrong unit "
-                "cannot be recognised with them.",
-                joint.name,
-                {"lower": Quantity(low, unit), "upper": Quantity(high, unit)},
+                "cannot be recognised with them."
             )
+            evidence = {"lower": Quantity(low, unit), "upper": Quantity(high, unit)}
+            yield _robot_remark("error", "position limits", text, step, joint.name, evidence)
     speed = joint.rated_speed
-    if speed is not None and speed > (FASTEST_TURN if turning else FASTEST_SLIDE):
-        yield _robot_remark(
-            "error",
-            "rated speed",
-            f"The rated speed of {joint.name} is {speed:.4g} {unit}/s in {file}.",
+    if speed is not None and speed > (MAX_TURN_SPEED if turning else MAX_SLIDE_SPEED):
+        text = f"The rated speed of {joint.name} is {speed:.4g} {unit}/s in {file}."
+        step = (
             f"It may be {other} per second; rows below 1 % of the rated speed are excluded, which "
-            "here is most of the record.",
-            joint.name,
-            {"speed": Quantity(speed, f"{unit}/s")},
+            "here is most of the record."
         )
+        evidence = {"speed": Quantity(speed, f"{unit}/s")}
+        yield _robot_remark("error", "rated speed", text, step, joint.name, evidence)
 
 
 def _distance(joint: Joint, file: str) -> Iterator[Remark]:
     far = float(np.linalg.norm(joint.translation))
     if far > MAX_DISTANCE:
+        text = f"The axis of {joint.name} is {far:.4g} m from its parent's in {file}."
+        step = "Its origin may be in millimetres; lengths are in metres."
         yield _robot_remark(
-            "error",
-            "lengths",
-            f"The axis of {joint.name} is {far:.4g} m from its parent's in {file}.",
-            "Its origin may be in millimetres; lengths are in metres.",
-            joint.name,
-            {"distance": Quantity(far, "m")},
+            "error", "lengths", text, step, joint.name, {"distance": Quantity(far, "m")}
         )
 
 
@@ -157,23 +132,16 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
     body = Body.of_parameters(link.inertia)
     place = f"of link {link.name} in {file}"
     if body.mass == 0.0:
-        yield _robot_remark(
-            "error",
-            "no mass",
-            f"The mass {place} is 0 kg, but it has an inertia.",
-            "Give the mass in kg, or leave the inertia out too.",
-            joint.name,
-        )
+        text = f"The mass {place} is 0 kg, but it has an inertia."
+        step = "Give the mass in kg, or leave the inertia out too."
+        yield _robot_remark("error", "no mass", text, step, joint.name)
         return
     away = float(np.linalg.norm(body.center_of_mass))
     if away > MAX_DISTANCE:
+        text = f"The centre of mass {place} is {away:.4g} m from its joint."
+        step = "It may be in millimetres; lengths are in metres."
         yield _robot_remark(
-            "error",
-            "centre of mass",
-            f"The centre of mass {place} is {away:.4g} m from its joint.",
-            "It may be in millimetres; lengths are in metres.",
-            joint.name,
-            {"distance": Quantity(away, "m")},
+            "error", "centre of mass", text, step, joint.name, {"distance": Quantity(away, "m")}
         )
         return
     moments = body.principal[0]
@@ -183,48 +151,36 @@ def _body(joint: Joint, link: Link, file: str) -> Iterator[Remark]:
     }
     scale = float(np.abs(moments).max())
     if moments[0] < -ROUNDING * scale:
-        yield _robot_remark(
-            "error",
-            "inertia",
+        text = (
             f"The inertia {place} is not positive definite: its principal moments are {numbers} "
-            "kg m².",
-            "Check the signs, and that it is taken about the centre of mass, not the joint.",
-            joint.name,
-            principal,
+            "kg m²."
         )
+        step = "Check the signs, and that it is taken about the centre of mass, not the joint."
+        yield _robot_remark("error", "inertia", text, step, joint.name, principal)
     elif moments[2] > (moments[0] + moments[1]) * (1 + ROUNDING) + ROUNDING * scale:
-        yield _robot_remark(
-            "warning",
-            "inertia",
+        text = (
             f"No body has the inertia {place}: of its principal moments, {numbers} kg m², one is "
-            "larger than the two others together.",
-            "Check the elements; a CAD program may give them about another point.",
-            joint.name,
-            principal,
+            "larger than the two others together."
         )
+        step = "Check the elements; a CAD program may give them about another point."
+        yield _robot_remark("warning", "inertia", text, step, joint.name, principal)
     elif body.mass > HEAVY and 0 < scale < body.mass * SMALLEST**2:
-        yield _robot_remark(
-            "error",
-            "mass",
+        text = (
             f"The mass {place} is {body.mass:.4g} kg within "
-            f"{1e3 * math.sqrt(scale / body.mass):.3g} mm, more than any metal weighs.",
-            "It may be in grams; masses are in kg.",
-            joint.name,
-            {
-                "mass": Quantity(body.mass, "kg"),
-                "radius": Quantity(1e3 * math.sqrt(scale / body.mass), "mm", digits=3),
-            },
+            f"{1e3 * math.sqrt(scale / body.mass):.3g} mm, more than any metal weighs."
         )
+        step = "It may be in grams; masses are in kg."
+        evidence = {
+            "mass": Quantity(body.mass, "kg"),
+            "radius": Quantity(1e3 * math.sqrt(scale / body.mass), "mm", digits=3),
+        }
+        yield _robot_remark("error", "mass", text, step, joint.name, evidence)
     elif scale > body.mass * 3.0**2:
         radius = math.sqrt(scale / body.mass)
-        yield _robot_remark(
-            "error",
-            "inertia",
-            f"The inertia {place} is that of {body.mass:.3g} kg spread over {radius:.3g} m.",
-            "It may be in kg mm² or g mm²; it is in kg m².",
-            joint.name,
-            {
-                "mass": Quantity(body.mass, "kg", digits=3),
-                "radius": Quantity(radius, "m", digits=3),
-            },
-        )
+        text = f"The inertia {place} is that of {body.mass:.3g} kg spread over {radius:.3g} m."
+        step = "It may be in kg mm² or g mm²; it is in kg m²."
+        evidence = {
+            "mass": Quantity(body.mass, "kg", digits=3),
+            "radius": Quantity(radius, "m", digits=3),
+        }
+        yield _robot_remark("error", "inertia", text, step, joint.name, evidence)

@@ -27,12 +27,6 @@ def check_stability(
 
     without gravity and friction, which are slow beside the loop. The loop is unstable where an
     eigenvalue of this map exceeds one.
-
-    Args:
-        robot: a robot whose description has masses.
-        entry: the table ``[controller]``, of a law with gains.
-        rate: of the control loop [Hz].
-        posture: joint positions [rad or m], shape (joints,).
     """
     base = base_parameters(robot)
     theta = base.values(nominal_values(robot, base.standard))

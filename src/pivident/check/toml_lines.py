@@ -20,11 +20,7 @@ Path = tuple[int | str, ...]
 
 
 class TomlLines:
-    """Where the keys of a TOML text stand.
-
-    Args:
-        text: the text.
-    """
+    """Where the keys of a TOML text stand."""
 
     def __init__(self, text: str) -> None:
         self._lines = text.splitlines()
@@ -32,11 +28,7 @@ class TomlLines:
         self._scan()
 
     def line(self, place: Sequence[int | str]) -> int | None:
-        """Line of a place, or of the nearest table around it, counted from 1; None without one.
-
-        Args:
-            place: tables and keys, such as ``("recording", 0, "units", "q")``.
-        """
+        """Line of a place, or of the nearest table around it, counted from 1; None without one."""
         whole = tuple(place)
         for length in range(len(whole), 0, -1):
             for known in _spellings(whole[:length]):

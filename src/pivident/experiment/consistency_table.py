@@ -23,18 +23,7 @@ FRAME_TOLERANCE = 1e-4
 
 
 def consistency_of(entry: ConsistencyEntry, robot: Robot, folder: Path) -> ConsistencyOptions:
-    """Options with everything checked against the robot.
-
-    Args:
-        entry: the table.
-        robot: the robot that is identified.
-        folder: what paths are relative to.
-
-    Raises:
-        ExperimentError: bounds of a link that does not exist, bounds that exclude each other, or
-            a reference that is another arm.
-        RobotDescriptionError: the reference cannot be read.
-    """
+    """Options with everything checked against the robot."""
     reference = None if entry.reference is None else reference_of(entry.reference, robot, folder)
     return ConsistencyOptions(
         prior=entry.prior,
@@ -46,15 +35,7 @@ def consistency_of(entry: ConsistencyEntry, robot: Robot, folder: Path) -> Consi
 
 
 def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
-    """What the table knows of masses and centres of mass; None if nothing.
-
-    Args:
-        entry: the table.
-        robot: the robot that is identified.
-
-    Raises:
-        ExperimentError: an unknown link, or masses that cannot add up.
-    """
+    """What the table knows of masses and centres of mass; None if nothing."""
     if entry.total_mass is None and not entry.bounds:
         return None
     links = [link.name for link in robot.links]
@@ -87,17 +68,7 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
 
 
 def reference_of(name: str, robot: Robot, folder: Path) -> Robot:
-    """The robot whose bodies are the nominal ones.
-
-    Args:
-        name: gallery name, or a robot file.
-        robot: the robot that is identified.
-        folder: what paths are relative to.
-
-    Raises:
-        ExperimentError: its joints or frames are not those of the robot.
-        RobotDescriptionError: it cannot be read.
-    """
+    """The robot whose bodies are the nominal ones."""
     if name.endswith((".urdf", ".urdf.gz")):
         reference = read_urdf(folder / name, joints=robot.joint_names)
     else:
@@ -123,15 +94,7 @@ def reference_of(name: str, robot: Robot, folder: Path) -> Robot:
 
 
 def read_consistency(path: Path, robot: Robot) -> ConsistencyOptions:
-    """Options of a TOML file with a table ``[consistency]``.
-
-    Args:
-        path: the file; of an experiment file the other tables are not read.
-        robot: the robot that was identified.
-
-    Raises:
-        ExperimentError: it cannot be read, or its table cannot be used.
-    """
+    """Options of a TOML file with a table ``[consistency]``."""
     with errors_name(path, ""):
         content = toml_content(path)
         if "consistency" not in content:

@@ -34,6 +34,7 @@ from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
+from pivident.experiment.method_keys import IdentifyEntry
 from pivident.experiment.method_table import method_of
 from pivident.experiment.recording_tables import loop_of, one_by_one, recording_of
 from pivident.experiment.robot_table import robot_of
@@ -42,6 +43,7 @@ from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
+from pivident.simulation.control_loop import Loop
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,14 +138,7 @@ class Experiment:
                 recordings, loop = loop_of(controller, robot, recordings)
         say("finding the base parameters")
         with errors_name(self.path, ""):
-            return Problem(
-                robot,
-                tuple(recordings),
-                loop,
-                parameters=None if given.parameters is None else tuple(given.parameters),
-                mask=given.mask,
-                initial=given.initial,
-            )
+            return problem_of(given, robot, recordings, loop)
 
     def methods(self, names: Sequence[str] | None = None) -> dict[str, Method]:
         """Methods with the file's options, by name.
@@ -170,8 +165,8 @@ class Experiment:
     def made_consistent(self, names: Sequence[str] | None = None) -> tuple[str, ...]:
         """Methods whose estimates the stage of physical consistency follows, by name.
 
-        Those that are asked for as ``pc-piv`` and the like. Where none is, a table
-        ``[consistency]`` asks for all.
+        Those requested as ``pc-piv`` and the like. Where none is, a table
+        ``[consistency]`` requests all.
 
         Args:
             names: methods with or without ``pc-``; default: those of the file.
@@ -215,6 +210,16 @@ class Experiment:
             )
 
 
+def problem_of(
+    entry: IdentifyEntry, robot: Robot, recordings: Sequence[Recording], loop: Loop | None
+) -> Problem:
+    """What the table ``[identify]`` wants to be estimated from recordings."""
+    names = None if entry.parameters is None else tuple(entry.parameters)
+    return Problem(
+        robot, tuple(recordings), loop, parameters=names, mask=entry.mask, initial=entry.initial
+    )
+
+
 def load_experiment(path: str | Path) -> Experiment:
     """Read and check an experiment file; its records are not read yet.
 
@@ -222,7 +227,7 @@ def load_experiment(path: str | Path) -> Experiment:
         path: the file.
 
     Returns:
-        The experiment, checked; its records are read when they are asked for.
+        The experiment, checked; its records are read on demand.
 
     Raises:
         ExperimentError: it cannot be read, has an unknown key, a bad value or contradictory
@@ -239,15 +244,7 @@ def load_experiment(path: str | Path) -> Experiment:
 
 
 def with_every_run(content: ExperimentFile, folder: Path) -> ExperimentFile:
-    """The tables with one recording for each file of a pattern.
-
-    Args:
-        content: the tables.
-        folder: what paths are relative to.
-
-    Raises:
-        ExperimentError: no file fits a pattern, or one name is given to several runs.
-    """
+    """The tables with one recording for each file of a pattern."""
     unseen = one_by_one(content.validation.recording, folder)
     validation = content.validation.model_copy(update={"recording": unseen})
     runs = one_by_one(content.recording, folder)

@@ -32,25 +32,13 @@ Root = TypeVar("Root", bound=BaseModel)
 
 
 def validated(content: dict[str, Any]) -> ExperimentFile:
-    """The content of a file as a checked object.
-
-    Raises:
-        ExperimentError: table, key, value and what was expected; of several problems the first,
-            and how many more there are.
-    """
+    """The content of a file as a checked object."""
     refuse_robot_file(content)
     return checked(plain_form(content), ExperimentFile)
 
 
 def refuse_robot_file(content: dict[str, Any]) -> None:
-    """Tell a robot's description, which is TOML too, from an experiment.
-
-    Args:
-        content: the tables of a file.
-
-    Raises:
-        ExperimentError: it describes a robot.
-    """
+    """Tell a robot's description, which is TOML too, from an experiment."""
     if "joints" in content and "recording" not in content:
         raise ExperimentError(
             "this is a robot description, not an experiment file; name it as robot = in one"
@@ -58,15 +46,7 @@ def refuse_robot_file(content: dict[str, Any]) -> None:
 
 
 def checked(plain: dict[str, Any], root: type[Root]) -> Root:
-    """A file's content, its short forms written out, as a checked object.
-
-    Args:
-        plain: the content.
-        root: what the file holds.
-
-    Raises:
-        ExperimentError: as of ``validated``.
-    """
+    """A file's content, its short forms written out, as a checked object."""
     try:
         return root.model_validate(plain)
     except ValidationError as error:
@@ -78,15 +58,7 @@ def checked(plain: dict[str, Any], root: type[Root]) -> Root:
 def every_problem(
     plain: dict[str, Any], root: type[BaseModel] = ExperimentFile
 ) -> list[tuple[tuple[int | str, ...], str, bool]]:
-    """Everything that the schema finds wrong with a file's content, not only the first of it.
-
-    Args:
-        plain: the content, its short forms written out.
-        root: what the file holds.
-
-    Returns:
-        Place, sentence, and whether the place is a key that nothing knows, problem by problem.
-    """
+    """Everything that the schema finds wrong with a file's content, not only the first of it."""
     try:
         root.model_validate(plain)
     except ValidationError as error:
@@ -110,13 +82,7 @@ def _causes(problems: Sequence[Any]) -> list[Any]:
 
 
 def explained(details: Any, content: dict[str, Any], root: type[BaseModel] = ExperimentFile) -> str:
-    """One problem that pydantic has found, in words.
-
-    Args:
-        details: an entry of ``ValidationError.errors()``.
-        content: the content of the file, short forms written out.
-        root: what the file holds.
-    """
+    """One problem that pydantic has found, in words."""
     table, key = _place(details["loc"], content)
     if details["type"] == "extra_forbidden":
         *above, last = details["loc"]

@@ -26,20 +26,12 @@ from pivident.robot.naming import find_joint
 
 @dataclass(frozen=True)
 class DeclaredGain:
-    """What a file says about one joint's command.
+    """What a file says about one joint's command."""
 
-    Attributes:
-        value: torque per unit of the command that the log was read with [N m or N per unit].
-        unit: unit of the command as the file has it, ``mA``, ``V`` …, or of a torque.
-        given: whether somebody gave that gain; a guess or 1 stands for it otherwise.
-        place: where it is written: ``robot`` (drive_gain), ``units`` (gain of a unit), ``factor``
-            (a torque or a bare factor) or ``dataset``.
-    """
-
-    value: float
-    unit: str
-    given: bool
-    place: str
+    value: float  # torque per unit of the command that the log was read with [N m or N per unit]
+    unit: str  # unit of the command as the file has it, ``mA``, ``V`` …, or of a torque
+    given: bool  # whether somebody gave that gain; an assumption or 1 stands for it otherwise
+    place: str  # ``robot`` (drive_gain), ``units``, ``factor`` or ``dataset``
 
     @property
     def base_unit(self) -> str:
@@ -49,25 +41,15 @@ class DeclaredGain:
 
 @dataclass(frozen=True, eq=False)
 class GainsOfExperiment:
-    """Drive gains of an experiment file's records.
+    """Drive gains of an experiment file's records."""
 
-    Attributes:
-        gains: gains relative to the declared ones.
-        declared: what the file declares, one for each joint.
-        torque_units: ``N m`` or ``N`` of each joint.
-        payload: the payload, or None.
-        trusted: names of what is trusted.
-        temperatures: temperature coefficients, where they were asked for.
-        model: the robot's model as the file names it.
-    """
-
-    gains: DriveGains
-    declared: tuple[DeclaredGain, ...]
-    torque_units: tuple[str, ...]
-    payload: Payload | None
+    gains: DriveGains  # gains relative to the declared ones
+    declared: tuple[DeclaredGain, ...]  # what the file declares, one for each joint
+    torque_units: tuple[str, ...]  # ``N m`` or ``N`` of each joint
+    payload: Payload | None  # the payload, or None
     trusted: tuple[str, ...]
-    temperatures: tuple[MotorTemperature, ...]
-    model: str
+    temperatures: tuple[MotorTemperature, ...]  # coefficients, where requested
+    model: str  # the robot's model as the file names it
 
     @property
     def values(self) -> np.ndarray:
@@ -76,22 +58,14 @@ class GainsOfExperiment:
 
     @property
     def std(self) -> np.ndarray:
-        """Their standard deviations, shape (joints,)."""
+        """Their standard errors, shape (joints,)."""
         return self.gains.std * np.abs([d.value for d in self.declared])
 
 
 def gains_of(
     experiment: Experiment, progress: Callable[[str], None] | None = None
 ) -> GainsOfExperiment:
-    """Drive gains of the records of an experiment file.
-
-    Args:
-        experiment: the file; commands whose gain nobody gave are taken as they are.
-        progress: called with one line at each stage.
-
-    Raises:
-        PividentError: file, recordings and robot do not fit together, or the motion does not tell.
-    """
+    """Drive gains of the records of an experiment file."""
     given, robot = experiment.content.gains, experiment.robot
     complete = with_unit_gains(experiment)
     problem = complete.problem(progress)
@@ -140,12 +114,7 @@ def gains_of(
 
 
 def declared_gains(entry: RecordingEntry, robot: Robot) -> tuple[DeclaredGain, ...]:
-    """What a recording's table and the robot say about the gain of each joint.
-
-    Args:
-        entry: the table ``[recording]``.
-        robot: its drive gains belong to bare commands.
-    """
+    """What a recording's table and the robot say about the gain of each joint."""
     transmission, spec = robot.transmission, entry.units.tau
     if entry.dataset is not None:
         return (DeclaredGain(1.0, "declared", True, "dataset"),) * robot.size
@@ -172,11 +141,7 @@ COMMAND_OR_TORQUE = COMMAND | TORQUE
 
 
 def lines_for_file(found: GainsOfExperiment) -> list[str]:
-    """TOML lines that make a following `identify` work in N m; known gains only.
-
-    Args:
-        found: the gains.
-    """
+    """TOML lines that make a following `identify` work in N m; known gains only."""
     known = found.gains.anchored
     if not known.any():
         return []
@@ -209,11 +174,7 @@ def _key(name: str) -> str:
 
 
 def with_unit_gains(experiment: Experiment) -> Experiment:
-    """The file with a gain of 1 where nobody gave one, and with the runs under load behind.
-
-    Args:
-        experiment: the file.
-    """
+    """The file with a gain of 1 where nobody gave one, and with the runs under load behind."""
     content, transmission = experiment.content, experiment.robot.transmission
     names = experiment.robot.joint_names
     every = dict(zip(names, map(float, transmission.drive_gain), strict=True))

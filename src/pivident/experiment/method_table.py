@@ -34,16 +34,7 @@ _NOT_PRINTED = {"on_unmasked", "motion_band", "repetition", "period"}
 
 
 def method_of(name: str, entry: IdentifyEntry) -> Method:
-    """One method with the file's options.
-
-    Args:
-        name: a key of ``METHODS``.
-        entry: the table ``[identify]``.
-
-    Raises:
-        ExperimentError: the method's own table has options that it does not know, or that
-            contradict each other.
-    """
+    """One method with the file's options."""
     own, ready = entry.of(name), METHODS[name]
     _check_keys(name, ready, own)
     if isinstance(ready, LeastSquares):

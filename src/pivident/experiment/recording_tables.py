@@ -37,18 +37,7 @@ ADJUSTABLE = (
 
 
 def one_by_one(entries: Sequence[RecordingEntry], folder: Path) -> list[RecordingEntry]:
-    """The tables with those of many runs, ``files = "runs/*.parquet"``, taken apart.
-
-    Args:
-        entries: tables of an experiment file.
-        folder: what paths are relative to.
-
-    Returns:
-        One table for each run, those of one pattern in the order of their files' names.
-
-    Raises:
-        ExperimentError: no file fits a pattern, or one name is given to several runs.
-    """
+    """The tables with those of many runs, ``files = "runs/*.parquet"``, taken apart."""
     found = []
     for entry in entries:
         if not isinstance(entry.files, str) or not any(c in entry.files for c in "*?"):
@@ -74,18 +63,7 @@ def one_by_one(entries: Sequence[RecordingEntry], folder: Path) -> list[Recordin
 
 
 def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording:
-    """One recording, read, checked, and cut to its part.
-
-    Args:
-        entry: the table.
-        robot: gives joint names, kinds and transmission.
-        folder: what paths are relative to.
-
-    Raises:
-        ExperimentError: there is no such public record.
-        RecordingError: a file or its content cannot be used.
-        DatasetUnavailable: a public record is not here and cannot be fetched.
-    """
+    """One recording, read, checked, and cut to its part."""
     set_here = _adjusted(entry, ADJUSTABLE)
     if entry.dataset is not None:
         run = _public_run(entry.dataset, entry.run)
@@ -106,19 +84,7 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
 def log_of(
     entry: RecordingEntry, robot: Robot | None, folder: Path, other: Path | None = None
 ) -> Log:
-    """The log of one table, read and judged by nobody.
-
-    Args:
-        entry: the table.
-        robot: gives joint names and transmission, where it is known.
-        folder: what paths are relative to.
-        other: another file with the same columns, instead of the table's.
-
-    Raises:
-        ExperimentError: there is no such public record.
-        RecordingError: the log cannot be read.
-        DatasetUnavailable: a public record is not here and cannot be fetched.
-    """
+    """The log of one table, read and judged by nobody."""
     set_here = _adjusted(entry, ("name", "control_rate", "torque_timing", "delay"))
     if entry.dataset is not None:
         run = _public_run(entry.dataset, entry.run)
@@ -134,19 +100,7 @@ def log_of(
 def loop_of(
     entry: ControllerEntry, robot: Robot, recordings: Sequence[Recording]
 ) -> tuple[tuple[Recording, ...], Loop]:
-    """The control loop that the recordings were taken in, or a virtual one.
-
-    Recordings come back with the reference that they have, or with a reconstructed one.
-
-    Args:
-        entry: the table ``[controller]``.
-        robot: the robot.
-        recordings: what a virtual law is to follow, or a law is to be identified from.
-
-    Raises:
-        ExperimentError: gains of the wrong number.
-        IdentificationError: no law can be identified.
-    """
+    """The control loop, or a virtual one, and the recordings with measured or rebuilt reference."""
     n = robot.size
     law: Controller | None = None
     if entry.type == "virtual_pd":
@@ -215,7 +169,7 @@ def _adjusted(entry: RecordingEntry, keys: Sequence[str]) -> dict[str, Any]:
 
 def _files(entry: RecordingEntry, folder: Path) -> Any:
     """The user's own files."""
-    assert entry.files is not None, "the schema asks for it"
+    assert entry.files is not None, "the schema requires it"
     if isinstance(entry.files, dict):
         return {key: folder / path for key, path in entry.files.items()}
     return folder / entry.files
@@ -223,7 +177,7 @@ def _files(entry: RecordingEntry, folder: Path) -> Any:
 
 def _description(entry: RecordingEntry) -> dict[str, Any]:
     """What the file says about the columns of a log."""
-    assert entry.columns is not None, "the schema asks for it"
+    assert entry.columns is not None, "the schema requires it"
     return {
         "columns": entry.columns.model_dump(exclude_unset=True),
         "units": entry.units.model_dump(exclude_unset=True),

@@ -20,16 +20,7 @@ from pivident.robot.urdf import read_urdf
 
 
 def robot_of(entry: RobotEntry, folder: Path) -> Robot:
-    """The described robot with everything that the experiment file adds to it.
-
-    Args:
-        entry: the table.
-        folder: what paths are relative to.
-
-    Raises:
-        RobotDescriptionError: the description cannot be used.
-        ExperimentError: the additions do not fit the robot.
-    """
+    """The described robot with everything that the experiment file adds to it."""
     robot = _described(entry, folder)
     if entry.gravity is not None:
         robot = robot.with_gravity(np.array(entry.gravity))

@@ -26,10 +26,7 @@ LOOP_KEYS = {"drive_gain", "limit", "feed_forward"}
 LAW_KEYS = {
     "pd": ({"kp", "kd"}, LOOP_KEYS | {"derivative_time"}),
     "pid": ({"kp", "kd"}, LOOP_KEYS | {"ki", "derivative_time"}),
-    "cascade": (
-        {"kp", "kv"},
-        LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"},
-    ),
+    "cascade": ({"kp", "kv"}, LOOP_KEYS | {"ki", "averaged", "speed_feed_forward"}),
     "virtual_pd": (set(), {"bandwidth", "damping"}),
     "identify": (set(), {"drive_gain", "limit"}),
 }
@@ -77,19 +74,6 @@ class RobotEntry(Entry):
         return self
 
 
-class ColumnsEntry(Entry):
-    """Where the channels are in the files; see `pivident.logs.channel_places`."""
-
-    q: Any
-    tau: Any
-    q_ref: Any = None
-    dq_ref: Any = None
-    ddq_ref: Any = None
-    q_link: Any = None  # flexible joints
-    t: Any = None
-    inputs: dict[str, Any] = Field(default_factory=dict)
-
-
 class UnitsEntry(Entry):
     """Units of the channels; see `pivident.logs.units`."""
 
@@ -101,6 +85,13 @@ class UnitsEntry(Entry):
     q_link: Any = None  # flexible joints
     t: Any = None
     inputs: dict[str, Any] = Field(default_factory=dict)
+
+
+class ColumnsEntry(UnitsEntry):
+    """Where the channels are in the files; see `pivident.logs.channel_places`."""
+
+    q: Any
+    tau: Any
 
 
 class RecordingEntry(Entry):

@@ -48,16 +48,7 @@ NOISES = {
 
 
 def tx40_fine(seed: int = 0, samples: int = 34500) -> tuple[Problem, dict[str, float]]:
-    """The scenario *fine*: white encoder noise in the loop, torque sensor noise on the record.
-
-    Args:
-        seed: of the noise.
-        samples: length of the record; 34,500 are 6.9 s.
-
-    Returns:
-        The problem, started 10 % above the true inertias and at zero friction, and the truth by
-        parameter name.
-    """
+    """The scenario *fine*: white encoder noise in the loop, torque sensor noise on the record."""
     return tx40_scenario("fine", seed, samples)
 
 
@@ -88,13 +79,7 @@ def tx40_scenario(
 
 
 def simulate_tx40(noise: Noise, seed: int, samples: int) -> Trajectory:
-    """The true motion of the robot, with encoder noise in its loop.
-
-    Args:
-        noise: of the encoders.
-        seed: of the noise.
-        samples: length.
-    """
+    """The true motion of the robot, with encoder noise in its loop."""
     robot = load_robot("staubli_tx40")
     q_ref, dq_ref, _ = tx40_reference(samples)
     heads, truth = tx40_truth(robot)
@@ -125,14 +110,7 @@ def tx40_truth(robot: Robot) -> tuple[tuple, dict[str, float]]:
 
 @cache
 def tx40_reference(samples: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Point-to-point motion through random postures at 80 % of the rated speeds.
-
-    Args:
-        samples: length of the record at 5 kHz.
-
-    Returns:
-        q, dq, ddq of the reference, each (samples, joints).
-    """
+    """Point-to-point motion through random postures at 80 % of the rated speeds."""
     robot = load_robot("staubli_tx40")
     rng = np.random.default_rng(40)
     reach = np.array([2.0, 1.2, 1.2, 2.4, 1.2, 2.4])

@@ -14,13 +14,7 @@ TEMPERATURE = "motor temperature"
 def with_temperature(
     entry: RecordingEntry, columns: str | list[str], joints: int
 ) -> RecordingEntry:
-    """The table of a recording with the columns of the temperatures as one more input.
-
-    Args:
-        entry: the table.
-        columns: one column for all joints, or one for each.
-        joints: number of joints.
-    """
+    """The table of a recording with the columns of the temperatures as one more input."""
     if entry.columns is None:
         return entry
     listed = [columns] * joints if isinstance(columns, str) else columns
@@ -32,10 +26,6 @@ def with_temperature(
 
 
 def without_temperature(recording: Recording) -> Recording:
-    """The recording with those inputs only that the controller knew.
-
-    Args:
-        recording: as it was read.
-    """
+    """The recording with those inputs only that the controller knew."""
     kept = {name: values for name, values in recording.inputs.items() if name != TEMPERATURE}
     return replace(recording, inputs=kept)

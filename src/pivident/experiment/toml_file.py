@@ -16,15 +16,7 @@ from pivident.text.toml import MAX_FILE, parse_toml
 
 @contextmanager
 def errors_name(path: Path, table: str) -> Iterator[None]:
-    """Say in which file and table an error arose.
-
-    An `ExperimentError` gets it in front of its message; errors that carry evidence keep their
-    class and get it as a note.
-
-    Args:
-        path: the experiment file.
-        table: the table, or empty where the error names it.
-    """
+    """Name file and table in front of an `ExperimentError`, in a note of errors with evidence."""
     try:
         yield
     except ExperimentError as error:
@@ -36,14 +28,7 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
 
 
 def toml_content(path: Path) -> dict[str, Any]:
-    """The tables of an experiment file, or of another small TOML file; nothing in them is checked.
-
-    Args:
-        path: the file.
-
-    Raises:
-        ExperimentError: it cannot be read, or is no TOML.
-    """
+    """The tables of an experiment file or another small TOML file, unchecked."""
     try:
         return parse_toml(_file_text(path))
     except ExperimentError:
@@ -53,7 +38,7 @@ def toml_content(path: Path) -> dict[str, Any]:
 
 
 def _advice(path: Path, error: str) -> str:
-    """What to do about a text that is not TOML, as far as the text tells."""
+    """What to do about a text that is not TOML, as far as the text shows."""
     text = _file_text(path)
     beginning = text.lstrip("\ufeff \t\r\n")
     first = beginning.partition("\n")[0]
@@ -74,14 +59,7 @@ def _advice(path: Path, error: str) -> str:
 
 
 def _file_text(path: Path) -> str:
-    """Content of an experiment file, or of another small TOML file.
-
-    Args:
-        path: the file.
-
-    Raises:
-        ExperimentError: it cannot be read, is too large, or is not UTF-8 text.
-    """
+    """Content of an experiment file, or of another small TOML file."""
     try:
         if regular_file(path).stat().st_size > MAX_FILE:
             raise ExperimentError(

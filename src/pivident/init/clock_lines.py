@@ -51,10 +51,7 @@ def clock_place(column: str, others: Mapping[str, OwnClock], channels: Iterable[
 
 
 def _common_rate(clock: LogClock, torque: OwnClock | None) -> float:
-    """The rate of the positions to three digits: new samples need not hit the old ones.
-
-    References are smooth, and a spline carries them to any rate; torques are not.
-    """
+    """The rate of the positions to three digits; smooth references can be resampled to it."""
     rate = ClockedChannel("q", str(clock.column), clock.seconds, clock.seconds[:, None]).rate
     return float(f"{min(rate, rate if torque is None else torque.rate):.3g}")
 

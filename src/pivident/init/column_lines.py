@@ -22,14 +22,7 @@ MARGIN = 0.5
 def window_line(
     clock: LogClock, window: tuple[float, float], still: float, motion: tuple[float, float]
 ) -> list[Assumption]:
-    """The part of the log that is kept.
-
-    Args:
-        clock: the clock.
-        window: times that are kept [s].
-        still: share of the motion's time in which no joint moves.
-        motion: first and last time at which a joint moves [s].
-    """
+    """The part of the log that is kept; window [s], motion [s]."""
     start, end = float(clock.seconds[0]), float(clock.seconds[-1])
     if window != (start, end):
         seen = (

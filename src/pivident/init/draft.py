@@ -103,11 +103,7 @@ def draft_experiment(
 
 
 def relative_path(path: Path, out: Path) -> str:
-    """A path as the file names it: relative where that is short, with forward slashes.
-
-    Raises:
-        DraftError: the name holds bytes that no TOML file can.
-    """
+    """A path as the file names it: relative where that is short, with forward slashes."""
     folder = out.absolute().parent
     try:
         relative = os.path.relpath(path.absolute(), folder)

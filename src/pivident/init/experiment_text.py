@@ -46,14 +46,7 @@ def experiment_text(
     heading: str,
     troubles: Sequence[str],
 ) -> str:
-    """The whole file.
-
-    Args:
-        runs: lines of each recording; those of the first have comments.
-        rest: lines of all other tables.
-        heading: what it is about, as lines.
-        troubles: what stands in the way of an identification, as sentences.
-    """
+    """The whole file."""
     parts = [comment(line) for line in heading.splitlines()]
     for trouble in troubles:
         parts += ["#", comment(f"TO DO: {trouble}")]

@@ -23,23 +23,14 @@ STILL = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class ChannelColumns:
-    """One channel as the log has it.
+    """One channel as the log has it."""
 
-    Attributes:
-        name: ``q``, ``tau`` …
-        file: number of its file in the run.
-        columns: column of each joint of the robot that it has, by the joint's name.
-        unit: unit written in the names, or None.
-        is_current: whether the name is that of a current.
-        others: patterns of further series that could have been meant.
-    """
-
-    name: str
-    file: int
-    columns: Mapping[str, str]
-    unit: str | None
-    is_current: bool
-    others: tuple[str, ...] = ()
+    name: str  # ``q``, ``tau`` …
+    file: int  # number of its file in the run
+    columns: Mapping[str, str]  # column of each joint of the robot that it has, by the joint's name
+    unit: str | None  # unit written in the names, or None
+    is_current: bool  # whether the name is that of a current
+    others: tuple[str, ...] = ()  # patterns of further series that could have been meant
 
     def values(self, run: Run, joints: Sequence[str]) -> np.ndarray:
         """Numbers of some joints as logged, shape (samples, joints)."""
@@ -54,25 +45,15 @@ class ChannelColumns:
 
 @dataclass(frozen=True, eq=False)
 class JointMap:
-    """Which columns belong to which joint.
+    """Which columns belong to which joint."""
 
-    Attributes:
-        channels: by name; each has a column for every joint of ``q``, or for some.
-        sure: how sure the map from columns to joints is.
-        seen: what it follows from.
-    """
-
-    channels: dict[str, ChannelColumns]
-    sure: Sureness
-    seen: str
+    channels: dict[str, ChannelColumns]  # with a column for some or all joints of ``q``
+    sure: Sureness  # how sure the map from columns to joints is
+    seen: str  # what it follows from
 
 
 def joint_map(run: Run, joint_names: Sequence[str]) -> JointMap:
-    """Choose the series of every channel and give their columns to the robot's joints.
-
-    Raises:
-        DraftError: positions or torques cannot be found; lists the columns that there are.
-    """
+    """Choose the series of every channel and give their columns to the robot's joints."""
     listed = [(k, s) for k, file in enumerate(run.files) for s in file.series]
     positions = _ranked(listed, run, ("q",)) or _bare_positions(listed)
     torques = _ranked(listed, run, ("tau", "current"))
@@ -95,11 +76,7 @@ def joint_map(run: Run, joint_names: Sequence[str]) -> JointMap:
 
 
 def is_informative(tau: np.ndarray) -> tuple[bool, str]:
-    """Whether a torque column holds a signal, or why not.
-
-    Args:
-        tau: shape (samples,).
-    """
+    """Whether a torque column holds a signal, or why not; tau (samples,)."""
     finite = tau[np.isfinite(tau)]
     if not finite.size:
         return False, "no number in it"
@@ -208,11 +185,7 @@ def _channel(
     keys: Sequence[str],
     joint_names: Sequence[str],
 ) -> ChannelColumns:
-    """The best series of a channel with its columns by joint.
-
-    Other series count from another first number than the positions do now and then; as many
-    columns as positions are then taken in their order.
-    """
+    """The best series of a channel by joint; in its own order if it counts from another number."""
     file, series = ranked[0]
     own = list(series.columns)
     if series.named or set(own) <= set(joints):

@@ -15,33 +15,17 @@ from pivident.init.robot_file import RobotFile
 
 @dataclass(frozen=True, eq=False)
 class KeptJoints:
-    """The joints of the experiment.
+    """The joints of the experiment."""
 
-    Attributes:
-        names: those that are identified, parents first.
-        left_out: why each of the others in the log is not, by name.
-        logged: all joints with a column of positions.
-    """
-
-    names: tuple[str, ...]
-    left_out: dict[str, str]
-    logged: tuple[str, ...]
+    names: tuple[str, ...]  # those that are identified, parents first
+    left_out: dict[str, str]  # why each of the others in the log is not, by name
+    logged: tuple[str, ...]  # all joints with a column of positions
 
 
 def kept_joints(
     run: Run, joints: JointMap, machine: RobotFile, wanted: Sequence[str]
 ) -> KeptJoints:
-    """Choose the joints that move and whose torque is a signal.
-
-    Args:
-        run: the log.
-        joints: columns by joint.
-        machine: the robot.
-        wanted: joints that somebody asked for; empty: all that can be used.
-
-    Raises:
-        DraftError: no joint can be used, or a robot that is no URDF misses a joint.
-    """
+    """Choose the joints that move and whose torque is a signal."""
     q, tau = joints.channels["q"], joints.channels["tau"]
     left_out: dict[str, str] = {}
     names = []
@@ -51,7 +35,7 @@ def kept_joints(
         position = q.values(run, [name])[:, 0]
         reason = _reason(run, joints, name, position, list(q.columns))
         if wanted and name not in wanted:
-            reason = "not asked for"
+            reason = "not requested"
         if reason:
             left_out[name] = reason
         else:

@@ -22,19 +22,13 @@ ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
 
 @dataclass(frozen=True, eq=False)
 class LogFile:
-    """One file.
+    """One file."""
 
-    Attributes:
-        path: where it is.
-        columns: every numeric column, shape (samples,), in the units of the file.
-        series: columns that belong together.
-        own_clocks: clocks of the columns that have one of their own, by name; these columns are
-            taken at the instants of the others, NaN where they say nothing.
-    """
-
-    path: Path
-    columns: dict[str, np.ndarray]
-    series: tuple[Series, ...]
+    path: Path  # where it is
+    columns: dict[str, np.ndarray]  # numeric, shape (samples,), in the units of the file
+    series: tuple[Series, ...]  # columns that belong together
+    # clocks of the columns that have one of their own, by name; these columns are taken at the
+    # instants of the others, NaN where they say nothing
     own_clocks: Mapping[str, OwnClock] = field(default_factory=dict)
 
     @property
@@ -56,15 +50,7 @@ class Run:
 
 
 def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
-    """Read the files, and separate runs from parts of one run.
-
-    Files with the same columns and names of no different quantities are runs; all
-    others lie side by side.
-
-    Raises:
-        FileFormatError: a file cannot be read.
-        DraftError: files side by side have different numbers of rows.
-    """
+    """Read the files: those with the same columns are runs, all others parts of one run."""
     files = [_read(path, joint_names) for path in paths]
     kinds = {reading.channel for f in files if (reading := file_reading(f.path)).channel}
     alike = len({tuple(n for n in f.columns if n not in f.own_clocks) for f in files}) == 1

@@ -12,14 +12,7 @@ CREEP = 0.005
 
 
 def motion_window(q: np.ndarray, seconds: np.ndarray) -> tuple[float, float, float]:
-    """First and last time at which a joint moves, and the share of the time in which none does.
-
-    The first and the last `CREEP` of each joint's path do not count: brakes let go, arms settle.
-
-    Args:
-        q: positions, shape (samples, joints).
-        seconds: times [s], shape (samples,).
-    """
+    """First and last time of motion, but for `CREEP` at both ends, and the share of rest."""
     step = max(1, round(0.1 * (len(q) - 1) / max(float(seconds[-1] - seconds[0]), 1e-9)))
     if step >= len(q):
         return float(seconds[0]), float(seconds[-1]), 0.0

@@ -18,11 +18,7 @@ from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
 from pivident.init.torque_unit import Comparison, compare, torque_unit
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
-from pivident.logs.recognition.position_units import (
-    AssumedUnits,
-    following_unit,
-    position_unit,
-)
+from pivident.logs.recognition.position_units import AssumedUnits, following_unit, position_unit
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
 
@@ -30,7 +26,7 @@ from pivident.robot.description import Robot
 WORTH_CUTTING = 1.0
 
 #: Rows with positions of all joints, at least; fewer are no log.
-FEWEST = 10
+MIN_ROWS = 10
 
 #: Tracking error below which a reference is only a copy of the measurement, relative.
 COPY = 1e-6
@@ -38,41 +34,21 @@ COPY = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class RecordingLines:
-    """What was found out about one log.
+    """What was found out about one log."""
 
-    Attributes:
-        machine: the robot with the joints that are identified.
-        robot: lines of ``[robot]`` that follow from the log.
-        recording: lines of ``[recording]`` and its tables, but for the files.
-        file_keys: number of each file in the run, by its key.
-        has_reference: whether a reference of the positions was found.
-        rate: sampling rate [Hz].
-        comparison: torque and motion against the description.
-    """
-
-    machine: Robot
-    robot: tuple[Assumption, ...]
-    recording: tuple[Assumption, ...]
-    file_keys: dict[str, int]
-    has_reference: bool
-    rate: float
-    comparison: Comparison
+    machine: Robot  # the robot with the joints that are identified
+    robot: tuple[Assumption, ...]  # lines of ``[robot]`` that follow from the log
+    recording: tuple[Assumption, ...]  # lines of ``[recording]`` and its tables, but for the files
+    file_keys: dict[str, int]  # number of each file in the run, by its key
+    has_reference: bool  # whether a reference of the positions was found
+    rate: float  # sampling rate [Hz]
+    comparison: Comparison  # torque and motion against the description
 
 
 def recording_lines(
     run: Run, machine: RobotFile, wanted: tuple[str, ...], answers: Answers
 ) -> RecordingLines:
-    """Everything that is assumed about one log.
-
-    Args:
-        run: its files.
-        machine: the robot.
-        wanted: joints that are to be identified; empty: all that can be.
-        answers: what a person said.
-
-    Raises:
-        DraftError: positions, torques or joints cannot be found.
-    """
+    """Everything that is assumed about one log."""
     joints = joint_map(run, machine.joint_names)
     kept = kept_joints(run, joints, machine, wanted)
     clock = _clock(run, joints, kept, answers)
@@ -81,7 +57,7 @@ def recording_lines(
     raw = q.values(run, logged.joint_names)
     own = [logged.joint_names.index(name) for name in kept.names]
     rows = np.isfinite(raw[:, own]).all(axis=1)
-    if rows.sum() < FEWEST:
+    if rows.sum() < MIN_ROWS:
         raise DraftError(
             f"{int(rows.sum())} of {len(rows)} rows of {run.files[q.file].shown} have a position "
             f"of every joint ({', '.join(kept.names)}); export the joints on one clock without "

@@ -22,47 +22,25 @@ ENDINGS = (*URDF, ".toml")
 
 @dataclass(frozen=True, eq=False)
 class RobotFile:
-    """A robot's file, or a robot of the gallery.
+    """A robot's file, or a robot of the gallery."""
 
-    Attributes:
-        name: path or name in the gallery.
-        is_urdf: whether joints can be chosen and frozen.
-        joint_names: joints that can be identified, parents first.
-        fixed: joints that move but cannot be identified (they mimic, float …).
-        found: whether nobody named it.
-    """
-
-    name: str
-    is_urdf: bool
-    joint_names: tuple[str, ...]
-    fixed: tuple[str, ...] = ()
-    found: bool = False
+    name: str  # path or name in the gallery
+    is_urdf: bool  # whether joints can be chosen and frozen
+    joint_names: tuple[str, ...]  # joints that can be identified, parents first
+    fixed: tuple[str, ...] = ()  # joints that move but cannot be identified (they mimic, float …)
+    found: bool = False  # whether nobody named it
 
     def robot(
         self, joints: Sequence[str] | None = None, frozen: Mapping[str, float] | None = None
     ) -> Robot:
-        """The robot with some of its joints.
-
-        Args:
-            joints: those kept; of a URDF only.
-            frozen: positions of others [rad or m].
-        """
+        """The robot with some of its joints; frozen [rad or m]."""
         if not self.is_urdf:
             return load_robot(self.name)
         return read_urdf(self.name, joints=joints or self.joint_names, frozen=frozen)
 
 
 def robot_file(name: str | None, logs: Sequence[Path]) -> RobotFile:
-    """The robot by its name, or the only robot file beside the logs.
-
-    Args:
-        name: gallery name, .toml, .urdf or .urdf.gz; None: look beside the logs.
-        logs: the logs.
-
-    Raises:
-        RobotDescriptionError: the file cannot be used.
-        DraftError: there is no robot, or more than one.
-    """
+    """The robot by its name, or the only robot file beside the logs."""
     found = name is None
     name = name or _beside(logs)
     if name.endswith((".xacro", ".xacro.gz")):

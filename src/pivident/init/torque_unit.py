@@ -35,14 +35,14 @@ NEAR_ONE = 2.0
 #: A factor is within this factor of a gear ratio if it comes from it.
 NEAR_RATIO = 1.4
 
-#: Relative deviation above which a factor says nothing, and distance from the typical one.
+#: Relative standard error above which a factor is not used, and distance from the typical one.
 BLUNT, FAR = 0.3, 5.0
 
-#: Deviations that a reversed sign must have.
+#: Standard errors from zero that a reversed sign must have.
 CLEAR = 4.0
 
 #: Rows below which nothing is compared.
-FEWEST = 10
+MIN_ROWS = 10
 
 #: Words with which a question for the unit is answered.
 ANSWERS = ("N m", "A", "unknown scale")
@@ -50,57 +50,31 @@ ANSWERS = ("N m", "A", "unknown scale")
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Log against description.
+    """Log against description."""
 
-    Attributes:
-        factors: logged torque per torque of the description, NaN where it is not known.
-        deviations: their standard deviations.
-        reversed: joints whose friction would give energy: the sign of their torque is wrong.
-        angle_unit: whether positions in the other angle unit fit much better.
-        errors: share of each joint's torque that no parameters explain.
-        trouble: why nothing could be compared, or empty.
-        load: a body on the flange that the description lacks; the factors are beside it.
-    """
-
-    factors: np.ndarray
-    deviations: np.ndarray
-    reversed: tuple[int, ...] = ()
-    angle_unit: bool = False
-    errors: np.ndarray | None = None
-    trouble: str = ""
-    load: FlangeLoad | None = None
+    factors: np.ndarray  # logged torque per torque of the description, NaN where it is not known
+    standard_errors: np.ndarray  # of the factors
+    reversed: tuple[int, ...] = ()  # joints whose friction would give energy
+    angle_unit: bool = False  # whether positions in the other angle unit fit much better
+    errors: np.ndarray | None = None  # share of each joint's torque that no parameters explain
+    trouble: str = ""  # why nothing could be compared, or empty
+    load: FlangeLoad | None = None  # on the flange, not in the description
 
 
 @dataclass(frozen=True)
 class TorqueUnit:
-    """The unit of the torque channel.
+    """The unit of the torque channel."""
 
-    Attributes:
-        value: as an experiment file says it.
-        sure: how sure it is.
-        seen: what was seen.
-        correct: how to correct it.
-        motor_side: whether the torques are those of the motors.
-        question: what to ask, where somebody may know better.
-    """
-
-    value: Any
-    sure: Sureness
+    value: Any  # as an experiment file says it
+    sure: Sureness  # how sure it is
     seen: str
-    correct: str
-    motor_side: bool = False
-    question: Question | None = None
+    correct: str  # how to correct it
+    motor_side: bool = False  # whether the torques are those of the motors
+    question: Question | None = None  # what to ask, where somebody may know better
 
 
 def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -> Comparison:
-    """Hold torque and motion against the robot's description.
-
-    Args:
-        robot: with nominal masses, or without.
-        q: positions, shape (samples, joints) [rad or m].
-        tau: torques in whatever unit, likewise.
-        seconds: times [s], shape (samples,).
-    """
+    """Hold torque and motion against the robot's description."""
     log = Log(
         "log",
         robot.joint_names,
@@ -111,7 +85,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         robot=robot,
     )
     nothing = np.full(robot.size, np.nan)
-    if len(seconds) < FEWEST:
+    if len(seconds) < MIN_ROWS:
         seen = f"{len(seconds)} rows have positions and torques of all joints while they move"
         return Comparison(nothing, nothing, trouble=seen)
     try:
@@ -124,29 +98,29 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
             return Comparison(nothing, nothing, angle_unit=True)
         model = better or model
         power = check_power(log, model)
-        factors, deviations = description_factors(log, model)
+        factors, standard_errors = description_factors(log, model)
         load = flange_load(model, factors)
         if load is not None:
-            factors, deviations = load.factors.copy(), load.deviations.copy()
-            factors[~(deviations < BLUNT * np.abs(factors))] = np.nan
+            factors, standard_errors = load.factors.copy(), load.standard_errors.copy()
+            factors[~(standard_errors < BLUNT * np.abs(factors))] = np.nan
     except (PividentError, np.linalg.LinAlgError) as error:
         return Comparison(nothing, nothing, trouble=str(error))
     reversed_ = tuple(j for j in power.reversed if not factors[j] > 0)
     return Comparison(
-        factors, deviations, reversed_, errors=model.relative_errors.copy(), load=load
+        factors, standard_errors, reversed_, errors=model.relative_errors.copy(), load=load
     )
 
 
 def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.ndarray]:
-    """Logged torque per torque of the description, and its standard deviation, by joint."""
+    """Logged torque per torque of the description, and its standard error, by joint."""
     robot = model.robot
     scale = check_scale(log, model)
-    factors, deviations = scale.factors.copy(), scale.deviations.copy()
+    factors, standard_errors = scale.factors.copy(), scale.standard_errors.copy()
     for j in np.flatnonzero(robot.rotor_inertia == 0.0):
         if model.usable(int(j)):
-            factors[j], deviations[j] = _beside_a_rotor(model, int(j))
-    factors[~(deviations < BLUNT * np.abs(factors))] = np.nan
-    factors[(factors < 0) & ~(deviations * CLEAR < np.abs(factors))] = np.nan
+            factors[j], standard_errors[j] = _beside_a_rotor(model, int(j))
+    factors[~(standard_errors < BLUNT * np.abs(factors))] = np.nan
+    factors[(factors < 0) & ~(standard_errors * CLEAR < np.abs(factors))] = np.nan
     if np.isfinite(factors).any():
         for kind in ("revolute", "prismatic"):  # a factor far from all others is a wrong one
             own = np.array([joint.kind == kind for joint in robot.joints])
@@ -154,7 +128,7 @@ def description_factors(log: Log, model: InverseModel) -> tuple[np.ndarray, np.n
                 typical = np.nanmedian(np.abs(factors[own]))
                 off = np.abs(np.log(np.abs(factors) / typical)) > np.log(FAR)
                 factors[own & off] = np.nan
-    return factors, deviations
+    return factors, standard_errors
 
 
 def _beside_a_rotor(model: InverseModel, j: int) -> tuple[float, float]:
@@ -180,21 +154,9 @@ def _beside_a_rotor(model: InverseModel, j: int) -> tuple[float, float]:
 
 
 def torque_unit(
-    robot: Robot,
-    found: Comparison,
-    named: str | None,
-    is_current: bool,
-    answer: str | None,
+    robot: Robot, found: Comparison, named: str | None, is_current: bool, answer: str | None
 ) -> TorqueUnit:
-    """The unit of the logged torques.
-
-    Args:
-        robot: the robot.
-        found: log against description.
-        named: unit written in the columns' names, or None.
-        is_current: whether these are names of a current.
-        answer: one of `ANSWERS`, or None.
-    """
+    """The unit of the logged torques."""
     named = answer if answer in ("N m", "A") else named
     kind = "current" if is_current else "effort"
     if named in COMMAND or (is_current and named not in TORQUE) or answer == ANSWERS[2]:
@@ -283,7 +245,7 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
         if j in assumed:
             texts.append(f"{joint.name} unknown, taken from the others")
         else:
-            spread = 2.0 * found.deviations[j] / abs(found.factors[j])
+            spread = 2.0 * found.standard_errors[j] / abs(found.factors[j])
             texts.append(f"{joint.name} {gains[j]:.3g} ± {100 * spread:.1g} %")
     seen += f" ({', '.join(texts)})" + _load_text(robot, found)
     if (gains < 0).any():
@@ -300,16 +262,13 @@ def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueU
 
 
 def gains_of(robot: Robot, found: Comparison, unit: float) -> tuple[np.ndarray, list[int]]:
-    """N m per unit of every joint, and the joints of which nothing is known.
-
-    These get the typical gain of other joints, and the sign with which friction takes energy.
-    """
+    """N m per unit by joint, and the joints that got the typical gain of the others."""
     gains = 1.0 / (found.factors * unit)
     known = np.isfinite(gains)
     assumed = [j for j in range(robot.size) if not known[j]]
     for j in assumed:
         magnitude = _typical_gain(robot, np.where(known, np.abs(gains), np.nan), j, 1.0 / unit)
-        gains[j] = -magnitude if j in found.reversed else magnitude
+        gains[j] = -magnitude if j in found.reversed else magnitude  # friction takes energy
     return gains, assumed
 
 
@@ -332,7 +291,7 @@ def _factors_text(robot: Robot, found: Comparison) -> str:
             f" ({found.trouble})" if found.trouble else ""
         )
     texts = [
-        f"{robot.joints[j].name} {plus_minus(found.factors[j], 2 * found.deviations[j])}"
+        f"{robot.joints[j].name} {plus_minus(found.factors[j], 2 * found.standard_errors[j])}"
         for j in known
     ]
     return f"times the torque of the robot's masses: {', '.join(texts)}" + _load_text(robot, found)
@@ -342,7 +301,8 @@ def _load_text(robot: Robot, found: Comparison) -> str:
     """The body on the flange, where there is one."""
     if found.load is None:
         return ""
+    mass = plus_minus(found.load.mass, 2 * found.load.standard_error)
     return (
-        f"; beside a body of {plus_minus(found.load.mass, 2 * found.load.deviation)} kg on the "
-        f"link of {robot.joints[-1].name} that the description lacks, such as a tool"
+        f"; beside a body of {mass} kg on the link of {robot.joints[-1].name} that the "
+        "description lacks, such as a tool"
     )

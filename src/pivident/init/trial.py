@@ -31,41 +31,20 @@ MAX_TRIAL = 150_000
 
 @dataclass(frozen=True)
 class Findings:
-    """What trials have shown so far.
+    """What trials have shown so far."""
 
-    Attributes:
-        recording: lines of ``[recording]`` that became necessary.
-        law_failed: why no law could be identified, or empty.
-        law_found: what the identified law is like, or empty.
-        loop_failed: why no loop can be simulated, or empty.
-        failed: why methods fail that others of their kind do not share, by name.
-        troubles: what a person has to do before it runs.
-        explained: relative error of least squares by joint.
-        settled: whether nothing more is to be tried.
-    """
-
-    recording: tuple[Assumption, ...] = ()
-    law_failed: str = ""
-    law_found: str = ""
-    loop_failed: str = ""
-    failed: dict[str, str] = field(default_factory=dict)
-    troubles: tuple[str, ...] = ()
-    explained: dict[str, float] = field(default_factory=dict)
-    settled: bool = False
+    recording: tuple[Assumption, ...] = ()  # lines of ``[recording]`` that became necessary
+    law_failed: str = ""  # why no law could be identified, or empty
+    law_found: str = ""  # what the identified law is like, or empty
+    loop_failed: str = ""  # why no loop can be simulated, or empty
+    failed: dict[str, str] = field(default_factory=dict)  # why, by method
+    troubles: tuple[str, ...] = ()  # what a person has to do before it runs
+    explained: dict[str, float] = field(default_factory=dict)  # relative error by joint
+    settled: bool = False  # whether nothing more is to be tried
 
 
 def try_out(text: str, out: Path, known: Findings, say: Callable[[str], None]) -> Findings:
-    """Go as far with a draft as a first iteration of its methods.
-
-    Args:
-        text: the file.
-        out: where it is going to be.
-        known: what earlier trials have shown.
-        say: progress.
-
-    Returns:
-        What to change, or that it is settled.
-    """
+    """Go as far with a draft as a first iteration of its methods."""
     experiment = Experiment(out, validated(parse_toml(text)))
     try:
         recordings = experiment.recordings()

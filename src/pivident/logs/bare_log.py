@@ -15,7 +15,7 @@ from pivident.logs.bags.read_bag import Bag, is_bag, open_bag
 from pivident.logs.described_log import described_log
 from pivident.logs.file_columns import read_columns
 from pivident.logs.log import Log
-from pivident.logs.recognition.column_names import guess_channels
+from pivident.logs.recognition.column_names import recognise_columns
 from pivident.logs.recognition.time_columns import clocks_in, is_clock
 from pivident.logs.source_files import SourceFile, printable_name
 from pivident.robot.description import Robot
@@ -47,7 +47,7 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         return _bag_log(path, robot)
     columns = read_columns(path)
     clocks, unit, notes = clocks_in({n: v for n, v in columns.items() if is_clock(n, v)}, None)
-    names, joints = guess_channels(
+    names, joints = recognise_columns(
         [n for n in columns if n not in clocks], robot.joint_names if robot else ()
     )
     logged = {kind: np.column_stack([columns[n] for n in own]) for kind, own in names.items()}
@@ -86,11 +86,7 @@ def _bag_log(path: Path, robot: Robot | None) -> Log:
 def _arm(
     bag: Bag, path: Path, robot: Robot | None
 ) -> tuple[dict[str, dict[str, str]], list[str], list[str]]:
-    """Columns of each channel by joint, the joints, and what was left aside.
-
-    Of several topics the one with most joints that have positions and torques is taken; torques
-    of another topic are taken where none has both.
-    """
+    """Columns by channel and joint from the fullest topic, the joints, and what was left aside."""
     tables = list(bag.topics.values())
     held = {table.name: joint_fields(table) for table in tables}
 

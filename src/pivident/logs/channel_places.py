@@ -35,27 +35,16 @@ _RANGE = re.compile(r"(-?\d+)?:(-?\d+)?")
 
 @dataclass(frozen=True)
 class ChannelPlace:
-    """Where the numbers of one channel are.
+    """Where the numbers of one channel are."""
 
-    Attributes:
-        name: name of the channel, such as ``tau``.
-        file: key of its file.
-        columns: names or parts of arrays.
-        per_joint: whether there is one entry per joint, rather than one array for all.
-    """
-
-    name: str
-    file: str
-    columns: tuple[str, ...]
-    per_joint: bool
+    name: str  # name of the channel, such as ``tau``
+    file: str  # key of its file
+    columns: tuple[str, ...]  # names or parts of arrays
+    per_joint: bool  # whether there is one entry per joint, rather than one array for all
 
 
 def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
-    """Settle which file a channel comes from.
-
-    Raises:
-        RecordingError: the description has another form, or the file is not decided by it.
-    """
+    """Settle which file a channel comes from."""
     file: object = None
     columns: object = spec
     if isinstance(spec, Mapping):
@@ -84,11 +73,7 @@ def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
 
 
 def array_of(column: str, known: Sequence[str], path: Path) -> str:
-    """The array in the file that a column's description names.
-
-    Raises:
-        UnknownColumn: names the ones that look like it.
-    """
+    """The array in the file that a column's description names."""
     if column in known:
         return column
     part = _PART.fullmatch(column)
@@ -105,23 +90,7 @@ def assemble(
     samples_axis: int | None = None,
     joint_names: Sequence[str] = (),
 ) -> np.ndarray:
-    """The channel as one array.
-
-    Args:
-        channel: which columns make it up.
-        table: arrays of its file by name.
-        joints: number of joints, or None where it is still open.
-        samples_axis: which axis of a two-dimensional array is time; found out by the number of
-            joints where it is not given.
-        joint_names: their names, for messages.
-
-    Returns:
-        Float64 array of shape (samples, joints).
-
-    Raises:
-        RecordingError: a part lies outside its array, columns differ in length, or no axis of an
-            array has the length of the joints.
-    """
+    """The channel as one array; returns (samples, joints)."""
     if not channel.per_joint:
         array = _part(channel, channel.columns[0], table)
         return _oriented(channel, array, joints, samples_axis, joint_names)

@@ -21,16 +21,7 @@ from pivident.logs.tables.tables import names_in, read_table
 def stamp_channels(
     spec: Any, channels: Mapping[str, ChannelPlace], paths: Mapping[str, Path]
 ) -> dict[str, ChannelPlace]:
-    """The columns of time stamps: one as ``t``, or one for each channel as ``t.<channel>``.
-
-    Args:
-        spec: what the user wrote for ``t``, or None.
-        channels: the other channels.
-        paths: files by key.
-
-    Raises:
-        RecordingError: stamps of a channel that is not there, or of an undecided file.
-    """
+    """The columns of time stamps: one as ``t``, or one for each channel as ``t.<channel>``."""
     if spec is None:
         return {}
     by_channel = isinstance(spec, Mapping) and "columns" not in spec
@@ -70,25 +61,7 @@ def read_channels(
     samples_axis: int | None,
     joint_names: Sequence[str],
 ) -> tuple[dict[str, np.ndarray], dict[str, ClockedChannel], list[PividentError]]:
-    """Load the arrays that are needed, file by file, and assemble the channels from them.
-
-    Cells that are no numbers become NaN, and arrays keep columns that no joint needs; both are
-    faults.
-
-    Args:
-        channels: by name, with ``t`` or ``t.<channel>`` among them.
-        paths: files by key.
-        joints: number of joints, or None where it is still open.
-        samples_axis: which axis of a two-dimensional array is time, or None.
-        joint_names: names of the joints, where they are known.
-
-    Returns:
-        The channels, those that have stamps of their own with these, and the faults.
-
-    Raises:
-        FileFormatError: a file or a column cannot be read.
-        RecordingError: columns that do not fit the joints, or stamps that do not fit a channel.
-    """
+    """Channels assembled file by file, those with own stamps, and faults (cells become NaN)."""
     values: dict[str, np.ndarray] = {}
     clocked: dict[str, ClockedChannel] = {}
     faults: list[PividentError] = []

@@ -103,11 +103,7 @@ def _with_clocks(log: Log, paths: Mapping[str, Path]) -> Log:
 
 
 def in_si(log: Log) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
-    """Channels in SI on the joint side, and the joints whose command has no gain.
-
-    Raises:
-        RecordingError: units that mean nothing, or fewer of them than joints.
-    """
+    """Channels in SI on the joint side, and the joints whose command has no gain."""
     said = log.description
     sides = sides_of(said.side)
     without: tuple[int, ...] = ()

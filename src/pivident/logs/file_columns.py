@@ -13,11 +13,7 @@ from pivident.logs.tables.tables import names_in, read_table
 
 
 def read_columns(path: Path) -> dict[str, np.ndarray]:
-    """Every numeric column of a file; arrays of two axes column by column.
-
-    Raises:
-        FileFormatError: the file cannot be read, or holds no numbers.
-    """
+    """Every numeric column of a file; arrays of two axes column by column."""
     columns = numeric_columns(lenient_table(path))
     if not columns:
         raise FileFormatError(f"{path.name} holds no columns of numbers; export the log again")
@@ -25,15 +21,7 @@ def read_columns(path: Path) -> dict[str, np.ndarray]:
 
 
 def lenient_table(path: Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Numeric arrays of a file, NaN where a cell is no number; others are left out.
-
-    Args:
-        path: the file.
-        names: the arrays wanted; all where it is not given.
-
-    Raises:
-        FileFormatError: the file cannot be read, or none of its arrays.
-    """
+    """Numeric arrays of a file, NaN where a cell is no number; others are left out."""
     try:
         return read_table(path, names)
     except BadCell as error:

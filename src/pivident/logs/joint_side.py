@@ -50,15 +50,7 @@ def sides_of(side: Any) -> dict[str, Any]:
 def on_joint_side(
     channel: str, values: np.ndarray, sides: Mapping[str, str], said: Description
 ) -> np.ndarray:
-    """A channel in SI behind the gear, positions with the zero of the model.
-
-    Args:
-        channel: its name.
-        values: in SI on the side that it was logged on, shape (samples, joints).
-        sides: see `sides_of`.
-        said: gives transmission and position offset. Without a transmission everything is taken
-            for the joint side.
-    """
+    """A channel in SI behind the gear, positions with the zero of the model."""
     joints = values.shape[1]
     given, transmission = said.position_offset, said.transmission
     offset = np.zeros(joints) if given is None else np.asarray(given, float)[:joints]

@@ -21,21 +21,13 @@ CHANNELS = ("q", "dq", "tau", "q_ref", "dq_ref", "ddq_ref")
 
 @dataclass(frozen=True, eq=False)
 class Description:
-    """What was said about the channels of a log; it turns them into SI on the joint side.
+    """What was said about the channels of a log; it turns them into SI on the joint side."""
 
-    Attributes:
-        units: unit of each channel, in the notation of `pivident.logs.units`; ``t`` among them.
-        side: ``joint`` or ``motor``, for all channels or by channel.
-        transmission: between motor and joint side, or None.
-        position_offset: added to the joint positions [rad or m], or None.
-        clock: name of the one time column, or None.
-    """
-
-    units: Mapping[str, Any] = field(default_factory=dict)
-    side: Any = "joint"
-    transmission: Transmission | None = None
-    position_offset: Sequence[float] | None = None
-    clock: str | None = None
+    units: Mapping[str, Any] = field(default_factory=dict)  # by channel and ``t``
+    side: Any = "joint"  # ``joint`` or ``motor``, for all channels or by channel
+    transmission: Transmission | None = None  # between motor and joint side, or None
+    position_offset: Sequence[float] | None = None  # on the joint side [rad or m]
+    clock: str | None = None  # name of the one time column, or None
 
 
 @dataclass(frozen=True, eq=False)

@@ -37,31 +37,7 @@ def read_log(
     position_offset: Sequence[float] | None = None,
     name: str | None = None,
 ) -> Log:
-    """Channels as they were logged, with the description that turns them into SI.
-
-    Args:
-        files: the log's file, or several by key.
-        columns: columns of the channels, of the time ``t``, and of known ``inputs`` by name, in
-            the notation of `pivident.logs.channel_places`.
-        units: unit of each channel in the notation of `pivident.logs.units`.
-        side: ``joint`` or ``motor``, for all or by channel.
-        robot: gives joint names and transmission.
-        transmission: instead of the robot's.
-        joint_names: instead of the robot's.
-        rate: declared sampling rate [Hz]; with `resample` that of the new samples.
-        resample: whether new samples are wanted at equal intervals.
-        samples_axis: which axis of two-dimensional arrays is time.
-        position_offset: added to the joint positions [rad or m].
-        name: name of the log; that of the file with the positions otherwise.
-
-    Returns:
-        The log: its ``logged`` channels, its one clock among ``columns`` or ``own_clocks`` [s],
-        and no ``channels`` yet.
-
-    Raises:
-        FileFormatError: a file or a column cannot be read.
-        RecordingError: columns that mean nothing.
-    """
+    """Channels as they were logged, with the description that turns them into SI."""
     paths = file_paths(files)
     specs = {key: spec for key, spec in columns.items() if key not in ("inputs", "t")}
     specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}

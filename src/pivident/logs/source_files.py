@@ -24,15 +24,10 @@ _BAG_PART = re.compile(r"\.(db3|mcap)(\.zstd|\.zst)?$")
 
 @dataclass(frozen=True)
 class SourceFile:
-    """Where numbers come from, without saying on whose machine.
+    """Where numbers come from, without saying on whose machine."""
 
-    Attributes:
-        name: file name without its folder.
-        sha256: hash of the file's bytes, hexadecimal.
-    """
-
-    name: str
-    sha256: str
+    name: str  # file name without its folder
+    sha256: str  # hash of the file's bytes, hexadecimal
 
     @classmethod
     def of(cls, path: str | PathLike[str]) -> SourceFile:
@@ -48,11 +43,7 @@ def printable_name(path: Path) -> str:
 
 
 def existing_file(path: str | PathLike[str]) -> Path:
-    """The path, once it is known to be a file with content that can be opened.
-
-    Raises:
-        FileFormatError: the file is missing, a folder, empty or not readable.
-    """
+    """The path, once it is known to be a file with content that can be opened."""
     path = Path(path)
     try:
         with regular_file(path).open("rb") as stream:
@@ -71,11 +62,7 @@ def existing_file(path: str | PathLike[str]) -> Path:
 
 
 def bag_files(folder: Path) -> list[Path]:
-    """The files of a ROS 2 bag that hold its messages, in the order of their numbers.
-
-    Raises:
-        FileFormatError: it holds none, or cannot be listed.
-    """
+    """The files of a ROS 2 bag that hold its messages, in the order of their numbers."""
     try:
         files = [file for file in folder.iterdir() if _BAG_PART.search(file.name.lower())]
     except OSError as error:
@@ -98,11 +85,7 @@ def sha256(path: Path) -> str:
 
 
 def refuse_bomb(path: Path, expanded: int) -> None:
-    """Refuse a file that promises to expand beyond what a log would.
-
-    Raises:
-        FileFormatError: the content is large and out of proportion to the file.
-    """
+    """Refuse a file that promises to expand beyond what a log would."""
     stored = path.stat().st_size
     if expanded > HARMLESS_SIZE and expanded > MAX_EXPANSION * stored:
         raise FileFormatError(

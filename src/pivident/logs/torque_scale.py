@@ -31,27 +31,15 @@ _ENTER = (
 
 @dataclass(frozen=True)
 class TorqueScale:
-    """The scale of one joint's torque that nobody has verified.
-
-    Attributes:
-        joint: name of the joint.
-        unit: unit of the log, such as ``A`` or ``command``.
-        basis: ``masses`` (of the robot's description) or ``assumed``.
-    """
+    """The scale of one joint's torque that nobody has verified."""
 
     joint: str
-    unit: str
-    basis: str
+    unit: str  # unit of the log, such as ``A`` or ``command``
+    basis: str  # ``masses`` (of the robot's description) or ``assumed``
 
 
 def torque_scales(spec: Any, joint_names: Sequence[str]) -> tuple[TorqueScale, ...]:
-    """The scales that a unit of ``tau`` marks as somebody's assumption.
-
-    Args:
-        spec: unit of ``tau`` in the notation of `pivident.logs.units`, one for all joints or
-            a list with one per joint; None: SI.
-        joint_names: names of the joints.
-    """
+    """The scales that a unit of ``tau`` marks as somebody's assumption."""
     listed = spec if isinstance(spec, (list, tuple)) else [spec] * len(joint_names)
     return tuple(
         TorqueScale(joint, str(unit["unit"]), EARLIER.get(str(unit["scale"]), str(unit["scale"])))

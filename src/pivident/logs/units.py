@@ -24,14 +24,7 @@ UnitSpec = str | float | Mapping[str, str | float]
 
 DEGREE = math.pi / 180.0
 
-POSITION = {
-    "rad": 1.0,
-    "deg": DEGREE,
-    "rev": 2.0 * math.pi,
-    "m": 1.0,
-    "mm": 1e-3,
-    "um": 1e-6,
-}
+POSITION = {"rad": 1.0, "deg": DEGREE, "rev": 2.0 * math.pi, "m": 1.0, "mm": 1e-3, "um": 1e-6}
 SPEED = {f"{unit}/s": factor for unit, factor in POSITION.items()} | {"rpm": 2.0 * math.pi / 60.0}
 ACCELERATION = {f"{unit}/s^2": factor for unit, factor in POSITION.items()}
 TORQUE = {"N m": 1.0, "Nm": 1.0, "mN m": 1e-3, "kN m": 1e3, "N": 1.0, "kN": 1e3}
@@ -52,15 +45,7 @@ UNITS_OF = {
 
 
 def factor_to_si(channel: str, spec: UnitSpec) -> tuple[float, bool]:
-    """What one unit of a channel is in SI.
-
-    Returns:
-        The factor, and whether the result is a drive command that a drive gain still has to turn
-        into a torque.
-
-    Raises:
-        RecordingError: the unit is unknown, belongs to another quantity or lacks its scale.
-    """
+    """What one unit of a channel is in SI."""
     if isinstance(spec, Mapping):
         return _scaled(channel, dict(spec))
     if isinstance(spec, (int, float)) and not isinstance(spec, bool):
@@ -122,11 +107,7 @@ def _number(channel: str, name: str, value: object) -> float:
 
 
 def check_kind(channel: str, spec: UnitSpec, joint: str, kind: str) -> None:
-    """Refuse an angle for a sliding joint and a length for a turning one.
-
-    Raises:
-        RecordingError: names the joint and the unit.
-    """
+    """Refuse an angle for a sliding joint and a length for a turning one."""
     wrong = ("rad", "deg", "rev") if kind == "prismatic" else ("m", "mm", "um")
     if isinstance(spec, str) and spec in wrong:
         raise RecordingError(

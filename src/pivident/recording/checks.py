@@ -70,26 +70,13 @@ TOLERATED_CLIPPING = 0.01
 
 
 def check_shape(channel: str, values: np.ndarray, expected: tuple[int, ...]) -> None:
-    """Refuse a channel that is not (samples, joints).
-
-    Raises:
-        ShapeMismatch: with the shape met and the shape needed.
-    """
+    """Refuse a channel that is not (samples, joints)."""
     if values.shape != expected:
         raise ShapeMismatch(channel, values.shape, expected)
 
 
 def check_finite(channel: str, values: np.ndarray, joint_names: Sequence[str]) -> None:
-    """Refuse NaN and infinite samples.
-
-    Args:
-        channel: name for the message.
-        values: shape (samples, joints).
-        joint_names: names of the columns.
-
-    Raises:
-        NonFiniteSamples: names the first joint concerned and its first such sample.
-    """
+    """Refuse NaN and infinite samples; values (samples, joints)."""
     # A sum is NaN or infinite as soon as one term is: no mask of the whole record is needed. A
     # sum of finite terms could overflow; then the mask finds nothing and the channel passes.
     with np.errstate(invalid="ignore", over="ignore"):
@@ -101,16 +88,7 @@ def check_finite(channel: str, values: np.ndarray, joint_names: Sequence[str]) -
 
 
 def check_changing(channel: str, values: np.ndarray, joint_names: Sequence[str]) -> None:
-    """Refuse a channel that never changes.
-
-    Args:
-        channel: name for the message.
-        values: shape (samples, joints).
-        joint_names: names of the columns.
-
-    Raises:
-        ConstantChannel: names the first joint concerned and its value.
-    """
+    """Refuse a channel that never changes; values (samples, joints)."""
     constant = np.flatnonzero(values.min(axis=0) == values.max(axis=0))
     if constant.size:
         j = int(constant[0])
@@ -118,17 +96,7 @@ def check_changing(channel: str, values: np.ndarray, joint_names: Sequence[str])
 
 
 def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object = None) -> None:
-    """Refuse positions that no offset explains, which mostly are in another unit.
-
-    Args:
-        channel: name for the message.
-        q: joint positions, shape (samples, joints) [rad or m].
-        robot: its joints may have position limits.
-        unit: the unit that the log was said to have, where that is known; or a list, by joint.
-
-    Raises:
-        PositionsBeyondLimits: a joint is more than `TOLERATED_REACH` spans beyond its limits.
-    """
+    """Refuse positions that no offset explains, which mostly are in another unit."""
     for j, joint in enumerate(robot.joints):
         if joint.position_limits is None:
             continue
@@ -153,17 +121,7 @@ def check_within_reach(channel: str, q: np.ndarray, robot: Robot, unit: object =
 def check_not_saturated(
     channel: str, tau: np.ndarray, q: np.ndarray, joint_names: Sequence[str]
 ) -> None:
-    """Refuse a torque that is cut off during more than one per cent of the recording.
-
-    Args:
-        channel: name for the message.
-        tau: torques of either side, shape (samples, joints), in any unit.
-        q: positions of the same side, shape (samples, joints), in any unit.
-        joint_names: names of the columns.
-
-    Raises:
-        SaturatedSignal: names the first joint concerned, the value and how often.
-    """
+    """Refuse a torque that is cut off during more than one per cent of the recording."""
     for j, joint in enumerate(joint_names):
         clipped = np.flatnonzero(clipped_samples(tau[:, j], q[:, j]))
         if clipped.size > TOLERATED_CLIPPING * len(tau):

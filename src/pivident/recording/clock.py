@@ -19,36 +19,22 @@ from pivident.logs.clocks.clock_alignment import (
 
 @dataclass(frozen=True)
 class Clock:
-    """What the user said about time.
+    """What the user said about time."""
 
-    Attributes:
-        rate: declared or wanted rate [Hz], or None.
-        resample: whether new samples may be made.
-        unit_given: whether their unit was given; it is checked otherwise.
-        part: times to keep to [s], or None.
-    """
-
-    rate: float | None
-    resample: bool
-    unit_given: bool
-    part: tuple[float, float] | None
+    rate: float | None  # declared or wanted rate [Hz], or None
+    resample: bool  # whether new samples may be made
+    unit_given: bool  # whether their unit was given; it is checked otherwise
+    part: tuple[float, float] | None  # times to keep to [s], or None
 
 
 @dataclass(frozen=True)
 class UniformClock:
-    """The clock that all channels were brought onto.
+    """The clock that all channels were brought onto."""
 
-    Attributes:
-        rate: its rate [Hz].
-        start: time of the first sample [s].
-        notes: what was done, in sentences.
-        slowed: why it is slower than the positions were logged, see `Recording`.
-    """
-
-    rate: float
-    start: float
-    notes: tuple[str, ...] = ()
-    slowed: str = ""
+    rate: float  # its rate [Hz]
+    start: float  # time of the first sample [s]
+    notes: tuple[str, ...] = ()  # what was done, in sentences
+    slowed: str = ""  # why it is slower than the positions were logged, see `Recording`
 
 
 def beside_torque(
@@ -65,18 +51,7 @@ def beside_torque(
 def on_one_clock(
     logged: dict[str, np.ndarray], clocked: Mapping[str, ClockedChannel], clock: Clock
 ) -> UniformClock:
-    """The one clock of all channels; on demand, new samples on it.
-
-    Args:
-        logged: channels by name, and ``t`` where all share it, which is taken out. New samples
-            take the place of those that were logged.
-        clocked: channels that have stamps of their own.
-        clock: what the user said about time.
-
-    Raises:
-        IrregularSampling: stamps that are no regular clock, or have gaps.
-        RecordingError: stamps that are missing, or that contradict the rate.
-    """
+    """The one clock of all channels; on demand, new samples on it."""
     t = logged.pop("t", None)
     if t is None and not clocked:
         if clock.rate is None or clock.resample:

@@ -29,19 +29,12 @@ _TIAGO_LOG = f"{_FIGAROH}/tiago/data/identification/dynamic"
 
 @dataclass(frozen=True)
 class PublicFile:
-    """One file of a data set.
+    """One file of a data set."""
 
-    Attributes:
-        name: file name as published.
-        sha256: hash of the published file.
-        url: where it is published, or None where only a local copy can be used.
-        gzipped: hash of the copy ``<name>.gz``, or None where there is no such copy.
-    """
-
-    name: str
-    sha256: str
-    url: str | None = None
-    gzipped: str | None = None
+    name: str  # file name as published
+    sha256: str  # hash of the published file
+    url: str | None = None  # where it is published, or None where only a local copy can be used
+    gzipped: str | None = None  # hash of the copy ``<name>.gz``, if there is one
 
     def forms(self) -> Iterator[tuple[str, str]]:
         """File name and hash of each form in which the file may lie here."""
@@ -52,19 +45,12 @@ class PublicFile:
 
 @dataclass(frozen=True)
 class Dataset:
-    """One public record.
+    """One public record."""
 
-    Attributes:
-        title: what it is, one line.
-        licence: terms of the repository that publishes it.
-        cite: what to cite.
-        files: its files by the name of what they hold.
-    """
-
-    title: str
-    licence: str
-    cite: str
-    files: dict[str, PublicFile]
+    title: str  # what it is, one line
+    licence: str  # terms of the repository that publishes it
+    cite: str  # what to cite
+    files: dict[str, PublicFile]  # its files by the name of what they hold
 
 
 DATASETS = {
@@ -166,31 +152,14 @@ def dataset_names() -> tuple[str, ...]:
 
 
 def describe(name: str) -> str:
-    """What a data set is, its terms, what to cite and its files, as a few lines of text.
-
-    Raises:
-        RecordingError: there is no such data set.
-    """
+    """What a data set is, its terms, what to cite and its files, as a few lines of text."""
     dataset = _dataset(name)
     files = ", ".join(f"{key}: {file.name}" for key, file in dataset.files.items())
     return f"{dataset.title}\nLicence: {dataset.licence}\nCite: {dataset.cite}\nFiles: {files}"
 
 
 def dataset_files(name: str, *keys: str) -> dict[str, Path]:
-    """Files of a data set that are here already.
-
-    Args:
-        name: name of the data set.
-        keys: the files wanted, all where none is named.
-
-    Returns:
-        Path of each file by its key.
-
-    Raises:
-        RecordingError: there is no such data set or file.
-        DatasetUnavailable: a file is not here; `fetch` may get it.
-        ChecksumMismatch: a file in the folder of ``PIVIDENT_DATA`` is not the published one.
-    """
+    """Files of a data set that are here already."""
     found = {}
     for key, file in _wanted(name, keys).items():
         path = _local(name, file)
@@ -201,20 +170,7 @@ def dataset_files(name: str, *keys: str) -> dict[str, Path]:
 
 
 def fetch(name: str, *keys: str) -> dict[str, Path]:
-    """Files of a data set, fetched from their public repository if they are not here.
-
-    Args:
-        name: name of the data set.
-        keys: the files wanted, all where none is named.
-
-    Returns:
-        Path of each file by its key.
-
-    Raises:
-        RecordingError: there is no such data set or file.
-        DatasetUnavailable: a file is not here and cannot be fetched.
-        ChecksumMismatch: a file is not the published one.
-    """
+    """Files of a data set, fetched from their public repository if they are not here."""
     return {
         key: _local(name, file) or _download(name, file)
         for key, file in _wanted(name, keys).items()

@@ -116,20 +116,7 @@ def load_recording(
 def recording_from(
     log: Log, *, part: tuple[float, float] | None = None, **options: Any
 ) -> Recording:
-    """A log made strict: checked, on one uniform clock, in SI on the joint side.
-
-    Args:
-        log: as `pivident.logs.read_log` has read it.
-        part: keep only the samples with part[0] <= t < part[1], where there are time stamps [s].
-        options: further fields of `Recording`; the name is that of the log otherwise.
-
-    Returns:
-        The recording.
-
-    Raises:
-        FileFormatError: a cell that is no number.
-        RecordingError: channels, units, sides or time stamps that do not fit together.
-    """
+    """A log made strict: checked, on one uniform clock, in SI on the joint side."""
     return _recording(log, dict(log.logged), part, {"name": log.name} | options)
 
 
@@ -219,11 +206,7 @@ def _check_sizes(joints: int, robot: Robot | None, transmission: Transmission | 
 
 
 def _checked_sides(said: Description, logged: Mapping[str, np.ndarray]) -> dict[str, Side]:
-    """Side of each channel that has one.
-
-    Raises:
-        RecordingError: sides that are none, or of the motor without a transmission.
-    """
+    """Side of each channel that has one."""
     given = dict(said.side) if isinstance(said.side, Mapping) else {"q": said.side}
     for channel, value in given.items():
         if channel == "q_link" and value != "joint":  # flexible joints

@@ -40,12 +40,7 @@ STAUBLI_TX40: dict[str, Any] = {
 EMPS: dict[str, Any] = {
     "name": "emps",
     "columns": {"q": "qm", "q_ref": "qg", "tau": "vir", "t": "t"},
-    "units": {
-        "q": "m",
-        "q_ref": "m",
-        "tau": {"unit": "V", "gain": 35.15065188248547},
-        "t": "s",
-    },
+    "units": {"q": "m", "q_ref": "m", "tau": {"unit": "V", "gain": 35.15065188248547}, "t": "s"},
     "torque_timing": "held",
 }
 
@@ -102,17 +97,7 @@ Files = str | Path | Mapping[str, str | Path]
 def public_facts(
     dataset: str, run: str, robot: Robot | None = None, files: Files | None = None
 ) -> tuple[Files, dict[str, Any]]:
-    """Files of a public record, and the arguments of `load_recording` that describe them.
-
-    Args:
-        dataset: a key of `RUNS`.
-        run: one of its runs.
-        robot: a KR300 of fewer joints has the first axes of the record.
-        files: its files; those of `fetch` where they are not given.
-
-    Raises:
-        DatasetUnavailable: the files are not here and cannot be fetched.
-    """
+    """Files of a public record, and the arguments of `load_recording` that describe them."""
     if files is None:
         keys = RUNS[dataset][run]
         fetched = fetch(dataset, *keys)

@@ -30,7 +30,7 @@ CHANNELS = ("q", "tau", "q_ref", "dq_ref", "ddq_ref", "q_link")  # q_link: flexi
 #: Longest drive_delay that is believed [s]; more is a delay in milliseconds without its 1e-3.
 MAX_DRIVE_DELAY = 0.1
 
-#: Which instant a torque sample speaks of, see `Recording.torque_timing`.
+#: Which instant a torque sample belongs to, see `Recording.torque_timing`.
 TorqueTiming = Literal["held", "averaged", "sampled"]
 
 #: The same in words.
@@ -67,7 +67,7 @@ class Recording:
             instant.
         delay: how much later the torque channel is than the positions [s].
         drive_delay: how much later than its sample a logged torque acts: the log holds what the
-            drive was told, and the simulated loop waits as long [s].
+            drive was commanded, and the simulated loop waits as long [s].
         start_time: time of the first sample [s].
         simulated: whether the record comes from a simulation.
         sources: the files it was read from.

@@ -35,34 +35,17 @@ _LEFT = 0.1
 
 @dataclass(frozen=True, eq=False)
 class RepeatedMotion:
-    """Which samples belong to the same instant of a motion.
+    """Which samples belong to the same instant of a motion."""
 
-    Attributes:
-        instants: for each recording the instant of each sample, shape (samples,); -1 where it
-            belongs to none.
-        count: number of instants.
-        period: samples of a period, None where whole recordings repeat each other.
-        description: where the repetition was found, in words.
-    """
-
-    instants: tuple[np.ndarray, ...]
-    count: int
-    period: int | None
-    description: str
+    instants: tuple[np.ndarray, ...]  # of each sample by recording, (samples,), or -1
+    count: int  # number of instants
+    period: int | None  # samples of a period, None where whole recordings repeat each other
+    description: str  # where the repetition was found, in words
 
     def split(
         self, signals: Sequence[np.ndarray], usable: Sequence[np.ndarray]
     ) -> tuple[list[np.ndarray], list[np.ndarray], list[np.ndarray]]:
-        """Split signals into what repeats and what does not.
-
-        Args:
-            signals: one for each recording, shape (joints, samples).
-            usable: samples that count, likewise, boolean.
-
-        Returns:
-            The repeating part m̂, the other one v̂, both of the signals' shapes and zero where
-            unknown, and the number n of repetitions at each sample and joint.
-        """
+        """Split signals into what repeats and what does not; signals (joints, samples)."""
         joints = signals[0].shape[0]
         total, times = np.zeros((2, joints, self.count + 1))  # the last one is nobody's
         for signal, counts, where in zip(signals, usable, self.instants, strict=True):
@@ -84,11 +67,7 @@ class RepeatedMotion:
 
 
 def repeated_motion(recordings: Sequence[Recording], period: int | None = None) -> RepeatedMotion:
-    """Find the repetition, or say that there is none; see :func:`find_repetition`.
-
-    Raises:
-        IdentificationError: nothing repeats.
-    """
+    """Find the repetition, or say that there is none; see :func:`find_repetition`."""
     found = find_repetition(recordings, period)
     if found is None:
         raise IdentificationError(
@@ -102,20 +81,9 @@ def repeated_motion(recordings: Sequence[Recording], period: int | None = None) 
 def find_repetition(
     recordings: Sequence[Recording], period: int | None = None
 ) -> RepeatedMotion | None:
-    """Recordings of the same motion, or a periodic motion in one of them.
-
-    References are compared, or measured positions where there are none; known inputs must repeat
-    with them.
-
-    Args:
-        recordings: the runs.
-        period: samples of a period, where it is known.
-
-    Returns:
-        The repetition; None: nothing repeats.
-    """
+    """Recordings of one motion, by reference or position and inputs, or a periodic motion."""
     instants: list[np.ndarray] = []
-    offset, period_found, told = 0, None, []
+    offset, period_found, sentences = 0, None, []
     leaders: list[tuple[int, int]] = []  # recordings that others may repeat, their first instant
     twins: dict[int, int] = {}
     for k, recording in enumerate(recordings):
@@ -130,7 +98,7 @@ def find_repetition(
         leaders.append((k, offset))
         instants.append(offset + np.arange(recording.samples))
         offset += recording.samples
-    told += [
+    sentences += [
         f"recordings {recordings[a].name!r} and {recordings[b].name!r} follow the same motion"
         for b, a in twins.items()
     ]
@@ -143,29 +111,18 @@ def find_repetition(
             continue
         instants[k] = first + np.arange(recording.samples) % length
         period_found = length
-        told.append(
+        sentences.append(
             f"the motion of {recording.name!r} has a period of {length} samples "
             f"({length / recording.rate:.4g} s), {recording.samples / length:.1f} of them"
         )
-    if not told:
+    if not sentences:
         return None
     placed = tuple(np.where(own < 0, offset, own) for own in instants)
-    return RepeatedMotion(placed, offset, period_found, "; ".join(told))
+    return RepeatedMotion(placed, offset, period_found, "; ".join(sentences))
 
 
 def find_period(recording: Recording) -> int | None:
-    """Shortest period of a recording's motion and inputs [samples], None without one.
-
-    The mean squared difference of a signal and itself p samples later,
-
-        d(p) = mean_k (x_{k+p} - x_k)²,
-
-    is found for all p by FFT. The deepest point of each of its dips, after the signal has left
-    its starting point, is checked sample by sample. At least two periods are needed.
-
-    Args:
-        recording: its reference is examined, or its positions where there is none.
-    """
+    """Shortest p [samples] at a dip of d(p) = mean_k (x_{k+p} - x_k)² where x repeats, or None."""
     signals, tolerance = _motion_signals(recording)
     ranges = np.ptp(signals, axis=0)
     signals = signals[:, ranges > 0]

@@ -38,22 +38,7 @@ def bag_channel(
     joint_names: Sequence[str] = (),
     clock: str | None = None,
 ) -> ClockedChannel:
-    """One channel with the stamps of its messages.
-
-    Args:
-        bag: the bag.
-        path: its path, for messages.
-        channel: name of the channel.
-        columns: names or short names, one per joint, or one for all.
-        per_joint: whether there is one for each joint.
-        joint_names: joints of the robot, where it is known.
-        clock: ``stamp`` or ``receive_time``, also behind a topic's name; the stamps of the headers
-            where it is not given and there are any.
-
-    Raises:
-        UnknownColumn: the bag has no such column.
-        RecordingError: a short name fits several topics, or joints are missing.
-    """
+    """One channel with the stamps of its messages."""
     names = full_names(bag, path, columns, per_joint, joint_names)
     tables = [bag.topic_of(name) for name in names]
     rows = [
@@ -74,11 +59,7 @@ def bag_channel(
 
 
 def full_names(
-    bag: Bag,
-    path: Path,
-    columns: Sequence[str],
-    per_joint: bool,
-    joint_names: Sequence[str] = (),
+    bag: Bag, path: Path, columns: Sequence[str], per_joint: bool, joint_names: Sequence[str] = ()
 ) -> tuple[str, ...]:
     """Names of a channel's columns in full; see `bag_channel` for arguments and errors."""
     known = bag.names()
@@ -122,12 +103,7 @@ def joint_fields(table: TopicTable) -> dict[str, dict[str, str]]:
 def _one_name(
     path: Path, short: str, known: Sequence[str], shown: Sequence[str] | None = None
 ) -> str:
-    """The one name that is, or ends with, a short name.
-
-    Raises:
-        UnknownColumn: there is none.
-        RecordingError: there are several.
-    """
+    """The one name that is, or ends with, a short name."""
     if short in known:
         return short
     fits = [name for name in known if name.endswith("/" + short.lstrip("/"))]

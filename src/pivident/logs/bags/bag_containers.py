@@ -33,21 +33,13 @@ ROS1_MAGIC, MCAP_MAGIC = b"#ROSBAG V2.0\n", b"\x89MCAP0\r\n"
 
 @dataclass(frozen=True)
 class Topic:
-    """Messages of one type under one name.
+    """Messages of one type under one name."""
 
-    Attributes:
-        name: name of the topic.
-        type: type of its messages as the bag names it.
-        definition: text of the definition, empty where the bag has none.
-        cdr: whether messages are encoded as ROS 2 does it, not as ROS 1.
-        readable: whether encoding and definition are of a kind that is known here.
-    """
-
-    name: str
-    type: str
-    definition: str
-    cdr: bool
-    readable: bool = True
+    name: str  # name of the topic
+    type: str  # type of its messages as the bag names it
+    definition: str  # text of the definition, empty where the bag has none
+    cdr: bool  # whether messages are encoded as ROS 2 does it, not as ROS 1
+    readable: bool = True  # whether encoding and definition are of a kind that is known here
 
 
 #: A message: its topic, when it was received [ns], and its bytes.
@@ -55,11 +47,7 @@ Message = tuple[Topic, int, bytes]
 
 
 def ros1_messages(path: Path) -> Iterator[Message]:
-    """Messages of a ROS 1 bag, version 2.0, in the order of the file.
-
-    Raises:
-        FileFormatError: another version, a broken record, a chunk that expands beyond reason.
-    """
+    """Messages of a ROS 1 bag, version 2.0, in the order of the file."""
     topics: dict[int, Topic] = {}
     expanded = 0
     with path.open("rb") as stream:
@@ -128,11 +116,7 @@ def _ros1_fields(path: Path, data: bytes) -> dict[bytes, bytes]:
 
 
 def mcap_messages(path: Path) -> Iterator[Message]:
-    """Messages of an MCAP file, in the order of the file.
-
-    Raises:
-        FileFormatError: no MCAP, a broken record, a chunk that expands beyond reason.
-    """
+    """Messages of an MCAP file, in the order of the file."""
     state = _McapState(path, {}, {})
     with path.open("rb") as stream:
         if stream.read(len(MCAP_MAGIC)) != MCAP_MAGIC:
@@ -228,11 +212,7 @@ def _mcap_text(data: bytes, at: int) -> tuple[str, int]:
 
 
 def sqlite_messages(path: Path) -> Iterator[Message]:
-    """Messages of a SQLite file of ROS 2, in the order of its table.
-
-    Raises:
-        FileFormatError: no such database, or a broken one.
-    """
+    """Messages of a SQLite file of ROS 2, in the order of its table."""
     log = path.with_name(path.name + "-wal")
     if log.exists() and log.stat().st_size:
         raise FileFormatError(

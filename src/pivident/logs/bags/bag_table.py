@@ -24,7 +24,7 @@ KINDS = {
     "q": "q", "tau": "tau", "current": "tau", "dq": "dq", "q_ref": "q_ref", "dq_ref": "dq_ref",
 }  # fmt: skip
 
-#: Messages that come slower speak of no control loop [Hz].
+#: Messages that come slower are not those of a control loop [Hz].
 SLOWEST = 20.0
 
 #: Share of the positions' instants that a topic has to cover.
@@ -33,30 +33,16 @@ COVERED = 0.5
 
 @dataclass(frozen=True)
 class OwnClock:
-    """The clock of a column that was logged beside the positions.
+    """The clock of a column that was logged beside the positions."""
 
-    Attributes:
-        column: stamps of its messages.
-        rate: of its messages [Hz].
-    """
-
-    column: str
-    rate: float
+    column: str  # stamps of its messages
+    rate: float  # of its messages [Hz]
 
 
 def bag_table(
     path: Path, joint_names: tuple[str, ...]
 ) -> tuple[dict[str, np.ndarray], dict[str, OwnClock]]:
-    """Columns of a bag at the instants of its positions.
-
-    Returns:
-        Columns of the topic with the positions as they are, and those of other topics that hold
-        what it lacks, NaN where these say nothing, each of shape (messages,); and the clocks of
-        the latter.
-
-    Raises:
-        FileFormatError: no bag, or one that cannot be read.
-    """
+    """Columns of a bag at the instants of its positions, each (messages,), and other clocks."""
     bag = open_bag(path)
     held = {
         table.name: [s for s in column_series(_names(table), joint_names) if s.channel in KINDS]

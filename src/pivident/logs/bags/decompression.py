@@ -23,18 +23,7 @@ ZSTD_MAGIC = b"\x28\xb5\x2f\xfd"
 
 
 def unpacked(path: Path, kind: str, data: bytes, size: int | None, before: int) -> bytes:
-    """Content of one chunk.
-
-    Args:
-        path: the bag.
-        kind: name of the compression, empty or ``none`` for none.
-        data: the chunk as stored.
-        size: bytes that it promises to hold; None: a message, which promises nothing.
-        before: bytes that were unpacked from this bag so far.
-
-    Raises:
-        FileFormatError: unknown compression, a broken chunk, or one that holds more or less.
-    """
+    """Content of one chunk."""
     if kind in ("", "none"):
         return data
     most = MAX_PACKED_MESSAGE if size is None else size
@@ -77,15 +66,7 @@ def _packed_message(path: Path, data: bytes) -> bytes:
 
 
 def unpack_file(path: Path, out: BinaryIO) -> None:
-    """Unpack a Zstandard file as a whole.
-
-    Args:
-        path: the file.
-        out: where its content goes.
-
-    Raises:
-        FileFormatError: no Zstandard, or it expands beyond reason.
-    """
+    """Unpack a Zstandard file as a whole."""
     written = 0
     for block in _blocks(path):
         written += len(block)

@@ -15,12 +15,7 @@ import numpy as np
 
 from pivident.errors import FileFormatError
 from pivident.logs.bags.bag_containers import MAX_MESSAGE, Topic
-from pivident.logs.bags.message_definitions import (
-    KNOWN,
-    Definitions,
-    parse_definition,
-    short_name,
-)
+from pivident.logs.bags.message_definitions import KNOWN, Definitions, parse_definition, short_name
 from pivident.logs.bags.message_layout import MAX_VISITS, Layout, layout_of
 from pivident.logs.source_files import refuse_bomb
 from pivident.scratch import working_array
@@ -47,21 +42,13 @@ WALK, READ_IN_A_VISIT = 40, 20
 
 @dataclass(frozen=True, eq=False)
 class TopicTable:
-    """A topic as columns.
+    """A topic as columns."""
 
-    Attributes:
-        name: name of the topic.
-        received: when each message was received, shape (messages,) [ns].
-        stamps: time stamps of the headers, shape (messages,) [ns], or None where there are none.
-        columns: values by field and joint (``position/elbow``), NaN where a message lacks them.
-        rows: messages that hold a column, by its name; not given for those that are in all.
-    """
-
-    name: str
-    received: np.ndarray
-    stamps: np.ndarray | None
-    columns: dict[str, np.ndarray]
-    rows: dict[str, np.ndarray]
+    name: str  # name of the topic
+    received: np.ndarray  # when each message was received, shape (messages,) [ns]
+    stamps: np.ndarray | None  # of the headers, shape (messages,) [ns], or None
+    columns: dict[str, np.ndarray]  # by field and joint (``position/elbow``), or NaN
+    rows: dict[str, np.ndarray]  # messages with a column, where not all have it
 
     def rows_of(self, column: str) -> np.ndarray:
         """Indices of the messages that hold a column."""
@@ -71,13 +58,9 @@ class TopicTable:
 
 @dataclass
 class WorkBudget:
-    """How much work the structures of a bag's messages may still make; shared by its topics.
+    """How much work the structures of a bag's messages may still make; shared by its topics."""
 
-    Attributes:
-        left: visits of fields.
-    """
-
-    left: int = VISITS_OF_BAG
+    left: int = VISITS_OF_BAG  # visits of fields
 
     def spend(self, visits: int) -> None:
         """Take some of it; what is owed may go below zero."""
@@ -86,17 +69,11 @@ class WorkBudget:
 
 @dataclass
 class TopicReader:
-    """Takes the messages of one topic, one by one.
-
-    Attributes:
-        topic: the topic.
-        patience: what all topics of the bag share.
-        why_not: why its messages cannot be read, empty as long as they can.
-    """
+    """Takes the messages of one topic, one by one."""
 
     topic: Topic
-    patience: WorkBudget = field(default_factory=WorkBudget)
-    why_not: str = ""
+    budget: WorkBudget = field(default_factory=WorkBudget)  # what all topics of the bag share
+    why_not: str = ""  # why its messages cannot be read, empty as long as they can
     _versions: list[Definitions] = field(default_factory=list)
     _waiting: list[bytes] = field(default_factory=list)
     _bytes: int = 0
@@ -115,22 +92,17 @@ class TopicReader:
         if not self.topic.readable or not texts:
             self.why_not = "its encoding or type is not known"
             return
-        if self.patience.left <= 0:
+        if self.budget.left <= 0:
             self.why_not = "the messages before it are built in too many ways"
             return
-        self.patience.spend(sum(map(len, texts)) // READ_IN_A_VISIT)
+        self.budget.spend(sum(map(len, texts)) // READ_IN_A_VISIT)
         try:
             self._versions = [parse_definition(self.topic.type, text) for text in texts]
         except FileFormatError as error:
             self.why_not = str(error)
 
     def take(self, received: int, message: bytes) -> None:
-        """Keep a message until enough have come together.
-
-        Args:
-            received: when it was received [ns].
-            message: its bytes.
-        """
+        """Keep a message until enough have come together; received [ns]."""
         if len(message) > MAX_MESSAGE:
             self.give_up("its messages are larger than those of joints")
             return
@@ -147,11 +119,7 @@ class TopicReader:
             kept.clear()
 
     def table(self, path: Path) -> TopicTable | None:
-        """All columns, or None where the topic cannot be read or holds no floats.
-
-        Raises:
-            FileFormatError: columns that are mostly empty would take far more than the file.
-        """
+        """All columns, or None where the topic cannot be read or holds no floats."""
         self._read_waiting()
         if self.why_not or not self._names:
             return None
@@ -244,12 +212,8 @@ class TopicReader:
         self._parts.append((names, rows, layout.values(stack), layout.stamps(stack)))
 
     def _layout(self, message: bytes) -> Layout:
-        """The structure of a message; the first one settles the version of its type.
-
-        Raises:
-            FileFormatError: it is not what its type says, or there were too many structures.
-        """
-        if self._visits > VISITS_OF_TOPIC or self.patience.left <= 0:
+        """The structure of a message; the first one settles the version of its type."""
+        if self._visits > VISITS_OF_TOPIC or self.budget.left <= 0:
             raise FileFormatError("its messages are built in too many ways")
         for version in tuple(self._versions):
             try:
@@ -267,4 +231,4 @@ class TopicReader:
     def _spend(self, visits: int) -> None:
         """Count the work of one walk."""
         self._visits += visits + WALK
-        self.patience.spend(visits + WALK)
+        self.budget.spend(visits + WALK)

@@ -36,17 +36,11 @@ TIMES = {"time", "duration", "builtin_interfaces/Time", "builtin_interfaces/Dura
 
 @dataclass(frozen=True)
 class Field:
-    """One field of a message.
-
-    Attributes:
-        name: its name.
-        type: ``float64``, ``string``, ``time`` or the full name of another type.
-        count: None for a single value, the length of a fixed array, -1 for a sequence.
-    """
+    """One field of a message."""
 
     name: str
-    type: str
-    count: int | None = None
+    type: str  # ``float64``, ``string``, ``time`` or the full name of another type
+    count: int | None = None  # None for a single value, -1 for a sequence
 
 
 #: Fields of each type by its full name, ``package/Type``.
@@ -123,11 +117,7 @@ KNOWN: dict[str, tuple[str, ...]] = {
 
 @lru_cache(maxsize=64)
 def parse_definition(type_name: str, text: str) -> Definitions:
-    """Fields of a type and of the types it is made of; topics of one type are read once.
-
-    Raises:
-        FileFormatError: a line is no field, a type is missing, or types contain themselves.
-    """
+    """Fields of a type and of the types it is made of; topics of one type are read once."""
     if len(text) > MAX_DEFINITION:
         raise FileFormatError(f"the definition of {_shown(type_name)} has {len(text)} characters")
     current = short_name(type_name)

@@ -34,19 +34,12 @@ class _Unreadable(Exception):
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """Floats that lie in one row.
+    """Floats that lie in one row."""
 
-    Attributes:
-        path: names of the fields that lead there.
-        offset: first byte.
-        count: how many, or None for a single value that is no array.
-        code: numpy's code of one of them.
-    """
-
-    path: tuple[str, ...]
-    offset: int
-    count: int | None
-    code: str
+    path: tuple[str, ...]  # names of the fields that lead there
+    offset: int  # first byte
+    count: int | None  # how many, or None for a single value that is no array
+    code: str  # numpy's code of one of them
 
     def columns(self, names: tuple[str, ...]) -> list[str]:
         """Names of its columns: by joint where there is one name for each, else by number."""
@@ -57,11 +50,7 @@ class Run:
         return [f"{base}/{label}" for label in labels]
 
     def of(self, stack: np.ndarray) -> np.ndarray:
-        """Its values in messages, shape (messages, count).
-
-        Args:
-            stack: the messages' bytes, shape (messages, size).
-        """
+        """Its values in messages, shape (messages, count); stack (messages, size)."""
         width = int(self.code[-1]) * (1 if self.count is None else self.count)
         part = np.ascontiguousarray(stack[:, self.offset : self.offset + width])
         return part.view(self.code).astype(float)
@@ -69,27 +58,16 @@ class Run:
 
 @dataclass(frozen=True, eq=False)
 class Layout:
-    """The structure of a message.
+    """The structure of a message."""
 
-    Attributes:
-        size: of the message [bytes].
-        runs: its floats.
-        names: the names in it, of the joints as a rule.
-        stamp: first byte of the header's time stamp, or None.
-        order: ``<`` or ``>``.
-        places: indices of the bytes that make the structure, and ``bytes_there`` their values.
-        bytes_there: see ``places``.
-        visits: fields that the walk met.
-    """
-
-    size: int
-    runs: tuple[Run, ...]
-    names: tuple[str, ...]
-    stamp: int | None
-    order: str
-    places: np.ndarray
+    size: int  # of the message [bytes]
+    runs: tuple[Run, ...]  # its floats
+    names: tuple[str, ...]  # the names in it, of the joints as a rule
+    stamp: int | None  # first byte of the header's time stamp, or None
+    order: str  # ``<`` or ``>``
+    places: np.ndarray  # bytes that make the structure, with ``bytes_there``
     bytes_there: np.ndarray
-    visits: int = 0
+    visits: int = 0  # fields that the walk met
 
     @property
     def columns(self) -> tuple[str, ...]:
@@ -116,11 +94,7 @@ class Layout:
 
 
 def layout_of(message: bytes, type_name: str, definitions: Definitions, cdr: bool) -> Layout:
-    """Walk one message.
-
-    Raises:
-        FileFormatError: the bytes do not fit the definition.
-    """
+    """Walk one message."""
     try:
         walk = _Walk.begin(message, definitions, cdr)
         walk.message(type_name, ())

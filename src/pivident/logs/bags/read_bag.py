@@ -52,17 +52,11 @@ _DAY = 86_400_000_000_000
 
 @dataclass(frozen=True, eq=False)
 class Bag:
-    """A bag as tables.
+    """A bag as tables."""
 
-    Attributes:
-        topics: tables of the topics by name.
-        start: midnight before its first message [ns since 1970]; times count from there.
-        passed_over: why a topic was not read, by its name.
-    """
-
-    topics: dict[str, TopicTable]
-    start: int
-    passed_over: dict[str, str]
+    topics: dict[str, TopicTable]  # tables of the topics by name
+    start: int  # midnight before its first message [ns since 1970]; times count from there
+    passed_over: dict[str, str]  # why a topic was not read, by its name
 
     def names(self) -> tuple[str, ...]:
         """Names of all columns."""
@@ -73,11 +67,7 @@ class Bag:
         )
 
     def topic_of(self, column: str) -> TopicTable:
-        """The table that a column belongs to.
-
-        Raises:
-            FileFormatError: no topic has such a column.
-        """
+        """The table that a column belongs to."""
         parts = column.split("/")
         for k in range(len(parts) - 1, 0, -1):
             table = self.topics.get("/".join(parts[:k]))
@@ -86,11 +76,7 @@ class Bag:
         raise FileFormatError(f"no topic of the bag holds the column {column!r}")
 
     def times(self, table: TopicTable, kind: str) -> np.ndarray:
-        """Stamps of a topic's messages, shape (messages,) [s].
-
-        Raises:
-            FileFormatError: its messages have no stamps.
-        """
+        """Stamps of a topic's messages, shape (messages,) [s]."""
         nanoseconds = table.received if kind == RECEIVED else table.stamps
         if nanoseconds is None:
             raise FileFormatError(
@@ -99,11 +85,7 @@ class Bag:
         return (nanoseconds - self.start) / 1e9
 
     def column(self, name: str) -> np.ndarray:
-        """One column, shape (messages,), NaN where a message lacks it.
-
-        Raises:
-            FileFormatError: the bag has no such column.
-        """
+        """One column, shape (messages,), NaN where a message lacks it."""
         table = self.topic_of(name)
         own = name[len(table.name) + 1 :]
         if own in table.columns:
@@ -122,37 +104,18 @@ def is_bag(path: str | Path) -> bool:
 
 
 def bag_names(path: str | Path) -> tuple[str, ...]:
-    """Names of the columns of a bag.
-
-    Raises:
-        FileFormatError: no bag, a damaged one, or one without a topic of numbers.
-    """
+    """Names of the columns of a bag."""
     return open_bag(path).names()
 
 
 def read_bag(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Columns of a bag; those of different topics differ in length.
-
-    Args:
-        path: a ``.bag``, ``.mcap`` or ``.db3`` file, or the folder of a ROS 2 bag.
-        names: the columns wanted, which are in the bag; all where it is not given.
-
-    Returns:
-        Each column by its name, shape (messages of its topic,); NaN where a message lacks it.
-
-    Raises:
-        FileFormatError: as for `bag_names`.
-    """
+    """Columns of a bag; those of different topics differ in length."""
     bag = open_bag(path)
     return {name: bag.column(name) for name in (bag.names() if names is None else names)}
 
 
 def open_bag(path: str | Path) -> Bag:
-    """A bag read as a whole. The last one is kept, since names are asked for before columns.
-
-    Raises:
-        FileFormatError: no bag, a damaged one, or one without a topic of numbers.
-    """
+    """A bag read as a whole. The last one is kept, since names are asked for before columns."""
     path = Path(path)
     files = tuple(bag_files(path)) if path.is_dir() else (existing_file(path),)
     states = tuple((file, *_state(file)) for file in files)
@@ -172,12 +135,12 @@ def _state(file: Path) -> tuple[int, int, int]:
 def _opened(path: Path, states: tuple[tuple[Path, int, int, int], ...]) -> Bag:
     """Read every message once."""
     readers: dict[Topic, TopicReader] = {}
-    patience = WorkBudget()
+    budget = WorkBudget()
     for file, *_ in states:
         for topic, received, message in _messages(file):
             reader = readers.get(topic)
             if reader is None:
-                reader = readers[topic] = TopicReader(topic, patience)
+                reader = readers[topic] = TopicReader(topic, budget)
             if not reader.why_not:
                 reader.take(received, message)
     largest = max((file for file, *_ in states), key=lambda file: file.stat().st_size)

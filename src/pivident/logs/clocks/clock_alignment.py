@@ -31,7 +31,7 @@ CUTOFF = 0.4
 #: Values above this are no measurement in any unit, and overflow a spline.
 LARGEST = 1e100
 
-#: Share of the time that regular intervals have to fill to tell the rate.
+#: Share of the time that regular intervals must fill for a rate to be determined.
 MOSTLY = 0.8
 
 #: Header stamps of two topics whose lead over their receipt differs by more are two clocks [s].
@@ -40,24 +40,14 @@ ONE_CLOCK = 1.0
 
 @dataclass(frozen=True, eq=False)
 class ClockedChannel:
-    """A channel with the stamps of its own samples.
+    """A channel with the stamps of its own samples."""
 
-    Attributes:
-        channel: its name, such as ``tau``.
-        clock: name of the column of stamps, for messages.
-        t: stamps, shape (samples,) [s].
-        values: shape (samples, joints).
-        lead: how much the stamps are ahead of a clock that all topics share, the recorder's [s];
-            None where there is no such clock.
-        notes: what was done so far, in sentences.
-    """
-
-    channel: str
-    clock: str
-    t: np.ndarray
-    values: np.ndarray
-    lead: float | None = None
-    notes: tuple[str, ...] = ()
+    channel: str  # its name, such as ``tau``
+    clock: str  # name of the column of stamps, for messages
+    t: np.ndarray  # stamps, shape (samples,) [s]
+    values: np.ndarray  # shape (samples, joints)
+    lead: float | None = None  # of the stamps over the recorder's shared clock [s]
+    notes: tuple[str, ...] = ()  # what was done so far, in sentences
 
     @property
     def rate(self) -> float:
@@ -77,19 +67,12 @@ class ClockedChannel:
 
 @dataclass(frozen=True, eq=False)
 class Aligned:
-    """Channels on one uniform clock.
+    """Channels on one uniform clock."""
 
-    Attributes:
-        t: its times, shape (samples,) [s].
-        rate: its rate [Hz].
-        values: channels by name, shape (samples, joints).
-        notes: what was done, in sentences.
-    """
-
-    t: np.ndarray
-    rate: float
-    values: dict[str, np.ndarray]
-    notes: tuple[str, ...]
+    t: np.ndarray  # its times, shape (samples,) [s]
+    rate: float  # its rate [Hz]
+    values: dict[str, np.ndarray]  # channels by name, shape (samples, joints)
+    notes: tuple[str, ...]  # what was done, in sentences
 
 
 def have_one_clock(channels: Sequence[ClockedChannel]) -> bool:
@@ -99,18 +82,14 @@ def have_one_clock(channels: Sequence[ClockedChannel]) -> bool:
 
 
 def in_order(channel: ClockedChannel) -> ClockedChannel:
-    """The channel with its stamps in order, and samples that were logged twice once.
-
-    Messages of several publishers arrive in any order, and some publishers repeat the last state.
-    Samples with the same stamp and other values stay, to be refused.
-    """
+    """The channel with its stamps in order; a state that a publisher repeats stands once."""
     t, values, notes = channel.t, channel.values, list(channel.notes)
     if (np.diff(t) < 0).any():
         order = np.argsort(t, kind="stable")
         moved = int(np.sum(np.diff(t) < 0))
         notes.append(f"{channel.channel}: {moved} samples came out of order and were sorted.")
         t, values = t[order], values[order]
-    again = np.diff(t) == 0
+    again = np.diff(t) == 0  # with other values they stay, to be refused
     again &= ((values[1:] == values[:-1]) | np.isnan(values[1:])).all(axis=1)
     if again.any():
         keep = np.concatenate([[True], ~again])
@@ -124,18 +103,7 @@ def onto_one_clock(
     rate: float | None = None,
     part: tuple[float, float] | None = None,
 ) -> Aligned:
-    """Interpolate channels at the same uniform instants.
-
-    Args:
-        channels: each with its stamps in order.
-        rate: of the new clock [Hz]; that of the slowest channel where it is not given.
-        part: times to keep to, on the channels' clock [s]; all that the channels share otherwise.
-
-    Raises:
-        ClocksDisagree: the channels share no time, or their stamps are of two clocks.
-        GapInClock: a channel has a gap in that stretch.
-        RecordingError: stamps that repeat or go backward, or a rate that makes no sense.
-    """
+    """Interpolate channels at the same uniform instants; rate [Hz], part [s]."""
     for channel in channels:
         timestamps.check_increasing(channel.t)
     start, stop = _shared(channels, part)
@@ -153,19 +121,7 @@ def onto_one_clock(
 
 
 def resampled(channel: ClockedChannel, grid: np.ndarray, rate: float) -> np.ndarray:
-    """A channel at other instants, in the manner of its kind.
-
-    Args:
-        channel: stamps that increase, and no gaps.
-        grid: the instants [s].
-        rate: their rate [Hz].
-
-    Returns:
-        Shape (instants, joints).
-
-    Raises:
-        RecordingError: values that are NaN, infinite or too large to interpolate.
-    """
+    """A channel at other instants, in the manner of its kind."""
     t, values = channel.t, channel.values
     if not np.isfinite(values).all():
         k = int(np.flatnonzero(~np.isfinite(values).all(axis=1))[0])
@@ -193,12 +149,7 @@ def is_reduced(channel: ClockedChannel, rate: float) -> bool:
 
 
 def onto_sparsest(channels: Sequence[ClockedChannel]) -> ClockedChannel:
-    """Joints that came in messages of their own, as one channel on the stamps of the sparsest.
-
-    Raises:
-        ClocksDisagree: the joints share no time.
-        GapInClock: a joint is missing for a while between others.
-    """
+    """Joints that came in messages of their own, as one channel on the stamps of the sparsest."""
     for channel in channels:
         timestamps.check_increasing(channel.t)
     start, stop = _shared(channels, None)
@@ -218,11 +169,7 @@ def onto_sparsest(channels: Sequence[ClockedChannel]) -> ClockedChannel:
 def _shared(
     channels: Sequence[ClockedChannel], part: tuple[float, float] | None
 ) -> tuple[float, float]:
-    """First and last instant that all channels cover.
-
-    Raises:
-        ClocksDisagree: there is none, or header stamps come from different clocks.
-    """
+    """First and last instant that all channels cover."""
     for channel in channels[1:]:
         leads = (channels[0].lead, channel.lead)
         if None not in leads and abs(leads[0] - leads[1]) > ONE_CLOCK:  # type: ignore[operator]
@@ -249,11 +196,7 @@ def _span(channel: ClockedChannel) -> tuple[str, str, float, float]:
 
 
 def _check_gaps(channels: Sequence[ClockedChannel], start: float, stop: float) -> None:
-    """Refuse channels with gaps.
-
-    Raises:
-        GapInClock: with the longest stretch in which no channel has one.
-    """
+    """Refuse channels with gaps."""
     gaps: list[tuple[float, float, ClockedChannel]] = []
     for channel in channels:
         t, intervals = channel.t, np.diff(channel.t)

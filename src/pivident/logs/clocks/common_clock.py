@@ -11,26 +11,14 @@ from dataclasses import replace
 import numpy as np
 
 from pivident.errors import GapInClock
-from pivident.logs.clocks.clock_alignment import (
-    ClockedChannel,
-    have_one_clock,
-    onto_one_clock,
-)
+from pivident.logs.clocks.clock_alignment import ClockedChannel, have_one_clock, onto_one_clock
 
 #: Channels on their clock: values by name, clocks by name [s], and what was done.
 OnOneClock = tuple[dict[str, np.ndarray], dict[str, np.ndarray], list[str]]
 
 
 def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOneClock:
-    """Channels as they are where they have one clock, else resampled; gaps are cut around.
-
-    Args:
-        channels: each with its stamps.
-        rate: wanted where they have to be resampled [Hz].
-
-    Raises:
-        RecordingError: clocks that share no time.
-    """
+    """Channels as they are where they have one clock, else resampled; gaps are cut around."""
     if have_one_clock(channels):
         done = list(dict.fromkeys(note for c in channels for note in c.notes))
         return {c.channel: c.values for c in channels}, {channels[0].clock: channels[0].t}, done
@@ -44,7 +32,7 @@ def on_one_clock(channels: Sequence[ClockedChannel], rate: float | None) -> OnOn
         except GapInClock as gap:
             if last:
                 raise
-            notes = [f"Only the longest stretch without gaps is looked at: {gap}."]
+            notes = [f"Only the longest stretch without gaps is used: {gap}."]
             part = gap.stretches.longest
     return aligned.values, {"common clock": aligned.t}, [*notes, *aligned.notes]
 

@@ -1,6 +1,6 @@
 """Gaps in the stamps of a log, and the stretches between them that can be used.
 
-Over short gaps samples are interpolated if that is asked for. Nothing is interpolated over longer
+Over short gaps samples are interpolated on request. Nothing is interpolated over longer
 ones: the motion in between is not known. What lies before and behind such a gap is still good, as a
 recording of its own or as several.
 """
@@ -25,20 +25,12 @@ WORTHWHILE = 0.1
 
 
 def bridged_interval(period: float) -> float:
-    """Longest interval that is interpolated where that is asked for [s].
-
-    Args:
-        period: the usual interval [s].
-    """
+    """Longest interval that is interpolated on request [s]; period [s]."""
     return max(BRIDGED_PERIODS * period, BRIDGED_SECONDS)
 
 
 def stretches(t: np.ndarray) -> Stretches:
-    """What gaps leave of a log of one clock, which is regular but for them.
-
-    Args:
-        t: stamps that increase, shape (samples,) [s].
-    """
+    """What gaps leave of a log of one clock, which is regular but for them; t (samples,) [s]."""
     intervals = np.diff(t)
     period = float(np.median(intervals))
     lacking = intervals[intervals > GAP * period]
@@ -50,13 +42,7 @@ def stretches(t: np.ndarray) -> Stretches:
 def stretches_of(
     between: Sequence[tuple[float, float]], period: float, resample: bool
 ) -> Stretches:
-    """What gaps leave of a log.
-
-    Args:
-        between: first and last instant of every stretch, in order of time [s].
-        period: between samples [s].
-        resample: whether shorter gaps remain inside, or channels have clocks of their own.
-    """
+    """What gaps leave of a log; between [s], period [s]."""
     lengths = [float(stop - start) for start, stop in between]
     whole = float(between[-1][1] - between[0][0])
     worth = [length >= WORTHWHILE * max(lengths) for length in lengths]

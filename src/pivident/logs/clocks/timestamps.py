@@ -4,12 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pivident.errors import (
-    IrregularSampling,
-    MissingSamples,
-    RecordingError,
-    RecordingTooShort,
-)
+from pivident.errors import IrregularSampling, MissingSamples, RecordingError, RecordingTooShort
 from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
 from pivident.logs.units import TIME
 
@@ -33,21 +28,13 @@ MAX_NEW_SAMPLES = 100
 
 
 def check_length(samples: int) -> None:
-    """Refuse a recording of fewer than `MIN_SAMPLES` samples.
-
-    Raises:
-        RecordingTooShort: with the number of samples.
-    """
+    """Refuse a recording of fewer than `MIN_SAMPLES` samples."""
     if samples < MIN_SAMPLES:
         raise RecordingTooShort(samples, MIN_SAMPLES)
 
 
 def check_positive(name: str, value: float) -> None:
-    """Refuse a rate that is not a positive, finite number.
-
-    Raises:
-        RecordingError: names the quantity and the value.
-    """
+    """Refuse a rate that is not a positive, finite number."""
     if not (np.isfinite(value) and value > 0):
         raise RecordingError(f"{name} is {value!r} Hz; a positive number is needed")
 
@@ -59,14 +46,7 @@ def likely_time_units(interval: float) -> list[str]:
 
 
 def check_seconds(t: np.ndarray) -> None:
-    """Refuse stamps whose unit nobody gave and that are hardly seconds.
-
-    Args:
-        t: time stamps, shape (samples,), taken for seconds.
-
-    Raises:
-        RecordingError: with the unit that would make a likely rate.
-    """
+    """Refuse stamps whose unit nobody gave and that are hardly seconds; t (samples,)."""
     interval = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     if not interval > 1.0 / LOWEST_RATE:
         return
@@ -78,16 +58,7 @@ def check_seconds(t: np.ndarray) -> None:
 
 
 def check_increasing(t: np.ndarray) -> None:
-    """Refuse stamps that are not finite, repeat themselves or go backward.
-
-    Args:
-        t: time stamps, shape (samples,) [s].
-
-    Raises:
-        RecordingTooShort: too few stamps.
-        RecordingError: a stamp is NaN or infinite.
-        IrregularSampling: two neighbours are equal, or the later one is smaller.
-    """
+    """Refuse stamps that are not finite, repeat themselves or go backward; t (samples,) [s]."""
     check_length(len(t))
     bad = np.flatnonzero(~np.isfinite(t))
     if bad.size:
@@ -103,16 +74,7 @@ def check_increasing(t: np.ndarray) -> None:
 
 
 def rate_of(t: np.ndarray) -> float:
-    """Sampling rate of regular time stamps: intervals over elapsed time [Hz].
-
-    Args:
-        t: time stamps, shape (samples,) [s].
-
-    Raises:
-        IrregularSampling: an interval deviates from the median one by more than
-            `JITTER_TOLERANCE`, a stamp repeats or goes backward.
-        MissingSamples: the clock is regular, but samples are missing.
-    """
+    """Sampling rate of regular time stamps: intervals over elapsed time [Hz]; t (samples,) [s]."""
     check_increasing(t)
     intervals = np.diff(t)
     deviation = np.abs(intervals / np.median(intervals) - 1.0)
@@ -123,11 +85,7 @@ def rate_of(t: np.ndarray) -> float:
 
 
 def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray) -> None:
-    """Tell samples that are missing from a clock that is not regular.
-
-    Raises:
-        MissingSamples: every interval at fault lacks samples.
-    """
+    """Distinguish missing samples from an irregular clock."""
     gaps = lacking(intervals, float(np.median(intervals)))
     if gaps.size and gaps.size == np.sum(deviation > JITTER_TOLERANCE):
         k = int(gaps[np.argmax(intervals[gaps])])
@@ -137,17 +95,10 @@ def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray)
 
 
 def lacking(intervals: np.ndarray, period: float) -> np.ndarray:
-    """Numbers of the intervals that lack samples, where late stamps of a clock do not look so.
-
-    An interval lacks samples if it is a multiple of the period, up to the jitter, or longer than
-    what is ever interpolated: a logger that paused begins anew at any time.
-
-    Args:
-        intervals: between stamps, shape (samples - 1,) [s].
-        period: the usual one of them [s].
-    """
+    """Numbers of the intervals that are multiples of the period up to the jitter, or pauses."""
     periods = intervals / period
     whole = np.abs(periods - np.round(periods)) <= 2.0 * JITTER_TOLERANCE
+    # A logger that paused begins anew at any time.
     return np.flatnonzero((periods > GAP) & (whole | (intervals > bridged_interval(period))))
 
 
@@ -157,15 +108,7 @@ def round_rate(rate: float) -> float:
 
 
 def check_rate(rate: float, t: np.ndarray) -> None:
-    """Refuse a given rate that contradicts the stamps, which need not be regular.
-
-    Args:
-        rate: the rate that was given [Hz].
-        t: time stamps, shape (samples,) [s].
-
-    Raises:
-        RecordingError: they differ by more than `RATE_TOLERANCE`.
-    """
+    """Refuse a given rate that contradicts the stamps, which need not be regular."""
     check_positive("rate", rate)
     check_length(len(t))
     elapsed = float(t[-1] - t[0])
@@ -180,16 +123,7 @@ def check_rate(rate: float, t: np.ndarray) -> None:
 def uniform_grid(
     t: np.ndarray, rate: float | None = None, span: tuple[float, float] | None = None
 ) -> tuple[np.ndarray, float]:
-    """Times t₀ + k/rate over a stretch of time [s], and the rate [Hz].
-
-    Args:
-        t: increasing time stamps, shape (samples,) [s].
-        rate: of the grid [Hz]; that of the median interval where it is not given.
-        span: first and last time [s]; those of the stamps where they are not given.
-
-    Raises:
-        RecordingError: the grid would have more than `MAX_NEW_SAMPLES` samples for each stamp.
-    """
+    """Times t₀ + k/rate over a stretch of time [s], and the rate [Hz]."""
     check_increasing(t)
     rate = 1.0 / float(np.median(np.diff(t))) if rate is None else float(rate)
     check_positive("rate to resample to", rate)
@@ -207,37 +141,19 @@ def uniform_grid(
 
 
 def resample_smooth(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Cubic spline through a smooth channel (positions, references).
-
-    Args:
-        t: increasing time stamps, shape (samples,) [s].
-        values: shape (samples, joints).
-        grid: times wanted [s].
-    """
+    """Cubic spline through a smooth channel (positions, references)."""
     from scipy.interpolate import CubicSpline
 
     return CubicSpline(t, values)(grid)
 
 
 def resample_linear(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Straight lines between the samples of a rough channel (torques).
-
-    Args:
-        t: increasing time stamps, shape (samples,) [s].
-        values: shape (samples, joints).
-        grid: times wanted [s].
-    """
+    """Straight lines between the samples of a rough channel (torques)."""
     return np.column_stack([np.interp(grid, t, column) for column in values.T])
 
 
 def resample_held(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """The latest sample at each time, for what a controller holds (known inputs).
-
-    Args:
-        t: increasing time stamps, shape (samples,) [s].
-        values: shape (samples, joints).
-        grid: times wanted [s].
-    """
+    """The latest sample at each time, for what a controller holds (known inputs)."""
     return values[np.searchsorted(t, grid, side="right") - 1]
 
 

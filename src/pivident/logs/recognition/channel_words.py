@@ -29,7 +29,7 @@ OTHER_QUANTITIES = {
     "current": "currents i iq amp amps ampere strom",
 }
 
-#: Words of a reference: what the controller was told. The first line wherever they stand.
+#: Words of a reference: what the controller was commanded. The first line wherever they stand.
 PLAIN_REFERENCE = set("ref reference des desired cmd command target setpoint r".split())
 REFERENCE = PLAIN_REFERENCE | set(
     "cmds commands commanded targets setpoints set sp soll goal demand demanded d planned".split()
@@ -51,7 +51,7 @@ FOREIGN = set(
 PLAIN_FILLING = set("joint j axis motor link".split())
 FILLING = PLAIN_FILLING | set("joints axes jnt a robot data value values column actuator".split())
 
-#: Units as people write them after a name, with the quantity that they betray.
+#: Units as people write them after a name, with the quantity that they imply.
 UNITS: dict[str, tuple[str, str]] = {
     "deg": ("deg", "q"), "degs": ("deg", "q"), "degree": ("deg", "q"), "degrees": ("deg", "q"),
     "°": ("deg", "q"), "rad": ("rad", "q"), "rads": ("rad", "q"), "radian": ("rad", "q"),
@@ -80,7 +80,7 @@ TIME_WORDS = set("t time timestamp stamp clock rosbagtimestamp ts zeit uptime".s
 #: Units that stand as a word of their own, without brackets around them.
 BARE_UNITS = {"deg", "degs", "degree", "degrees", "rad", "rads", "nm", "mnm", "mm", "rpm", "°"}
 
-#: Words of a name that tell a unit where the quantity is known, which ``deg`` alone does not.
+#: Words of a name that mean a unit where the quantity is known, which ``deg`` alone does not.
 UNIT_WORDS: dict[str, dict[str, set[str]]] = {
     "angle": {
         "deg": {"deg", "degs", "degree", "degrees"},
@@ -120,21 +120,12 @@ _WORD = re.compile(r"[^\W\d_]+|\d+|°")
 
 @dataclass(frozen=True)
 class Reading:
-    """What the words of a name say.
+    """What the words of a name say."""
 
-    Attributes:
-        channel: ``q``, ``dq``, ``ddq``, ``tau``, ``current``, with ``_ref`` for references; None
-            where the words name no quantity, or something that is no joint signal.
-        unit: unit written beside the name, or None.
-        measured: how clearly it is the name of a measurement: 1 with a word for it, 0 without,
-            -1 where the name has words that nobody knows.
-        foreign: whether it is something else than a joint signal.
-    """
-
-    channel: str | None
-    unit: str | None
-    measured: int = 0
-    foreign: bool = False
+    channel: str | None  # ``q``, ``tau_ref``, …; None for no quantity or no joint signal
+    unit: str | None  # unit written beside the name, or None
+    measured: int = 0  # 1: called a measurement, 0: not, -1: has unknown words
+    foreign: bool = False  # whether it is something else than a joint signal
 
 
 def words_of(name: str) -> list[str]:
@@ -143,7 +134,7 @@ def words_of(name: str) -> list[str]:
 
 
 def without_unit(name: str) -> tuple[str, str | None, str | None]:
-    """A name without the unit in brackets at its end, the unit, and the quantity it betrays."""
+    """A name without the unit in brackets at its end, the unit, and the quantity it implies."""
     for found in _BRACKETS.finditer(name):
         unit = UNITS.get(found[1].strip().lower().replace("µ", "u"))
         if unit is not None:

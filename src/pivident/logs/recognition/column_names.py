@@ -20,21 +20,14 @@ WORDS = {
     "tau": {*PLAIN_QUANTITIES["tau"].split(), *PLAIN_QUANTITIES["current"].split()},
 }
 
-#: Words that tell nothing about the joint.
+#: Words without information about the joint.
 FILLING = PLAIN_FILLING | PLAIN_MEASURED | {"rad", "deg", "nm"}
 
 _WORD = re.compile(r"[a-z]+|\d+")
 
 
 def channel_of(name: str) -> tuple[str, str] | None:
-    """Channel and joint that a column's name belongs to.
-
-    Args:
-        name: name of a column, or of a column of an array, such as ``tau[:, 0]``.
-
-    Returns:
-        ``("tau", "0")``, or None where the name says nothing.
-    """
+    """Channel and joint that a column's name belongs to."""
     words = _WORD.findall(name.lower().replace("_ref", " ref"))
     kinds = [kind for kind, own in WORDS.items() if own & set(words)]
     is_reference = bool(PLAIN_REFERENCE & set(words))
@@ -47,19 +40,10 @@ def channel_of(name: str) -> tuple[str, str] | None:
     return (f"{kinds[0]}_ref" if is_reference else kinds[0]), joint
 
 
-def guess_channels(
+def recognise_columns(
     names: Sequence[str], joint_names: Sequence[str] = ()
 ) -> tuple[dict[str, list[str]], list[str]]:
-    """Columns of each channel, one per joint, as far as their names show.
-
-    Args:
-        names: names of the columns.
-        joint_names: joints of the robot, where it is known; gives order and number.
-
-    Returns:
-        Columns by channel and the names of the joints. A channel that has no column for some
-        joint of ``q`` is left out.
-    """
+    """Columns of each channel, one per joint, as far as their names show."""
     channels, joints = _by_words(names, joint_names)
     series = _by_series(names, joint_names)
     if not {"q", "tau"} <= set(channels):

@@ -18,20 +18,12 @@ JOINT = "{}"
 
 @dataclass(frozen=True)
 class Series:
-    """One signal of several joints.
+    """One signal of several joints."""
 
-    Attributes:
-        words: words of the names, with `JOINT` for the joint.
-        columns: column of each joint, by a joint's name or by the number in the column's name;
-            the key is empty where the name holds neither.
-        named: whether the keys are names of the robot's joints.
-        reading: what the words say.
-    """
-
-    words: tuple[str, ...]
-    columns: Mapping[str, str]
-    named: bool
-    reading: Reading
+    words: tuple[str, ...]  # words of the names, with `JOINT` for the joint
+    columns: Mapping[str, str]  # by joint's name or number, empty without either
+    named: bool  # whether the keys are names of the robot's joints
+    reading: Reading  # what the words say
 
     @property
     def channel(self) -> str | None:
@@ -40,12 +32,7 @@ class Series:
 
 
 def column_series(columns: Sequence[str], joint_names: Sequence[str] = ()) -> list[Series]:
-    """All series of a table, in the order of their first columns.
-
-    Args:
-        columns: names of the columns.
-        joint_names: names of the robot's joints, where it is known.
-    """
+    """All series of a table, in the order of their first columns."""
     phrases = joint_phrases(joint_names)
     bare = {column: without_unit(column) for column in columns}
     words = {column: words_of(bare[column][0]) for column in columns}
@@ -78,7 +65,7 @@ def column_series(columns: Sequence[str], joint_names: Sequence[str] = ()) -> li
 
 
 def _unit(own: Mapping[str, str], bare: Mapping[str, tuple[str, str | None, str | None]]):
-    """Unit of a series' first column, and the quantity that it betrays."""
+    """Unit of a series' first column, and the quantity that it implies."""
     return bare[next(iter(own.values()))][1:]
 
 

@@ -19,38 +19,20 @@ EPOCH = (5e8, 5e9)
 
 @dataclass(frozen=True, eq=False)
 class LogClock:
-    """What is known about time.
+    """What is known about time."""
 
-    Attributes:
-        column: the time column, or None.
-        unit: its unit.
-        rate: sampling rate [Hz].
-        sure: how sure column and rate are.
-        seen: what was seen.
-        resample: whether the stamps are too irregular to pass for equidistant, but for gaps that
-            nothing is interpolated over.
-        by_rate: whether the rate stands for the stamps, which repeat or go backward.
-        seconds: the stamps [s], or those that follow from the rate, shape (samples,).
-    """
-
-    column: str | None
+    column: str | None  # the time column, or None
     unit: str
-    rate: float
-    sure: Sureness
+    rate: float  # sampling rate [Hz]
+    sure: Sureness  # how sure column and rate are
     seen: str
-    resample: bool
-    by_rate: bool
-    seconds: np.ndarray
+    resample: bool  # whether the stamps between gaps are too irregular for equidistant
+    by_rate: bool  # whether the rate stands for the stamps, which repeat or go backward
+    seconds: np.ndarray  # the stamps [s], or those that follow from the rate, shape (samples,)
 
 
 def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float | None) -> LogClock:
-    """Find the clock of a table.
-
-    Args:
-        columns: all columns.
-        hint: rate that follows from logged speeds and positions [Hz], or None.
-        given: rate that somebody gave [Hz], or None.
-    """
+    """Find the clock of a table; hint [Hz], given [Hz]."""
     samples = len(next(iter(columns.values())))
     candidates = [name for name, values in columns.items() if is_usable_clock(name, values)]
     if not candidates:
@@ -81,13 +63,7 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
 def stamp_unit(
     name: str, stamps: np.ndarray, hint: float | None = None
 ) -> tuple[str, str, Sureness]:
-    """Unit of time stamps, the reason, and how sure it is.
-
-    Args:
-        name: name of the column.
-        stamps: shape (samples,).
-        hint: rate that follows from logged speeds [Hz], or None.
-    """
+    """Unit of time stamps, the reason, and how sure it is; stamps (samples,), hint [Hz]."""
     steps = np.diff(stamps)
     period = float(np.median(steps[steps > 0]))
     likely = likely_time_units(period)
@@ -111,12 +87,7 @@ def stamp_unit(
 
 
 def speed_rate(q: np.ndarray, dq: np.ndarray) -> float | None:
-    """Rate at which logged speeds are the differences of logged positions [Hz], or None.
-
-    Args:
-        q: positions, shape (samples, joints).
-        dq: speeds in the same unit per second, likewise.
-    """
+    """Rate at which logged speeds are the differences of logged positions [Hz], or None."""
     step = np.diff(q, axis=0)
     middle = 0.5 * (dq[1:] + dq[:-1])
     if not (np.isfinite(step).all() and np.isfinite(middle).all()):

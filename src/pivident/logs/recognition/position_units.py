@@ -17,7 +17,7 @@ SLACK = 0.05
 #: Largest angle that an arm without known limits is believed to reach [rad].
 FARTHEST = 4.0 * np.pi
 
-#: Smallest range of motion that speaks for a unit by itself [rad].
+#: Smallest range of motion that supports a unit by itself [rad].
 SPEAKING = 0.2
 
 #: Correlation from which on one signal follows another.
@@ -26,16 +26,10 @@ FOLLOWS = 0.9
 
 @dataclass(frozen=True)
 class AssumedUnits:
-    """Unit of each joint of a channel.
+    """Unit of each joint of a channel."""
 
-    Attributes:
-        units: one for each joint.
-        sure: how sure they are.
-        seen: what was seen.
-    """
-
-    units: tuple[str, ...]
-    sure: Sureness
+    units: tuple[str, ...]  # one for each joint
+    sure: Sureness  # how sure they are
     seen: str
 
     @property
@@ -51,14 +45,7 @@ class AssumedUnits:
 def position_unit(
     robot: Robot, q: np.ndarray, named: str | None, answer: str | None
 ) -> AssumedUnits:
-    """Unit of the logged positions.
-
-    Args:
-        robot: its joints' kinds and limits.
-        q: as logged, shape (samples, joints), NaN where there is none.
-        named: unit written in the columns' names, or None.
-        answer: unit that somebody gave, or None.
-    """
+    """Unit of the logged positions; q (samples, joints)."""
     turning = [j for j, joint in enumerate(robot.joints) if joint.kind == "revolute"]
     some = any(np.isfinite(q[:, j]).any() for j in turning)
     sliding = [j for j, joint in enumerate(robot.joints) if joint.kind == "prismatic"]
@@ -128,17 +115,7 @@ def _best(
 def following_unit(
     values: np.ndarray, si: np.ndarray, names: Sequence[str], table: dict[str, float]
 ) -> tuple[str, float] | None:
-    """Unit in which a channel follows another one, and the share of it that is left.
-
-    Args:
-        values: the channel as logged, shape (samples, joints).
-        si: what it should follow, in SI, likewise.
-        names: units that are possible.
-        table: their factors.
-
-    Returns:
-        The unit and ‖x - y‖/‖y‖ of the changing parts; None where it does not follow.
-    """
+    """Unit in which a channel follows another one, and the share of it that is left."""
     x, y = values - values.mean(axis=0), si - si.mean(axis=0)
     size = float(np.linalg.norm(x) * np.linalg.norm(y))
     if not np.isfinite(size) or size == 0.0 or float((x * y).sum()) < FOLLOWS * size:

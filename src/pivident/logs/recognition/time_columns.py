@@ -23,12 +23,7 @@ def names_time(name: str) -> bool:
 
 
 def is_clock(name: str, values: np.ndarray) -> bool:
-    """Whether a column holds time stamps, be they broken: by its name, and nearly increasing.
-
-    Args:
-        name: name of the column.
-        values: shape (samples,).
-    """
+    """Whether a column holds time stamps, be they broken: by its name, and nearly increasing."""
     if not names_time(name) or len(values) < 3:
         return False
     finite = values[np.isfinite(values)]
@@ -37,12 +32,7 @@ def is_clock(name: str, values: np.ndarray) -> bool:
 
 
 def is_usable_clock(name: str, values: np.ndarray) -> bool:
-    """Whether stamps are finite and go forward; without a name for it, perfectly evenly.
-
-    Args:
-        name: name of the column.
-        values: shape (samples,).
-    """
+    """Whether stamps are finite and go forward; without a name for it, perfectly evenly."""
     if len(values) < 3 or not np.isfinite(values).all():
         return False
     steps = np.diff(values)
@@ -58,12 +48,7 @@ def is_usable_clock(name: str, values: np.ndarray) -> bool:
 def clocks_in(
     stamps: Mapping[str, np.ndarray], unit: str | None
 ) -> tuple[dict[str, np.ndarray], str, list[str]]:
-    """Time columns in seconds, the unit of the first, and a sentence where one was assumed.
-
-    Args:
-        stamps: time columns by name, each of shape (samples,).
-        unit: unit of the first column, where it is known.
-    """
+    """Time columns in seconds, the unit of the first, and a sentence where one was assumed."""
     clocks, notes = {}, []
     for number, (name, values) in enumerate(stamps.items()):
         own = unit if unit and not number else assumed_unit(values)

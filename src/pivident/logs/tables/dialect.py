@@ -38,33 +38,19 @@ _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+(?:,\d*)?")
 
 @dataclass(frozen=True)
 class Dialect:
-    """How a table was written.
+    """How a table was written."""
 
-    Attributes:
-        names: names of the columns.
-        separator: what stands between cells; a tab where runs of blanks do.
-        present: whether there is a header.
-        above: lines above it, or above the first numbers, that are no part of the table.
-        units: whether a line of units follows the header.
-        decimal_comma: whether numbers have a decimal comma.
-        blanks: whether cells are separated by blanks, one or more.
-    """
-
-    names: tuple[str, ...]
-    separator: str
-    present: bool
-    above: int = 0
-    units: bool = False
-    decimal_comma: bool = False
-    blanks: bool = False
+    names: tuple[str, ...]  # names of the columns
+    separator: str  # what stands between cells; a tab where runs of blanks do
+    present: bool  # whether there is a header
+    above: int = 0  # lines above it, or above the first numbers, that are no part of the table
+    units: bool = False  # whether a line of units follows the header
+    decimal_comma: bool = False  # whether numbers have a decimal comma
+    blanks: bool = False  # whether cells are separated by blanks, one or more
 
 
 def dialect_of(file: str, lines: Iterable[str]) -> Dialect:
-    """Tell how a table was written.
-
-    Raises:
-        FileFormatError: no table, or one with columns of the same name.
-    """
+    """How a table was written."""
     looked_at: list[tuple[int, str]] = []
     for number, line in enumerate(lines):
         if "\0" in line:
@@ -141,11 +127,7 @@ def is_number(cell: str, decimal_comma: bool = False) -> bool:
 
 
 def _separator(lines: Sequence[str]) -> str:
-    """What stands between cells.
-
-    A semicolon or a tab that every line has alike does: commas beside it, be they ever so many,
-    belong to numbers or to names. Else it is what the first line has most of.
-    """
+    """What stands between cells: a semicolon or tab alike in all lines, else the most frequent."""
     for separator in SEPARATORS[1:]:
         counts = {line.count(separator) for line in lines}
         if len(counts) == 1 and counts.pop():

@@ -37,29 +37,17 @@ _COMPLEX = 0x0800
 
 @dataclass(frozen=True)
 class Variable:
-    """A variable of a file.
-
-    Attributes:
-        name: its name.
-        shape: its shape in MATLAB.
-        numeric: whether it is an array of numbers.
-        is_complex: whether these have imaginary parts.
-        place: where its element begins [bytes].
-    """
+    """A variable of a file."""
 
     name: str
-    shape: tuple[int, ...]
-    numeric: bool
-    is_complex: bool
-    place: int
+    shape: tuple[int, ...]  # its shape in MATLAB
+    numeric: bool  # whether it is an array of numbers
+    is_complex: bool  # whether these have imaginary parts
+    place: int  # where its element begins [bytes]
 
 
 def variables(path: Path) -> list[Variable]:
-    """All variables with a name, without their numbers.
-
-    Raises:
-        ValueError: it is of another version, or damaged; the text says where.
-    """
+    """All variables with a name, without their numbers."""
     with path.open("rb") as stream:
         order, size = _opened(stream)
         found = []
@@ -73,11 +61,7 @@ def variables(path: Path) -> list[Variable]:
 
 
 def array_of(path: Path, variable: Variable) -> np.ndarray:
-    """The numbers of a variable in the shape it has in MATLAB.
-
-    Raises:
-        ValueError: the file is damaged; the text says how.
-    """
+    """The numbers of a variable in the shape it has in MATLAB."""
     count = math.prod(variable.shape)
     with path.open("rb") as stream:
         order, _ = _opened(stream)

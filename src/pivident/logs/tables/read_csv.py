@@ -34,29 +34,12 @@ from pivident.logs.tables.dialect import (
 
 
 def csv_names(path: str | Path) -> tuple[str, ...]:
-    """Names of the columns, without loading them.
-
-    Raises:
-        FileFormatError: the file is missing, empty or not text.
-    """
+    """Names of the columns, without loading them."""
     return _header(existing_file(path)).names
 
 
 def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Columns of a text table.
-
-    Args:
-        path: the file; ``.gz`` is unpacked on the way.
-        names: the columns wanted, which are in the file; all where it is not given. Other
-            columns may hold text.
-
-    Returns:
-        Each column by its name, shape (samples,).
-
-    Raises:
-        FileFormatError: the file is missing, empty, binary, or expands beyond reason.
-        BadCell: a line is ragged, or a wanted cell is empty or not a number; names both.
-    """
+    """Columns of a text table, each of shape (samples,)."""
     path = existing_file(path)
     header = _header(path)
     wanted = list(header.names if names is None else names)
@@ -77,11 +60,7 @@ def read_csv(path: str | Path, names: Sequence[str] | None = None) -> dict[str, 
 
 
 def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
-    """All columns of a text table that hold numbers, NaN where a cell is empty or no number.
-
-    Raises:
-        FileFormatError: the file cannot be read as a table at all.
-    """
+    """All columns of a text table that hold numbers, NaN where a cell is empty or no number."""
     path = existing_file(path)
     header = _header(path)
     columns = [array("d") for _ in header.names]
@@ -103,11 +82,7 @@ def read_csv_forgiving(path: str | Path) -> dict[str, np.ndarray]:
 def _numbers(
     path: Path, header: Dialect, places: Sequence[int], last: int | None = None
 ) -> np.ndarray:
-    """Columns at some places, shape (samples, columns), up to a line of the file.
-
-    Raises:
-        ValueError: a cell is not a number, or a line has too many or too few.
-    """
+    """Columns at some places, shape (samples, columns), up to a line of the file."""
     with _whole_text(path) as text:
         lines = _plain_lines(_lines(path, text), header, last)
         first = next(lines, None)
@@ -123,11 +98,7 @@ def _numbers(
 
 
 def _plain_lines(lines: Iterable[str], header: Dialect, last: int | None) -> Iterator[str]:
-    """Lines of samples as `numpy.loadtxt` reads them; blank ones at the end are left out.
-
-    Raises:
-        ValueError: a line has too many cells, or is blank and others follow.
-    """
+    """Lines of samples as `numpy.loadtxt` reads them; blank ones at the end are left out."""
     separator, most = header.separator, len(header.names) - 1
     blank = False
     rows = _sample_lines(lines, header)

@@ -29,28 +29,12 @@ HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 def mat_names(path: str | Path) -> tuple[str, ...]:
-    """Names of the variables of real numbers, without loading them.
-
-    Raises:
-        FileFormatError: the file is missing, empty or no MATLAB file.
-    """
+    """Names of the variables of real numbers, without loading them."""
     return tuple(_variables(existing_file(path)))
 
 
 def read_mat(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Variables of a MATLAB file.
-
-    Args:
-        path: the file.
-        names: the variables wanted, which are in the file; all numeric ones where it is not given.
-
-    Returns:
-        Each variable by its name, in the shape it has in MATLAB (vectors are (n, 1) or (1, n)).
-
-    Raises:
-        FileFormatError: the file is missing, damaged, expands beyond reason or holds its numbers
-            in another file.
-    """
+    """Variables of a MATLAB file in their MATLAB shapes: vectors are (n, 1) or (1, n)."""
     path = existing_file(path)
     shapes = _variables(path)
     wanted = tuple(shapes) if names is None else tuple(names)

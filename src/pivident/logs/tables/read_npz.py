@@ -29,11 +29,7 @@ MAX_HEADER = 2**16
 
 
 def npz_names(path: str | Path) -> tuple[str, ...]:
-    """Names of the arrays, without loading them.
-
-    Raises:
-        FileFormatError: the file is missing, empty or no archive.
-    """
+    """Names of the arrays, without loading them."""
     with _archive(existing_file(path)) as archive:
         return tuple(
             member.removesuffix(".npy") for member in archive.namelist() if member.endswith(".npy")
@@ -41,19 +37,7 @@ def npz_names(path: str | Path) -> tuple[str, ...]:
 
 
 def read_npz(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Arrays of a NumPy archive.
-
-    Args:
-        path: the file.
-        names: the arrays wanted, which are in the file; all numeric ones where it is not given.
-
-    Returns:
-        Each array by its name, in the shape it has in the file.
-
-    Raises:
-        FileFormatError: the file is missing, damaged, expands beyond reason, or a wanted array
-            holds text or pickled objects.
-    """
+    """Arrays of a NumPy archive."""
     path = existing_file(path)
     arrays = {}
     for name in npz_names(path) if names is None else names:
@@ -133,16 +117,7 @@ def npy_names(path: str | Path) -> tuple[str, ...]:
 
 
 def read_npy(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """The array of a .npy file, as ``data``; mapped, not read.
-
-    Args:
-        path: the file.
-        names: ``data``, or None.
-
-    Raises:
-        FileFormatError: the file is missing, damaged or shorter than it promises, or the array
-            holds text or pickled objects.
-    """
+    """The array of a .npy file, as ``data``; mapped, not read."""
     path = existing_file(path)
     with _damage_named(path, ONLY), path.open("rb") as file:
         _check_header_length(file)

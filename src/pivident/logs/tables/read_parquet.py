@@ -29,11 +29,7 @@ MAX_TEXT, MAX_LIST = 10_000_000, 1_000_000
 
 
 def parquet_names(path: str | Path) -> tuple[str, ...]:
-    """Names of the numeric columns, without loading them.
-
-    Raises:
-        FileFormatError: the file is missing, empty or no Parquet file.
-    """
+    """Names of the numeric columns, without loading them."""
     path = existing_file(path)
     with _opened(path, "is not a readable Parquet file") as table:
         from pyarrow import types
@@ -44,19 +40,7 @@ def parquet_names(path: str | Path) -> tuple[str, ...]:
 
 
 def read_parquet(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Columns of a Parquet table.
-
-    Args:
-        path: the file.
-        names: the columns wanted, which are in the file; all numeric ones where it is not given.
-
-    Returns:
-        Each column by its name, shape (samples,), float64.
-
-    Raises:
-        FileFormatError: the file is missing, damaged or expands beyond reason.
-        BadCell: a wanted cell is empty.
-    """
+    """Columns of a Parquet table, each of shape (samples,)."""
     path = existing_file(path)
     wanted = list(parquet_names(path) if names is None else names)
     with _opened(path, "is a damaged Parquet file") as table:

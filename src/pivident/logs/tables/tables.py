@@ -42,12 +42,7 @@ READERS: dict[str, tuple[Names, Read]] = {
 
 
 def names_in(path: str | Path) -> tuple[str, ...]:
-    """Names of the columns or arrays in a file, without loading them.
-
-    Raises:
-        FileFormatError: no reader for that kind of file, or the file cannot be read, or a name
-            would do something to a terminal or a page.
-    """
+    """Names of the columns or arrays in a file, without loading them."""
     path = Path(path)
     reader = _reader(path)[0]
     if reader is not csv_names and os.path.isfile(path):
@@ -64,17 +59,7 @@ def names_in(path: str | Path) -> tuple[str, ...]:
 
 
 def read_table(path: str | Path, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
-    """Columns or arrays of a file by name.
-
-    Args:
-        path: a .csv, .csv.gz, .txt, .tsv, .npz, .npy, .mat, .parquet, .bag, .db3 or .mcap file, or
-            the folder of a ROS 2 bag.
-        names: those wanted; all where it is not given.
-
-    Raises:
-        FileFormatError: no reader for that kind of file, or the file cannot be read.
-        UnknownColumn: a wanted column or array is not in the file.
-    """
+    """Columns or arrays of a file by name."""
     path = Path(path)
     known = names_in(path)
     for name in names or ():
