@@ -275,14 +275,7 @@ def _check_methods(names: Sequence[str]) -> None:
 
 
 def main(tokens: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Args:
-        tokens: arguments; those of the process by default.
-
-    Returns:
-        The exit code.
-    """
+    """Run the command line (by default that of the process); returns the exit code."""
     # Matrices are small: threads of the linear algebra would wait for each other, not work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):

@@ -73,11 +73,7 @@ def _write(out: Path, lines: Sequence[str]) -> None:
 
 
 def gains_text(found: GainsOfExperiment) -> str:
-    """Table of the gains, sentences about ratios and scales, temperature coefficients.
-
-    Args:
-        found: the gains of an experiment file.
-    """
+    """Table of the gains, sentences about ratios and scales, temperature coefficients."""
     parts = [_gain_table(found)]
     parts += _sentences(found)
     if found.temperatures:
@@ -137,11 +133,7 @@ LEAST_SQUARES = {
 
 
 def least_squares_text(found: GainsOfExperiment) -> str:
-    """Gains by the least squares of the literature, which need a payload or a trusted parameter.
-
-    Args:
-        found: the gains of an experiment file.
-    """
+    """Gains by the least squares of the literature, which need a payload or a trusted parameter."""
     from pivident.text.numbers import plus_minus
     from pivident.text.plain_table import plain_table
 
@@ -259,11 +251,7 @@ def _rows_in_log_units(experiment: Experiment) -> tuple[MotorInLogUnits, ...]:
 
 
 def log_units_text(row: MotorInLogUnits) -> str:
-    """Parameters of one motor, each divided by its gain.
-
-    Args:
-        row: the motor's own estimate.
-    """
+    """Parameters of one motor, each divided by its gain."""
     from pivident.text.numbers import with_spread
     from pivident.text.plain_table import plain_table
 

@@ -24,11 +24,7 @@ def gallery_text() -> str:
 
 
 def robot_text(name: str) -> str:
-    """Geometry and base parameters of one robot.
-
-    Args:
-        name: name in the gallery, or a robot file.
-    """
+    """Geometry and base parameters of one robot."""
     robot = load_robot(name)
     base = base_parameters(robot)
     return "\n\n".join([_heading(robot), _geometry(robot), _drives(robot), _parameters(base)])

@@ -82,11 +82,7 @@ def symbolic(
 
 
 def _chosen(option: str, given: Sequence[str], known: Collection[str]) -> list[str]:
-    """Names of an option, all known ones where none is given.
-
-    Raises:
-        PividentError: there is no such name.
-    """
+    """Names of an option, all known ones where none is given."""
     from pivident.robot.naming import nearest
 
     names = [name for text in given for name in text.replace(" ", "").split(",") if name]

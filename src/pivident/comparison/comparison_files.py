@@ -47,15 +47,7 @@ CSV_COLUMNS = (
 
 
 def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) -> None:
-    """Write page, table, JSON and LaTeX into a folder, all or nothing.
-
-    Args:
-        comparison: what was found.
-        folder: folder to create or to write into; its other files stay.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
+    """Write page, table, JSON and LaTeX into a folder, all or nothing."""
     texts = {
         PAGE: render_page(comparison),
         TABLE: to_csv(comparison),
@@ -68,11 +60,7 @@ def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) ->
 
 
 def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
-    """One row for each parameter and result that has it, by `CSV_COLUMNS`.
-
-    Args:
-        comparison: what was found.
-    """
+    """One row for each parameter and result that has it, by `CSV_COLUMNS`."""
     made = []
     for p in comparison.parameters:
         for label, estimate, found in zip(
@@ -87,11 +75,7 @@ def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
 
 
 def to_csv(comparison: ComparedResults) -> str:
-    """The rows as text; numbers that are not finite are left empty.
-
-    Args:
-        comparison: what was found.
-    """
+    """The rows as text; numbers that are not finite are left empty."""
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(CSV_COLUMNS)
@@ -101,11 +85,7 @@ def to_csv(comparison: ComparedResults) -> str:
 
 
 def to_values(comparison: ComparedResults) -> dict[str, Any]:
-    """The comparison as plain values, ready for JSON.
-
-    Args:
-        comparison: what was found.
-    """
+    """The comparison as plain values, ready for JSON."""
     content = {
         "schema": SCHEMA,
         "version": __version__,
@@ -152,11 +132,7 @@ def to_values(comparison: ComparedResults) -> dict[str, Any]:
 
 
 def to_latex(comparison: ComparedResults) -> str:
-    r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``.
-
-    Args:
-        comparison: what was found.
-    """
+    r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``."""
     labels = [latex_text(one_line(label)) for label in comparison.labels]
     pair = len(labels) == 2
     head = ["Parameter", "Unit", *labels, *(["Difference", "$z$"] if pair else [])]

@@ -38,11 +38,7 @@ DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 
 def render_page(comparison: ComparedResults) -> str:
-    """The page as text.
-
-    Args:
-        comparison: what was found.
-    """
+    """The page as text."""
     environment = page_environment()
     environment.loader = ChoiceLoader(
         [PackageLoader("pivident.comparison"), PackageLoader("pivident.report")]
@@ -81,12 +77,7 @@ def render_page(comparison: ComparedResults) -> str:
 
 
 def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure:
-    """Friction against speed of one joint by all results, each with its ±2σ band.
-
-    Args:
-        comparison: what was found.
-        joint: its curves.
-    """
+    """Friction against speed of one joint by all results, each with its ±2σ band."""
     quantity = "torque" if joint.torque_unit == "N m" else "force"
     plot = empty_plot(f"friction {quantity} [{joint.torque_unit}]")
     plot.update_xaxes(title_text=f"speed [{joint.speed_unit}]")
@@ -141,12 +132,7 @@ def _band_and_line(
 
 
 def interval_drawing(comparison: ComparedResults, p: ComparedParameter) -> IntervalDrawing:
-    """The intervals of one parameter on a common scale; ends that nothing bounds reach its edge.
-
-    Args:
-        comparison: what was found.
-        p: one of its parameters.
-    """
+    """The intervals of one parameter on a common scale; ends that nothing bounds reach its edge."""
     present = [(k, e) for k, e in enumerate(p.estimates) if e is not None]
     ends = [x for _, e in present for x in (e.low, e.value, e.high) if math.isfinite(x)]
     low, high = min(ends), max(ends)

@@ -34,12 +34,7 @@ HASH = 10
 
 
 def comparison_text(comparison: ComparedResults, width: int = WIDTH) -> str:
-    """The comparison as plain text.
-
-    Args:
-        comparison: what was found.
-        width: characters in a line.
-    """
+    """The comparison as plain text."""
     stream = io.StringIO()
     console = Console(file=stream, width=width, color_system=None, highlight=False)
     console.print(comparison_tables(comparison, width))
@@ -47,12 +42,7 @@ def comparison_text(comparison: ComparedResults, width: int = WIDTH) -> str:
 
 
 def comparison_tables(comparison: ComparedResults, width: int = WIDTH) -> RenderableType:
-    """The comparison for a terminal.
-
-    Args:
-        comparison: what was found.
-        width: characters in a line.
-    """
+    """The comparison for a terminal."""
     parts: list[RenderableType] = [_fit_table(comparison), Text()]
     if len(comparison.entries) == 2:
         parts.append(_pair_table(comparison, width))
@@ -73,11 +63,7 @@ def comparison_tables(comparison: ComparedResults, width: int = WIDTH) -> Render
 
 
 def estimate_text(estimate: Estimate | None) -> str:
-    """A value with its spread, both to the second digit of the spread.
-
-    Args:
-        estimate: the estimate, or None.
-    """
+    """A value with its spread, both to the second digit of the spread."""
     if estimate is None:
         return "–"
     value, spread = with_spread(estimate.value, estimate.spread)
@@ -85,11 +71,7 @@ def estimate_text(estimate: Estimate | None) -> str:
 
 
 def difference_text(found: Difference | None) -> str:
-    """A difference with sign and spread.
-
-    Args:
-        found: the difference, or None.
-    """
+    """A difference with sign and spread."""
     if found is None:
         return "–"
     value, spread = with_spread(found.value, found.spread)
@@ -98,21 +80,12 @@ def difference_text(found: Difference | None) -> str:
 
 
 def deviations(z: float) -> str:
-    """A difference in deviations, with one decimal.
-
-    Args:
-        z: the difference over its deviation.
-    """
+    """A difference in deviations, with one decimal."""
     return f"{round(z, 1) + 0.0:.1f}" if abs(z) < 1e4 else format_significant(z, 2)
 
 
 def z_text(comparison: ComparedResults, found: Difference | None) -> str:
-    """The difference in deviations, with a mark where it is significant.
-
-    Args:
-        comparison: that it belongs to.
-        found: the difference, or None.
-    """
+    """The difference in deviations, with a mark where it is significant."""
     if found is None or found.z != found.z:
         return "–"
     return f"{deviations(found.z)}{' *' if comparison.is_marked(found) else '  '}"

@@ -23,9 +23,7 @@ MAX_PERCENT = 1000.0
 def remarks(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[str]:
     """The sentences below a comparison.
 
-    Args:
-        comparison: what was found.
-        geometry: how the robot of each result differs from that of the first, empty where not.
+    ``geometry``: how the robot of each result differs from that of the first, empty where not.
     """
     yield from _correlation(comparison)
     yield from _robots(comparison, geometry)
@@ -37,11 +35,7 @@ def remarks(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[st
 
 
 def level_sentence(comparison: ComparedResults) -> str:
-    """How often a mark is false.
-
-    Args:
-        comparison: what was found.
-    """
+    """How often a mark is false."""
     if not comparison.tests:
         return "No difference could be tested: at least one of both sides has no interval."
     return (
@@ -53,11 +47,7 @@ def level_sentence(comparison: ComparedResults) -> str:
 
 
 def findings(comparison: ComparedResults) -> list[str]:
-    """Result by result, which parameters differ from the first.
-
-    Args:
-        comparison: what was found.
-    """
+    """Result by result, which parameters differ from the first."""
     first, found = comparison.labels[0], []
     for k, label in enumerate(comparison.labels[1:], start=1):
         tested = sum(
@@ -97,11 +87,7 @@ def _changes(comparison: ComparedResults, k: int, names: Sequence[str]) -> list[
 
 
 def listed(names: Sequence[str]) -> str:
-    """Names with commas, and how many more there are.
-
-    Args:
-        names: of parameters, or of parameters with their changes.
-    """
+    """Names with commas, and how many more there are."""
     shown = ", ".join(names[:LISTED])
     more = len(names) - LISTED
     return f"{shown} and {more} more" if more > 0 else shown
@@ -198,18 +184,10 @@ def _rows(comparison: ComparedResults) -> Iterator[str]:
 
 
 def rows_text(entry: Entry) -> str:
-    """The rows that a result's relative error is taken over, in a few words.
-
-    Args:
-        entry: the result.
-    """
+    """The rows that a result's relative error is taken over, in a few words."""
     return "–" if entry.identification is None else error_rows(entry.identification)
 
 
 def share_text(value: float) -> str:
-    """A relative error in percent.
-
-    Args:
-        value: 0 to 1.
-    """
+    """A relative error in percent."""
     return "–" if value != value else f"{format_significant(100.0 * value, 2)} %"

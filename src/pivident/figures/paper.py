@@ -84,18 +84,7 @@ def paper_style() -> Iterator[None]:
 def new_figure(
     rows: int, across: int = 1, *, columns: int = 1, row_height: float = 1.5, share_x: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with a grid of axes, in order of reading.
-
-    Args:
-        rows: of axes.
-        across: axes in a row.
-        columns: width, 1 or 2 columns of a page.
-        row_height: of one row [inch].
-        share_x: whether the axes share their x axis.
-
-    Raises:
-        FigureError: another width.
-    """
+    """A figure with a grid of axes, in order of reading."""
     if columns not in WIDTHS:
         raise FigureError(f"columns is {columns!r}; figures have the width of 1 or 2 columns")
     size = (WIDTHS[columns], min(rows * row_height + 0.35, TALLEST))
@@ -106,12 +95,7 @@ def new_figure(
 
 
 def line_style(k: int, marker: bool = False) -> dict[str, Any]:
-    """Colour, dash and marker of the k-th line.
-
-    Args:
-        k: index of the line.
-        marker: whether it has markers.
-    """
+    """Colour, dash and marker of the k-th line."""
     style = dict(LINES[k % len(LINES)])
     if not marker:
         del style["marker"]
@@ -119,11 +103,7 @@ def line_style(k: int, marker: bool = False) -> dict[str, Any]:
 
 
 def plain(text: str) -> str:
-    """A name as text: matplotlib would set what stands between dollars as mathematics.
-
-    Args:
-        text: what may come from a file.
-    """
+    """A name as text: matplotlib would set what stands between dollars as mathematics."""
     from pivident.text.printable import escaped
 
     return escaped(text).replace("$", r"\$")

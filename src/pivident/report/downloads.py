@@ -36,23 +36,14 @@ SIGNALS = (
 
 @dataclass(frozen=True)
 class Download:
-    """A file inside the page.
+    """A file inside the page."""
 
-    Attributes:
-        name: file name: letters, digits, underscores and one full stop.
-        words: what it is.
-        media_type: such as ``text/csv``.
-        text: content.
-        holder: identifier of the element on the page that holds it.
-        method: index of the method that it belongs to.
-    """
-
-    name: str
-    words: str
-    media_type: str
+    name: str  # file name: letters, digits, underscores and one full stop
+    words: str  # what it is
+    media_type: str  # such as ``text/csv``
     text: str
-    holder: str
-    method: int
+    holder: str  # identifier of the element on the page that holds it
+    method: int  # index of the method that it belongs to
 
     @property
     def size(self) -> str:
@@ -66,14 +57,7 @@ def downloads(
     recordings: Sequence[FittedRecording],
     best: int,
 ) -> tuple[Download, ...]:
-    """Parameters of every method; the whole identification and the signals of one.
-
-    Args:
-        identifications: the results.
-        labels: their names.
-        recordings: recordings whose signals are put into tables.
-        best: index of the method that has more: a JSON with covariances takes some 100 kB.
-    """
+    """Parameters of every method; the whole identification and the signals of one."""
     files: list[Download] = []
     labelled = zip(identifications, labels, strict=True)
     stems = _stems([f"{i.robot.name} {label}" for i, label in labelled])
@@ -106,25 +90,14 @@ def downloads(
 
 
 def signal_step(identification: Identification, recordings: Sequence[FittedRecording]) -> int:
-    """One sample out of how many is kept, so that all tables together stay small.
-
-    Args:
-        identification: the result.
-        recordings: whose signals are put into tables.
-    """
+    """One sample out of how many is kept, so that all tables together stay small."""
     columns = 1 + (len(SIGNALS) + 1) * identification.robot.size
     rows = sum(len(recording.t) for recording in recordings)
     return max(1, math.ceil(rows * columns / MAX_NUMBERS))
 
 
 def signals_csv(identification: Identification, recording: FittedRecording, step: int = 1) -> str:
-    """Signals as the estimator saw them, one row per instant; numbers not finite are left empty.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings.
-        step: one sample out of so many is kept.
-    """
+    """Signals as the estimator saw them, one row per instant; numbers not finite are left empty."""
     heads, columns = ["time [s]"], [recording.t[::step]]
     for j, (joint, fit) in enumerate(
         zip(identification.robot.joints, identification.joints, strict=True)
@@ -146,11 +119,7 @@ def signals_csv(identification: Identification, recording: FittedRecording, step
 
 
 def to_latex(identification: Identification) -> str:
-    r"""The estimates as a table for LaTeX (booktabs, longtable), to be read in with ``\input``.
-
-    Args:
-        identification: the result.
-    """
+    r"""The estimates as a table for LaTeX (booktabs, longtable), to be read in with ``\input``."""
     robot, method = (one_line(text) for text in (identification.robot.name, identification.method))
     return "\n".join(
         [

@@ -36,13 +36,7 @@ _DASHES = ("solid", "dash", "dot")
 
 
 def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
-    """Magnitude and phase from the measured position to q̂, dq̂ and ddq̂.
-
-    Args:
-        signals: the recipe.
-        rate: sampling rate [Hz].
-        method: index of the method, for its colour.
-    """
+    """Magnitude and phase from the measured position to q̂, dq̂ and ddq̂."""
     frequency = _frequencies(0.01 * signals.cutoff, rate)
     plot = _bode("gain [dB re 1, 1/s, 1/s²]")
     phases = ("0°", "90°", "180°")
@@ -75,13 +69,7 @@ def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
 
 
 def decimation_figure(signals: Bandpass, rate: float, method: int) -> Figure:
-    """Gain of the parallel decimation on torque and observation matrix.
-
-    Args:
-        signals: the recipe.
-        rate: sampling rate before decimation [Hz].
-        method: index of the method, for its colour.
-    """
+    """Gain of the parallel decimation on torque and observation matrix; rate before it [Hz]."""
     stages = decimation_stages(signals.factor(rate))
     total = int(np.prod(stages))
     nyquist = 0.5 * rate / total
@@ -111,12 +99,7 @@ def smoother_figure(
 ) -> Figure:
     """Gain of each joint's random walk smoother.
 
-    Args:
-        names: of the joints.
-        f50: half-power frequencies [Hz], one per joint, NaN or infinite where there is none.
-        order: order m of the random walk.
-        rate: sampling rate [Hz].
-        method: index of the method, for its colour where there is one joint.
+    f50 [Hz] per joint is NaN or infinite where there is none; the rate is in Hz.
     """
     known = [(name, f) for name, f in zip(names, f50, strict=True) if 0 < f <= 0.5 * rate]
     frequency = _frequencies(0.02 * min(f for _, f in known), rate)
@@ -142,15 +125,7 @@ def smoother_figure(
 def prefilter_figure(
     name: str, unit: str, prefilter: Prefilter, rate: float, method: int
 ) -> Figure:
-    """Magnitude and phase of one joint's prefilter, and of its inverse controller alone.
-
-    Args:
-        name: of the joint.
-        unit: of its torque.
-        prefilter: L, λ included.
-        rate: sampling rate [Hz].
-        method: index of the method, for its colour.
-    """
+    """Magnitude and phase of one joint's prefilter, and of its inverse controller alone."""
     frequency = _frequencies(1e-4 * rate, rate)
     response = prefilter.response(frequency, rate)
     plot = _bode(f"gain [dB re 1/({unit})]")
@@ -180,12 +155,7 @@ def prefilter_figure(
 
 
 def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:
-    """Gains of plant, sensitivity and complementary sensitivity of one joint.
-
-    Args:
-        joint: the joint in its loop.
-        method: index of the method, for its colour.
-    """
+    """Gains of plant, sensitivity and complementary sensitivity of one joint."""
     loop = joint.loop
     assert loop is not None
     rate = loop.feedback.rate

@@ -38,25 +38,16 @@ DARK_COLOURS = {
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing with its words.
-
-    Attributes:
-        plot: the plotly figure.
-        height: height on the page [px].
-        title: what stands above it, plain text.
-        label: the drawing in words, for those who do not see it.
-        note: what stands below it, plain text, may be empty.
-        recording: where the x axis is time: whose. Figures of one recording show the same window.
-        start: instant at which that axis is zero, on the recording's clock [s].
-    """
+    """A drawing with its words."""
 
     plot: go.Figure
-    height: int
-    title: str
-    label: str
-    note: str = ""
+    height: int  # height on the page [px]
+    title: str  # what stands above it, plain text
+    label: str  # the drawing in words, for those who do not see it
+    note: str = ""  # what stands below it, plain text, may be empty
+    #: where the x axis is time: whose. Figures of one recording show the same window.
     recording: str = ""
-    start: float = 0.0
+    start: float = 0.0  # instant at which that axis is zero, on the recording's clock [s]
 
 
 def colour(method: int) -> str:
@@ -71,15 +62,7 @@ def torque_figure(
     method: int,
     points: int,
 ) -> Figure:
-    """Measured and reconstructed torque of one joint, and their difference.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
+    """Measured and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
@@ -102,14 +85,7 @@ def torque_figure(
 
 
 def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:
-    """Recorded controller output of one joint, what its law makes of it, and the difference.
-
-    Args:
-        found: the law.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
+    """Recorded controller output of one joint, what its law makes of it, and the difference."""
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
@@ -132,15 +108,7 @@ def reference_figure(
     method: int,
     points: int,
 ) -> Figure:
-    """Measured position of one joint with its reference, and their difference below.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings, which has a reference.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
+    """Measured position of one joint with its reference, and their difference below."""
     assert recording.q_ref is not None
     name, unit = identification.joints[joint].name, position_unit(identification, joint)
     t = _time(recording)
@@ -159,12 +127,7 @@ def reference_figure(
 
 
 def residual_figure(tests: JointResidualTests, method: int) -> Figure:
-    """Autocorrelation of one joint's residual with the band of white noise.
-
-    Args:
-        tests: of the joint's residual.
-        method: index of the method, for its colour.
-    """
+    """Autocorrelation of one joint's residual with the band of white noise."""
     found = tests.autocorrelation
     lags = np.arange(1, found.rho.size + 1)
     plot = empty_plot("autocorrelation")
@@ -194,15 +157,7 @@ def signal_figure(
     method: int,
     points: int,
 ) -> Figure:
-    """Position, speed and acceleration of one joint below each other.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
+    """Position, speed and acceleration of one joint below each other."""
     fit, unit = identification.joints[joint], position_unit(identification, joint)
     t = _time(recording)
     rows = (

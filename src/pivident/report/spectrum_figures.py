@@ -10,12 +10,7 @@ from pivident.validation.residuals.residual_spectrum import ResidualSpectra, Spe
 
 
 def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
-    """Torque residual with its noise model above, whitened residual in its band below.
-
-    Args:
-        spectra: of one joint.
-        method: index of the method, for its colour.
-    """
+    """Torque residual with its noise model above, whitened residual in its band below."""
     white, level = spectra.white, spectra.white_level
     plot = empty_plot("")
     plot.update_xaxes(title_text="frequency [Hz]", type="log")

@@ -21,11 +21,7 @@ ESTIMATES = {
 
 
 def identification_parameters(result: Identification) -> Table:
-    """One row for each estimated parameter.
-
-    Args:
-        result: the identification.
-    """
+    """One row for each estimated parameter."""
     names = result.robot.joint_names
     rows = [
         {
@@ -47,11 +43,7 @@ def identification_parameters(result: Identification) -> Table:
 
 
 def identification_covariance(result: Identification) -> Table:
-    """One row for each pair of parameters.
-
-    Args:
-        result: the identification.
-    """
+    """One row for each pair of parameters."""
     names, units = np.array(result.names, dtype=object), np.array(result.units, dtype=object)
     n = names.size
     first, second = np.repeat(np.arange(n), n), np.tile(np.arange(n), n)
@@ -74,11 +66,7 @@ def identification_covariance(result: Identification) -> Table:
 
 
 def identification_joints(result: Identification) -> Table:
-    """How each joint was fitted.
-
-    Args:
-        result: the identification.
-    """
+    """How each joint was fitted."""
     rows = [
         {
             "joint": fit.name,
@@ -108,11 +96,7 @@ def identification_joints(result: Identification) -> Table:
 
 
 def identification_iterations(result: Identification) -> Table:
-    """How the iteration went.
-
-    Args:
-        result: the identification.
-    """
+    """How the iteration went."""
     rows = [
         {
             "iteration": k,
@@ -128,11 +112,7 @@ def identification_iterations(result: Identification) -> Table:
 
 
 def identification_history(result: Identification) -> Table:
-    """Every parameter after every iteration.
-
-    Args:
-        result: the identification.
-    """
+    """Every parameter after every iteration."""
     rows = [
         {"iteration": k, "parameter": name, "value": float(value), "unit": unit}
         for k, step in enumerate(result.history, start=1)
@@ -142,14 +122,7 @@ def identification_history(result: Identification) -> Table:
 
 
 def identification_signals(result: Identification) -> Table:
-    """The signals as the estimator saw them, one row for each joint of each sample.
-
-    Args:
-        result: the identification.
-
-    Raises:
-        TableError: it holds no signals, as after reading it from a file.
-    """
+    """The estimator's signals, one row for each joint of each sample; a file holds none."""
     if not result.recordings:
         raise TableError(
             "the identification holds no signals, as after reading it from a file; identify again"

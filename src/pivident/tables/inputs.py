@@ -21,9 +21,6 @@ def recording_signals(recording: Recording) -> Table:
 
     Units are those of joints, rad or m and N m or N, which a recording by itself does not tell
     apart; inputs are in the unit of the controller's output.
-
-    Args:
-        recording: the recording.
     """
     samples, joints = recording.samples, recording.joints
     columns: dict[str, np.ndarray | tuple[str, ...]] = {
@@ -44,11 +41,7 @@ def recording_signals(recording: Recording) -> Table:
 
 
 def robot_joints(robot: Robot) -> Table:
-    """One row for each joint.
-
-    Args:
-        robot: the robot.
-    """
+    """One row for each joint."""
     rows = []
     for joint, link, rotor in zip(robot.joints, robot.links, robot.rotor_inertia, strict=True):
         revolute = joint.kind == "revolute"
@@ -75,11 +68,7 @@ def robot_joints(robot: Robot) -> Table:
 
 
 def robot_parameters(robot: Robot) -> Table:
-    """The base parameters, with their nominal values.
-
-    Args:
-        robot: the robot.
-    """
+    """The base parameters, with their nominal values."""
     base = base_parameters(robot)
     nominal = base.values(nominal_values(robot, base.standard))
     rows = [
@@ -100,11 +89,7 @@ def robot_parameters(robot: Robot) -> Table:
 
 
 def problem_parameters(problem: Problem) -> Table:
-    """The parameters that are to be estimated.
-
-    Args:
-        problem: the problem.
-    """
+    """The parameters that are to be estimated."""
     start = problem.initial_values()
     base = problem.base.parameters
     rows = [
@@ -124,11 +109,7 @@ def problem_parameters(problem: Problem) -> Table:
 
 
 def problem_recordings(problem: Problem) -> Table:
-    """One row for each recording.
-
-    Args:
-        problem: the problem.
-    """
+    """One row for each recording."""
     rows = [
         {
             "recording": r.name,
@@ -149,9 +130,6 @@ def problem_signals(problem: Problem) -> Table:
     """All recordings, one row for each joint of each sample, with the units of the joints.
 
     A channel that a recording does not have is NaN there.
-
-    Args:
-        problem: the problem.
     """
     tables = [recording_signals(r) for r in problem.recordings]
     channels = dict.fromkeys(name for t in tables for name in t.columns)
@@ -174,11 +152,7 @@ def problem_signals(problem: Problem) -> Table:
 
 
 def audit_findings(audit: Audit) -> Table:
-    """What an audit found, check by check.
-
-    Args:
-        audit: of one log.
-    """
+    """What an audit found, check by check."""
     rows = [
         {
             "severity": f.severity,

@@ -31,11 +31,7 @@ CHECKS = {
 
 
 def render_page(audits: Sequence[Audit]) -> str:
-    """The page as text.
-
-    Args:
-        audits: of one log or several.
-    """
+    """The page as text."""
     environment = _environment()
     template = environment.get_template("audit.html")
     summary = environment.get_template("audit_summary.html")

@@ -19,11 +19,7 @@ POINTS = 200
 
 
 def joint_figures(joint: JointFriction) -> list[Figure]:
-    """All drawings of a joint.
-
-    Args:
-        joint: everything about it.
-    """
+    """All drawings of a joint."""
     drawn = [speed_figure(joint), position_figure(joint)]
     if "load" in joint.fit:
         drawn.append(load_figure(joint))

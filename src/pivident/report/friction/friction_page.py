@@ -16,12 +16,7 @@ from pivident.version import __version__
 
 
 def render_page(study: FrictionStudy, title: str | None = None) -> str:
-    """The page as text.
-
-    Args:
-        study: the friction of a record.
-        title: title of the page; None: the robot's name.
-    """
+    """The page as text."""
     environment = page_environment()
     environment.loader = ChoiceLoader(
         [PackageLoader("pivident.report.friction"), PackageLoader("pivident.report")]

@@ -13,33 +13,21 @@ from pivident.report.report_data import ReportData
 
 @dataclass(frozen=True)
 class Gallery:
-    """Figures of one method, in a part of the page that can be folded.
+    """Figures of one method, in a part of the page that can be folded."""
 
-    Attributes:
-        label: name of the method.
-        method: index of the method, which is its colour.
-        opened: whether it is unfolded at first.
-        groups: title (empty where there is one group only) and figures of each group.
-    """
-
-    label: str
-    method: int
-    opened: bool
+    label: str  # name of the method
+    method: int  # index of the method, which is its colour
+    opened: bool  # whether it is unfolded at first
+    #: title (empty where there is one group only) and figures of each group
     groups: tuple[tuple[str, tuple[Figure, ...]], ...]
 
 
 class Section(ABC):
-    """One part of the page.
+    """One part of the page."""
 
-    Attributes:
-        title: heading.
-        anchor: identifier on the page.
-        template: file in ``templates``.
-    """
-
-    title: ClassVar[str]
-    anchor: ClassVar[str]
-    template: ClassVar[str]
+    title: ClassVar[str]  # heading
+    anchor: ClassVar[str]  # identifier on the page
+    template: ClassVar[str]  # file in ``templates``
 
     def __init__(self, data: ReportData) -> None:
         self.data = data
