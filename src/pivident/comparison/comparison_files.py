@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -21,6 +19,7 @@ from pivident.files import atomic_folder
 from pivident.text.identifiers import latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import format_significant
+from pivident.text.plain_table import csv_table
 from pivident.text.plain_values import json_of_entries, plain
 from pivident.text.printable import sheet_text
 from pivident.version import __version__
@@ -76,12 +75,8 @@ def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
 
 def to_csv(comparison: ComparedResults) -> str:
     """The rows as text; numbers that are not finite are left empty."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
-    for row in rows(comparison):
-        writer.writerow([_cell(row[name]) for name in CSV_COLUMNS])
-    return stream.getvalue()
+    cells = ([_cell(row[name]) for name in CSV_COLUMNS] for row in rows(comparison))
+    return csv_table(CSV_COLUMNS, cells)
 
 
 def to_values(comparison: ComparedResults) -> dict[str, Any]:

@@ -7,7 +7,6 @@ import math
 from typing import Any
 
 import numpy as np
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.comparison.compared_results import ComparedParameter, ComparedResults
@@ -39,10 +38,7 @@ DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 def render_page(comparison: ComparedResults) -> str:
     """The page as text."""
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.comparison"), PackageLoader("pivident.report")]
-    )
+    environment = page_environment("pivident.comparison")
     environment.globals |= {
         "estimate_text": estimate_text,
         "difference_text": difference_text,

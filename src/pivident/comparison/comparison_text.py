@@ -196,7 +196,8 @@ def _value_tables(comparison: ComparedResults, width: int) -> list[RenderableTyp
     fixed = max(map(len, ["", *(p.name for p in comparison.parameters)])) + _GAP
     fixed += max(map(len, ["unit", *(p.unit for p in comparison.parameters)])) + _GAP
     tables: list[RenderableType] = []
-    for chosen in _fitting(widths, width - fixed):
+    for others in _chunks(widths[1:], width - fixed - widths[0]):
+        chosen = [0, *(k + 1 for k in others)]  # the first result in every table
         title = "Parameters ± 2σ" if not tables else "Parameters ± 2σ, continued"
         columns = [("", "left"), ("unit", "left")]
         table = _table(columns + [(comparison.labels[k], "right") for k in chosen])
@@ -213,18 +214,6 @@ def _value_cells(comparison: ComparedResults, p: ComparedParameter) -> list[str]
         f"{_narrow(estimate_text(e))}{' *' if comparison.is_marked(d) else '  '}"
         for e, d in zip(p.estimates, p.differences, strict=True)
     ]
-
-
-def _fitting(widths: Sequence[int], room: int) -> list[list[int]]:
-    """Columns that stand side by side, the first one in every table."""
-    groups, taken = [[0]], widths[0]
-    for k, width in enumerate(widths[1:], start=1):
-        if len(groups[-1]) > 1 and taken + _GAP + width > room:
-            groups.append([0])
-            taken = widths[0]
-        groups[-1].append(k)
-        taken += _GAP + width
-    return groups
 
 
 def _difference_table(comparison: ComparedResults) -> RenderableType | None:

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.flexibility.compliance import Compliance
 from pivident.flexibility.flexibility_text import agreement_lines, of_kind, parts_of
 from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
-from pivident.report.audit.audit_figures import empty_plot
+from pivident.report.audit.audit_figures import audit_plot
 from pivident.report.builder import page_environment
 from pivident.report.drawing_library import go
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
@@ -28,10 +27,7 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
     Args:
         found: joints of recordings.
     """
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.flexibility"), PackageLoader("pivident.report")]
-    )
+    environment = page_environment("pivident.flexibility")
     summary = environment.get_template("flexibility_summary.html")
     template = environment.get_template("flexibility_joint.html")
     names = [f"{one.recording}: {one.joint}" for one in found]
@@ -84,7 +80,7 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
     """
     torque, measured, model = compliance.fitted
     kept = np.arange(0, len(torque), max(1, len(torque) // POINTS))
-    plot = empty_plot(of_kind("motor less link [mrad]", sliding))
+    plot = audit_plot(of_kind("motor less link [mrad]", sliding))
     for values, name, colour in (
         (measured, "recorded, without transmission error", MEASURED),
         (model, "model", METHOD_COLOURS[0]),
@@ -116,7 +112,7 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
     frequency, measured, fitted = resonance.response
     quantity = "force" if sliding else "torque"
     conclusion = of_kind(resonance.conclusion, sliding)
-    plot = empty_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
+    plot = audit_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
     plot.add_scatter(
         x=frequency,
         y=measured,

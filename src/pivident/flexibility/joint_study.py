@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass
@@ -198,16 +197,12 @@ def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
     """
     from pivident.files import atomic_folder
     from pivident.flexibility.flexibility_page import render_page
+    from pivident.report.builder import write_page
 
     content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
     page = render_page(found)
     with atomic_folder(folder) as build:
-        (build / "flexibility.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may hold bytes that are no text
-        )
-        (build / "flexibility.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+        write_page(build, "flexibility", page, content)
     return Path(folder) / "flexibility.html"
 
 

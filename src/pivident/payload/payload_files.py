@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from os import PathLike
 from typing import Any
@@ -14,6 +12,7 @@ from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
 from pivident.payload.payload_text import payload_text
 from pivident.robot.description import INERTIAL
+from pivident.text.plain_table import csv_table
 from pivident.text.plain_values import plain
 
 #: Version of the layout of ``payload.json``.
@@ -119,10 +118,8 @@ def payload_csv(load: LoadEstimate) -> str:
     Args:
         load: the load.
     """
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
-    for row in load_rows(load):
-        numbers = (row.value, row.std, *row.interval)
-        writer.writerow([row.name, *(plain(n) for n in numbers), row.unit])
-    return stream.getvalue()
+    rows = (
+        [r.name, *(plain(n) for n in (r.value, r.std, *r.interval)), r.unit]
+        for r in load_rows(load)
+    )
+    return csv_table(CSV_COLUMNS, rows)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
@@ -110,10 +112,20 @@ def _report_environment() -> Environment:
     return page_environment()
 
 
-def page_environment() -> Environment:
-    """Templates that escape everything they are given, except what is marked as HTML."""
+def write_page(build: Path, name: str, page: str, content: Any) -> None:
+    """Write ``NAME.html`` and, as ``NAME.json``, the values that it shows."""
+    (build / f"{name}.json").write_text(
+        json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
+        encoding="utf-8",
+        errors="backslashreplace",  # file names may hold bytes that are no text
+    )
+    (build / f"{name}.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def page_environment(*packages: str) -> Environment:
+    """Templates of these packages, then of the report; all is escaped but what is marked as HTML."""
     environment = Environment(
-        loader=PackageLoader("pivident.report"),
+        loader=ChoiceLoader([PackageLoader(name) for name in (*packages, "pivident.report")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,6 +14,7 @@ from pivident.estimation.parameter_rows import parameter_rows
 from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import with_spread
+from pivident.text.plain_table import csv_table
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.
 MAX_NUMBERS = 30_000
@@ -109,13 +108,12 @@ def signals_csv(identification: Identification, recording: FittedRecording, step
             columns.append(np.asarray(getattr(recording, attribute), dtype=float)[::step, j])
         heads.append(f"{joint.name} used [0 or 1]")
         columns.append(np.asarray(recording.used, dtype=float)[::step, j])
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(heads)
-    for time, *values in zip(*columns, strict=True):
-        # The clock may count from 1970: six digits do not tell its samples apart.
-        writer.writerow([f"{time:.15g}", *(f"{x:.6g}" if math.isfinite(x) else "" for x in values)])
-    return stream.getvalue()
+    # The clock may count from 1970: six digits do not distinguish its samples.
+    rows = (
+        [f"{time:.15g}", *(f"{x:.6g}" if math.isfinite(x) else "" for x in values)]
+        for time, *values in zip(*columns, strict=True)
+    )
+    return csv_table(heads, rows)
 
 
 def to_latex(identification: Identification) -> str:

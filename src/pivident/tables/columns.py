@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -15,6 +13,7 @@ import numpy as np
 from pivident.errors import PividentError
 from pivident.extras import require
 from pivident.text import display
+from pivident.text.plain_table import csv_table
 from pivident.text.printable import sheet_text
 
 if TYPE_CHECKING:
@@ -122,12 +121,7 @@ class Table:
         Raises:
             PividentError: the file cannot be written.
         """
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(self.columns)
-        for row in self.rows():
-            writer.writerow([_cell(value) for value in row.values()])
-        text = stream.getvalue()
+        text = csv_table(self.columns, ([_cell(v) for v in r.values()] for r in self.rows()))
         if path is not None:
             from pivident.files import atomic_folder
 

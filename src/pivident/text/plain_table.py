@@ -1,8 +1,11 @@
-"""Plain-text tables of the validation results."""
+"""Tables as plain text and as CSV."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import csv
+import io
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 _GAP = "  "
 
@@ -16,6 +19,15 @@ def plain_table(columns: Sequence[tuple[str, str, Sequence[str]]]) -> str:
         side = "<" if align == "<" else ">"
         padded.append([f"{cell:{side}{width}}" for cell in [title, *body]])
     return "\n".join(_GAP.join(cells).rstrip() for cells in zip(*padded, strict=True))
+
+
+def csv_table(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table with its header as comma-separated values; None is left empty."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return stream.getvalue()
 
 
 def _on_decimal_point(cells: Sequence[str]) -> list[str]:

@@ -6,7 +6,6 @@ import math
 from collections import Counter
 from typing import Any
 
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.many.fleet.control_chart import Alarm
@@ -47,10 +46,7 @@ def render_page(judgement: Judgement) -> str:
         judgement: of a fleet.
     """
     fleet = judgement.fleet
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.many.fleet"), PackageLoader("pivident.report")]
-    )
+    environment = page_environment("pivident.many.fleet")
     environment.globals |= {
         "rate": _rate,
         "digits": _digits,

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.many.study.bench import Bench
@@ -40,10 +39,7 @@ def render_page(
         rows: all rows of the study, for the figures.
         programs: states of the program that computed them.
     """
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.many.study"), PackageLoader("pivident.report")]
-    )
+    environment = page_environment("pivident.many.study")
     environment.globals |= {"share": percent, "short": number, "share_of": _share}
     content: dict[str, Any] = {
         "summary": summary,

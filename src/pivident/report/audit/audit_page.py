@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader
 from markupsafe import Markup
 
 from pivident.audit.audit import Audit
@@ -32,7 +31,7 @@ CHECKS = {
 
 def render_page(audits: Sequence[Audit]) -> str:
     """The page as text."""
-    environment = _environment()
+    environment = page_environment("pivident.report.audit")
     template = environment.get_template("audit.html")
     summary = environment.get_template("audit_summary.html")
     sections = []
@@ -83,12 +82,3 @@ def _figures(audit: Audit, check: str) -> list[Figure]:
     }
     drawn = drawers[check]() if check in drawers else []
     return [figure for figure in drawn if figure is not None]
-
-
-def _environment() -> Environment:
-    """Own templates first, then those of the report; everything is escaped."""
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.report.audit"), PackageLoader("pivident.report")]
-    )
-    return environment

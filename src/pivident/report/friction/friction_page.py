@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.friction.friction_findings import FrictionFinding, headline
@@ -17,10 +16,7 @@ from pivident.version import __version__
 
 def render_page(study: FrictionStudy, title: str | None = None) -> str:
     """The page as text."""
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.report.friction"), PackageLoader("pivident.report")]
-    )
+    environment = page_environment("pivident.report.friction")
     environment.globals["headline"] = headline
     environment.filters["clear"] = _clear
     summary = environment.get_template("friction_summary.html").render(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -46,19 +47,29 @@ class Section(ABC):
         return method == len(self.data.identifications) - 1
 
 
-class RecordingSection(Section):
-    """A section with figures of every method and recording."""
+class SignalSection(Section):
+    """A section about signals, which results read from a file do not hold."""
 
     @property
     def applies(self) -> bool:
         """Only where an identification kept its signals."""
         return any(i.recordings for i in self.data.identifications)
 
-    @abstractmethod
+
+class RecordingSection(SignalSection):
+    """A section with figures of every method and recording, as a rule one per joint."""
+
+    #: draws identification, recording, joint, method (its colour), with so many points per trace
+    draw: ClassVar[Callable[[Identification, FittedRecording, int, int, int], Figure]]
+
     def figures(
         self, identification: Identification, recording: FittedRecording, method: int
     ) -> tuple[Figure, ...]:
         """Figures of one recording, at most one per joint."""
+        return tuple(
+            type(self).draw(identification, recording, joint, method, self.data.points)
+            for joint in range(identification.robot.size)
+        )
 
     def context(self) -> dict[str, Any]:
         """One gallery per method, one group of figures per recording."""
