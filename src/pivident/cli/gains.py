@@ -174,8 +174,8 @@ def _sentences(found: GainsOfExperiment) -> list[str]:
             said.append(f"Known: the gains of {', '.join(names)}, by {' and '.join(means)}.")
         elif len(names) == 1:
             said.append(
-                f"Not known: the gain of {names[0]}. No other joint tells it to within ±{share}; "
-                f"{_remedy(found, names[0])}"
+                f"Not known: the gain of {names[0]}. No other joint determines it to within "
+                f"±{share}; {_remedy(found, names[0])}"
             )
         else:
             said.append(
@@ -202,13 +202,13 @@ def _sentences(found: GainsOfExperiment) -> list[str]:
 def _known_ratios(found: GainsOfExperiment, group: GainGroup) -> str:
     """The ratios of a group with their intervals."""
     joints, reference = found.gains.joints, group.reference
-    told = []
+    ratios = []
     for m in group.motors:
         if m != reference:
             value, std = _ratio(found, m, reference)
             share = 200.0 * std / abs(value)
-            told.append(f"k({joints[m]})/k({joints[reference]}) = {value:.4g} to ±{share:.2g} %")
-    return ", ".join(told)
+            ratios.append(f"k({joints[m]})/k({joints[reference]}) = {value:.4g} to ±{share:.2g} %")
+    return ", ".join(ratios)
 
 
 def _remedy(found: GainsOfExperiment, whose: str) -> str:

@@ -9,9 +9,9 @@ from pivident.comparison.compared_results import ComparedParameter, ComparedResu
 from pivident.comparison.comparison_page import render_page
 from pivident.comparison.comparison_text import (
     condition_text,
-    deviations,
     difference_text,
     estimate_text,
+    format_z,
 )
 from pivident.comparison.entry import Entry
 from pivident.comparison.remarks import findings, level_sentence
@@ -146,7 +146,7 @@ def to_latex(comparison: ComparedResults) -> str:
         ]
         if pair:
             found = p.differences[1]
-            z = "–" if found is None or found.z != found.z else deviations(found.z)
+            z = "–" if found is None or found.z != found.z else format_z(found.z)
             cells += [_in_mathematics(difference_text(found)), latex_number(z)]
             cells[-1] += _mark(comparison, found)
         lines.append(" & ".join([f"${latex_name(one_line(p.name))}$", latex_unit(p.unit), *cells]))

@@ -10,7 +10,7 @@ import numpy as np
 from markupsafe import Markup
 
 from pivident.comparison.compared_results import ComparedParameter, ComparedResults
-from pivident.comparison.comparison_text import deviations, difference_text, estimate_text
+from pivident.comparison.comparison_text import difference_text, estimate_text, format_z
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
 from pivident.report.builder import page_environment
@@ -32,7 +32,7 @@ HEADINGS = {
 #: Free space left and right of a drawing of intervals [% of its width].
 _MARGIN = 6.0
 
-#: Dashes that tell curves apart without colour.
+#: Dashes that distinguish curves without colour.
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 
@@ -42,7 +42,7 @@ def render_page(comparison: ComparedResults) -> str:
     environment.globals |= {
         "estimate_text": estimate_text,
         "difference_text": difference_text,
-        "deviations": deviations,
+        "format_z": format_z,
         "share_text": share_text,
         "rows_text": rows_text,
     }

@@ -29,7 +29,7 @@ _GAP = 2
 #: Significant differences that are listed beneath three results or more.
 _MOST_LISTED = 40
 
-#: Digits of a hash that tell files apart.
+#: Digits of a hash that are shown.
 HASH = 10
 
 
@@ -79,16 +79,16 @@ def difference_text(found: Difference | None) -> str:
     return signed if spread == "–" else f"{signed} ± {spread}"
 
 
-def deviations(z: float) -> str:
-    """A difference in deviations, with one decimal."""
+def format_z(z: float) -> str:
+    """A difference in standard errors, with one decimal."""
     return f"{round(z, 1) + 0.0:.1f}" if abs(z) < 1e4 else format_significant(z, 2)
 
 
 def z_text(comparison: ComparedResults, found: Difference | None) -> str:
-    """The difference in deviations, with a mark where it is significant."""
+    """The difference in standard errors, with a mark where it is significant."""
     if found is None or found.z != found.z:
         return "–"
-    return f"{deviations(found.z)}{' *' if comparison.is_marked(found) else '  '}"
+    return f"{format_z(found.z)}{' *' if comparison.is_marked(found) else '  '}"
 
 
 def condition_text(entry: Entry) -> str:
@@ -235,7 +235,7 @@ def _difference_table(comparison: ComparedResults) -> RenderableType | None:
     table = _table([*names, *further])
     for _, k, p, d in found[:_MOST_LISTED]:
         percent = format_significant(d.relative, 2) if abs(d.relative) < MAX_PERCENT else "–"
-        z = deviations(d.z)
+        z = format_z(d.z)
         _add(table, [p.name, comparison.labels[k], _narrow(difference_text(d)), p.unit, percent, z])
     return _titled(title, table)
 

@@ -25,7 +25,7 @@ class CrossTorque:
 
     record: int  # index of the result whose record it is
     #: relative error of each result's parameters on it, shape (results,); NaN where they do not
-    #: tell all of its base parameters
+    #: determine all of its base parameters
     error: np.ndarray
     #: difference of each result's torque from that of the record's own, over the measured torque,
     #: likewise

@@ -42,7 +42,7 @@ class Difference:
         value: θ_b - θ_a.
         low: lower end of its interval (2σ), NaN without one.
         high: upper end, likewise.
-        z: difference over its deviation on the side of zero, NaN without an interval.
+        z: difference over its standard error on the side of zero, NaN without an interval.
         p_value: two-sided probability of a larger |z| where there is no difference.
         p_adjusted: after Holm, among all differences of the comparison.
         relative: 100 (θ_b - θ_a)/|θ_a| [%], infinite where only θ_a is zero.

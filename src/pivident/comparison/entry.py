@@ -99,8 +99,8 @@ def entry_of(identification: Identification, label: str, source: Source | None =
     if not np.isfinite(covariance).all():
         covariance = identification.covariance
         notes.append(
-            f"{label} has no robust deviations; the method's own are taken, which are too small "
-            "where the residual is correlated."
+            f"{label} has no robust standard errors; the method's own are taken, which are too "
+            "small where the residual is correlated."
         )
     if not identification.converged:
         notes.append(f"{label} has not converged; its values and intervals are provisional.")
@@ -125,7 +125,7 @@ def entry_of(identification: Identification, label: str, source: Source | None =
     )
 
 
-def at_two_deviations(
+def at_two_sigma(
     value: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Ends of 95 % intervals moved out to 2σ, each side by itself; NaN and infinity stay."""

@@ -29,7 +29,7 @@ class FrictionCurve:
 
     entry: int  # index of the result
     torque: np.ndarray  # friction at each speed [N m or N], shape (points,)
-    std: np.ndarray  # its standard deviation, likewise; NaN where no covariance is known
+    std: np.ndarray  # its standard error, likewise; NaN where no covariance is known
     #: stems of the terms that are not functions of speed, or were not estimated
     left_out: tuple[str, ...]
 

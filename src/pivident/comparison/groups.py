@@ -1,4 +1,4 @@
-"""Base parameters as sums of standard ones, so that those of two descriptions can be told alike.
+"""Base parameters as sums of standard ones, so that those of two descriptions can be compared.
 
 A base parameter is a row g of coefficients on the standard parameters, θ_g = Σ g_k θ_k: one on the
 parameter that heads the group, K on those that were regrouped with it. A quantity t of one robot is
@@ -92,7 +92,7 @@ def key_of(parameter: Parameter) -> Key:
 
 
 def difference_of_geometry(a: Robot, b: Robot) -> str:
-    """What tells the kinematics of two robots apart, in a few words; empty where nothing does.
+    """How the kinematics of two robots differ, in a few words; empty where nothing does.
 
     Gravity, nominal values, limits and friction laws may differ.
     """

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pivident.comparison.comparison_errors import ComparisonError
-from pivident.comparison.entry import Entry, Source, at_two_deviations, entry_of
+from pivident.comparison.entry import Entry, Source, at_two_sigma, entry_of
 from pivident.comparison.groups import base_of
 from pivident.errors import IdentificationFileError
 from pivident.estimation.stored_identification import json_of_file, load_identification
@@ -39,7 +39,7 @@ def load_entries(paths: Iterable[str | PathLike[str]]) -> list[Entry]:
 
 
 def distinct_labels(methods: Sequence[str], places: Sequence[Sequence[str]]) -> list[str]:
-    """The shortest names that tell results apart: the method, else with a part of the path.
+    """The shortest distinct names of results: the method, else with a part of the path.
 
     ``places`` are the parts of each result's path, the last ones the nearest.
     """
@@ -147,7 +147,7 @@ def _consistent(model: RunnableModel, content: dict[str, Any], label: str, sourc
         )
     values = dict(zip(every.names, every.values(model.values).tolist(), strict=True))
     value = np.array([values[name] for name in names])
-    low, high = at_two_deviations(value, low, high)
+    low, high = at_two_sigma(value, low, high)
     return _of_model(model, label, source, "consistent", names, (value, low, high), relative)
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 #: Names that are listed in one sentence.
 LISTED = 12
 
-#: Differences of so many percent are differences from what is nearly zero, and not told in percent.
+#: Differences of so many percent are differences from nearly zero, and not given in percent.
 MAX_PERCENT = 1000.0
 
 
@@ -41,7 +41,7 @@ def level_sentence(comparison: ComparedResults) -> str:
     return (
         f"* differs significantly: the probability of one false mark or more among the "
         f"{comparison.tests} differences is at most {100.0 * comparison.level:g} % (Holm), for "
-        "errors that are normal with these deviations. On measured records part of the model "
+        "normal errors with these standard errors. On measured records part of the model "
         "error is not in them, and it changes with the motion."
     )
 

@@ -123,7 +123,7 @@ def write_page(build: Path, name: str, page: str, content: Any) -> None:
 
 
 def page_environment(*packages: str) -> Environment:
-    """Templates of these packages, then of the report; all is escaped but what is marked as HTML."""
+    """Templates of these packages, then of the report; all is escaped but marked HTML."""
     environment = Environment(
         loader=ChoiceLoader([PackageLoader(name) for name in (*packages, "pivident.report")]),
         autoescape=True,

@@ -106,8 +106,8 @@ def moved_figure(
         plot,
         height=80 + 18 * len(labels),
         title="Free and consistent intervals",
-        label=f"Free and consistent 95 % intervals of {len(labels)} base parameters in deviations "
-        f"of the free estimate; {names[most]} moved most, by {abs(moved[most]):.2g} σ",
+        label=f"Free and consistent 95 % intervals of {len(labels)} base parameters in standard "
+        f"errors of the free estimate; {names[most]} moved most, by {abs(moved[most]):.2g} σ",
         note=note,
     )
 

@@ -1,7 +1,7 @@
 """Estimates with their ±2σ intervals as small drawings, in percent of their width.
 
 Parameters differ by orders of magnitude and by unit, so each one gets a scale of its own. Methods
-are told apart by colour and by the shape of their marker; consistent estimates have rows of their
+differ in colour and in the shape of their marker; consistent estimates have rows of their
 own below, with hollow markers.
 """
 

@@ -18,7 +18,7 @@ from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
 
 #: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
-#: (2008), so that people with any colour vision tell them apart; vermilion is kept for errors.
+#: (2008), distinct for any colour vision; vermilion is kept for errors.
 METHOD_COLOURS = ("#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430")
 
 MEASURED, ERROR, SHADE = "#7f8999", "#d55e00", "rgba(138, 147, 163, 0.22)"
@@ -207,7 +207,7 @@ def distance_figure(identification: Identification) -> Figure:
     plot.add_hline(1.0, line={"color": ERROR, "width": 1, "dash": "dash"})
     label = (
         f"Distance of {len(identification.names)} parameters from their estimate over "
-        f"{len(history)} iterations, in standard deviations"
+        f"{len(history)} iterations, in standard errors"
     )
     note = "one line per parameter, coloured by joint; the dashed line is 1σ"
     return Figure(plot, height=300, title="Parameters", label=label, note=note)

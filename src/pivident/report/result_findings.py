@@ -42,7 +42,7 @@ def disagreements(identifications: Sequence[Identification], labels: Sequence[st
         return None
     names = [text for _, text in sorted(apart, reverse=True)]
     return (
-        f"Two methods differ by more than {CONTRADICTION:g} combined standard deviations on "
+        f"Two methods differ by more than {CONTRADICTION:g} combined standard errors on "
         f"{listed(names)}; at least one of their intervals is too narrow."
     )
 

@@ -13,8 +13,8 @@ ESTIMATES = {
     "value": "estimate",
     "low": "lower end of the interval, value - 2 std",
     "high": "upper end of the interval, value + 2 std",
-    "std": "standard deviation by the method's covariance",
-    "robust_std": "standard deviation for residuals that are correlated and of changing variance",
+    "std": "standard error by the method's covariance",
+    "robust_std": "standard error for residuals that are correlated and of changing variance",
     "relative_std_percent": "100 std/|value|",
     "group": "standard parameters that the base parameter stands for",
 }
@@ -88,7 +88,7 @@ def identification_joints(result: Identification) -> Table:
     meanings = {
         "relative_error_percent": "‖τ - Φθ‖/‖τ‖ over the rows in use",
         "rms_error": "rms of τ - Φθ over the same rows [torque_unit]",
-        "noise_std": "deviation of the innovations of the filtered equation [noise_unit]",
+        "noise_std": "standard deviation of the innovations of the filtered equation [noise_unit]",
         "encoder_std": "measurement noise found by the smoother [position_unit]",
         "smoother_f50_hz": "half-power frequency of the position smoother",
     }

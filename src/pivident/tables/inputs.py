@@ -19,8 +19,8 @@ from pivident.text.finding import Quantity
 def recording_signals(recording: Recording) -> Table:
     """One row for each joint of each sample; all channels side by side.
 
-    Units are those of joints, rad or m and N m or N, which a recording by itself does not tell
-    apart; inputs are in the unit of the controller's output.
+    Units are those of joints, rad or m and N m or N, which a recording by itself does
+    not distinguish; inputs are in the unit of the controller's output.
     """
     samples, joints = recording.samples, recording.joints
     columns: dict[str, np.ndarray | tuple[str, ...]] = {

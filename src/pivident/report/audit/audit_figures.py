@@ -121,8 +121,8 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
         plot.update_xaxes(title_text=f"speed [{'rad/s' if revolute else 'm/s'}]")
         note = ""
         if audit.power is not None and np.isfinite(audit.power.friction[j]):
-            taken, deviation = audit.power.friction[j], audit.power.deviations[j]
-            note = "friction takes {} ± {} W".format(*with_spread(taken, 2 * deviation))
+            taken, error = audit.power.friction[j], audit.power.deviations[j]
+            note = "friction takes {} ± {} W".format(*with_spread(taken, 2 * error))
         label = f"Torque of {joint.name} over its speed; {note}"
         figures.append(Figure(plot, 260, joint.name, label, note))
     return figures
@@ -148,11 +148,11 @@ def shift_figure(audit: Audit) -> Figure | None:
     plot.update_xaxes(title_text="delay of the torque [ms]")
     plot.update_yaxes(type="log")
     plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
-    mean, deviation = delay.common
+    mean, error = delay.common
     note = "the lowest point of each line is the delay of that joint"
     if np.isfinite(mean):
         plot.add_vline(1e3 * mean, line={"color": ERROR, "width": 1, "dash": "dash"})
-        note += "; together {} ± {} ms".format(*with_spread(1e3 * mean, 2e3 * deviation))
+        note += "; together {} ± {} ms".format(*with_spread(1e3 * mean, 2e3 * error))
     label = (
         f"Relative error of the inverse model over the shift between torque and position; {note}"
     )

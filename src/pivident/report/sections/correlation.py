@@ -1,4 +1,4 @@
-"""Which parameters the record does not tell apart."""
+"""Which parameters the record cannot distinguish."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class CorrelationSection(Section):
 
     @cached_property
     def correlations(self) -> tuple[ParameterCorrelation | None, ...]:
-        """Of each result, None where its deviations are not known."""
+        """Of each result, None where its standard errors are not known."""
         return tuple(parameter_correlation(i) for i in self.data.identifications)
 
     @property
     def applies(self) -> bool:
-        """Only where deviations are known."""
+        """Only where standard errors are known."""
         return any(own is not None for own in self.correlations)
 
     def context(self) -> dict[str, Any]:

@@ -48,7 +48,7 @@ class FiltersSection(Section):
 def _key(identification: Identification) -> tuple[Any, ...] | None:
     """What two methods with the same filters have in common; None where there is nothing to show.
 
-    The smoother's bandwidth is searched, so its recipe alone does not tell.
+    The smoother's bandwidth is searched, so its recipe alone does not say.
     """
     recipe = signal_recipe(identification)
     if isinstance(recipe, Bandpass):

@@ -1,4 +1,4 @@
-"""What was done, how it ended, and what is doubtful about it."""
+"""What was done, how it ended, and its reservations."""
 
 from __future__ import annotations
 
