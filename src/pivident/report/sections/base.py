@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -59,15 +58,23 @@ class SignalSection(Section):
 class RecordingSection(SignalSection):
     """A section with figures of every method and recording, as a rule one per joint."""
 
-    #: draws identification, recording, joint, method (its colour), with so many points per trace
-    draw: ClassVar[Callable[[Identification, FittedRecording, int, int, int], Figure]]
+    @staticmethod
+    @abstractmethod
+    def draw(
+        identification: Identification,
+        recording: FittedRecording,
+        joint: int,
+        method: int,
+        points: int,
+    ) -> Figure:
+        """Signals of one joint, with so many points per trace."""
 
     def figures(
         self, identification: Identification, recording: FittedRecording, method: int
     ) -> tuple[Figure, ...]:
         """Figures of one recording, at most one per joint."""
         return tuple(
-            type(self).draw(identification, recording, joint, method, self.data.points)
+            self.draw(identification, recording, joint, method, self.data.points)
             for joint in range(identification.robot.size)
         )
 
