@@ -16,6 +16,7 @@ from pivident.comparison.remarks import findings, level_sentence, rows_text, sha
 from pivident.report.builder import page_environment
 from pivident.report.drawing_library import go
 from pivident.report.intervals import Interval, IntervalDrawing
+from pivident.report.plot_parts import LEGEND, band, packed
 from pivident.report.plotly_figures import METHOD_COLOURS, Figure, colour, empty_plot
 from pivident.text.numbers import with_spread
 from pivident.version import __version__
@@ -79,7 +80,7 @@ def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure
     plot.update_xaxes(title_text=f"speed [{joint.speed_unit}]")
     for curve in joint.curves:
         plot.add_traces(_band_and_line(comparison, joint, curve))
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
     missing = [
         f"{comparison.labels[c.entry]} without {', '.join(c.left_out)}"
         for c in joint.curves
@@ -103,22 +104,11 @@ def _band_and_line(
     own, traces = colour(curve.entry), []
     if np.isfinite(curve.std).all():
         upper, lower = curve.torque + 2.0 * curve.std, curve.torque - 2.0 * curve.std
-        traces.append(
-            go.Scatter(
-                x=_packed(np.concatenate([joint.speed, joint.speed[::-1]])),
-                y=_packed(np.concatenate([upper, lower[::-1]])),
-                fill="toself",
-                fillcolor=own,
-                opacity=0.18,
-                line={"width": 0},
-                hoverinfo="skip",
-                showlegend=False,
-            )
-        )
+        traces.append(band(joint.speed, lower, upper, own))
     traces.append(
         go.Scatter(
-            x=_packed(joint.speed),
-            y=_packed(curve.torque),
+            x=packed(joint.speed),
+            y=packed(curve.torque),
             mode="lines",
             line={"color": own, "width": 1.8, "dash": DASHES[curve.entry % len(DASHES)]},
             name=html.escape(comparison.labels[curve.entry], quote=False),
@@ -152,8 +142,3 @@ def interval_drawing(comparison: ComparedResults, p: ComparedParameter) -> Inter
         high=with_spread(high, extent / 10.0)[0],
         label=f"{p.name}: {words}",
     )
-
-
-def _packed(x: np.ndarray) -> np.ndarray:
-    """Single precision: plotly writes it in 5 characters per number."""
-    return np.asarray(x, dtype=np.float32)

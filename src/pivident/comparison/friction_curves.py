@@ -53,7 +53,6 @@ def friction_curves(entries: Sequence[Entry]) -> tuple[JointFriction, ...]:
         rated = joint.rated_speed or max(
             (e.robot.joints[j].rated_speed or 0.0 for e in entries), default=0.0
         )
-        revolute = joint.kind == "revolute"
         speed = speeds(rated or UNRATED)
         curves = [
             curve
@@ -64,8 +63,8 @@ def friction_curves(entries: Sequence[Entry]) -> tuple[JointFriction, ...]:
             found.append(
                 JointFriction(
                     joint.name,
-                    "N m" if revolute else "N",
-                    "rad/s" if revolute else "m/s",
+                    joint.torque_unit,
+                    f"{joint.position_unit}/s",
                     bool(rated),
                     speed,
                     tuple(curves),

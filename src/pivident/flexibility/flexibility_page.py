@@ -14,6 +14,7 @@ from pivident.flexibility.resonance import Resonance
 from pivident.report.audit.audit_figures import audit_plot
 from pivident.report.builder import page_environment
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
 from pivident.version import __version__
 
@@ -140,4 +141,4 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
 
 
 def _with_legend(plot: go.Figure) -> None:
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)

@@ -101,9 +101,8 @@ def signals_csv(identification: Identification, recording: FittedRecording, step
     for j, (joint, fit) in enumerate(
         zip(identification.robot.joints, identification.joints, strict=True)
     ):
-        position = "rad" if joint.kind == "revolute" else "m"
         for words, unit, attribute in SIGNALS:
-            shown = unit.format(p=position, t=fit.torque_unit)
+            shown = unit.format(p=joint.position_unit, t=fit.torque_unit)
             heads.append(f"{joint.name} {words} [{shown}]")
             columns.append(np.asarray(getattr(recording, attribute), dtype=float)[::step, j])
         heads.append(f"{joint.name} used [0 or 1]")

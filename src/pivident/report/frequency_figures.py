@@ -9,6 +9,7 @@ import numpy as np
 
 from pivident.estimation.methods import Bandpass
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND, band, packed
 from pivident.report.plotly_figures import (
     ERROR,
     MEASURED,
@@ -112,7 +113,7 @@ def smoother_figure(
         _gain(plot, frequency, gain, f"{name}, f₅₀ {format_significant(f)} Hz", line)
     plot.add_hline(20 * np.log10(0.5), line={"color": ERROR, "width": 1, "dash": "dash"})
     plot.update_yaxes(range=[-80, 5])
-    plot.update_layout(showlegend=True, legend=_LEGEND)
+    plot.update_layout(showlegend=True, legend=LEGEND)
     half = ", ".join(f"{name} {format_significant(f)} Hz" for name, f in known)
     note = (
         f"integrated random walk of order {order}, no phase; dashed: one half (-6 dB), reached at "
@@ -171,7 +172,7 @@ def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:
     ):
         low, high = (_decibel(x) for x in joint.band(quantity, frequency))
         if (high - low).max() > 0.02:
-            _band(plot, frequency, low, high, own, axis)
+            plot.add_trace(band(frequency, low, high, own, axis=axis))
         gain = np.abs(getattr(loop, quantity)(frequency))
         _curve(plot, frequency, _decibel(gain), title, {"color": own, "width": 1.8}, axis)
     plot.add_shape(
@@ -205,9 +206,6 @@ def bandwidth_text(joint: IdentifiedJointLoop) -> str:
         ends = f"{format_significant(joint.slowest)} to {format_significant(joint.fastest)} Hz"
         text += f" ({ends} over the postures)"
     return text
-
-
-_LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
 
 
 def _interval(value: float, std: float) -> str:
@@ -249,7 +247,7 @@ def _stacked(upper: str, lower: str) -> go.Figure:
             "zeroline": False,
         },
         showlegend=True,
-        legend=_LEGEND,
+        legend=LEGEND,
     )
     return plot
 
@@ -282,30 +280,13 @@ def _curve(
     legend: bool = True,
 ) -> None:
     plot.add_scatter(
-        x=np.asarray(x, np.float32),
-        y=np.asarray(y, np.float32),
+        x=packed(x),
+        y=packed(y),
         yaxis=axis,
         mode="lines",
         name=html.escape(name, quote=False),
         line=line,
         showlegend=legend and (axis == "y" or name == "plant"),
-    )
-
-
-def _band(
-    plot: go.Figure, x: np.ndarray, low: np.ndarray, high: np.ndarray, own: str, axis: str
-) -> None:
-    """Filled between two lines; the label says between what."""
-    plot.add_scatter(
-        x=np.asarray(np.r_[x, x[::-1]], np.float32),
-        y=np.asarray(np.r_[high, low[::-1]], np.float32),
-        yaxis=axis,
-        mode="lines",
-        fill="toself",
-        line={"width": 0, "color": own},
-        opacity=0.3,
-        hoverinfo="skip",
-        showlegend=False,
     )
 
 

@@ -67,7 +67,7 @@ def joint_ranges(
     return tuple(
         JointRange(
             name=joint.name,
-            unit="rad" if joint.kind == "revolute" else "m",
+            unit=joint.position_unit,
             low=float(np.nanmin(recording.q_measured[:, j])),
             high=float(np.nanmax(recording.q_measured[:, j])),
             speed=float(np.nanmax(np.abs(recording.dq[:, j]))),

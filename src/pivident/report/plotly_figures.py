@@ -13,6 +13,7 @@ from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.report.downsampling import kept_samples, stretches
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND, packed
 from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
@@ -110,7 +111,7 @@ def reference_figure(
 ) -> Figure:
     """Measured position of one joint with its reference, and their difference below."""
     assert recording.q_ref is not None
-    name, unit = identification.joints[joint].name, position_unit(identification, joint)
+    name, unit = identification.joints[joint].name, identification.robot.joints[joint].position_unit
     t = _time(recording)
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
     plot = empty_plot("")
@@ -133,12 +134,12 @@ def residual_figure(tests: JointResidualTests, method: int) -> Figure:
     plot = empty_plot("autocorrelation")
     plot.update_xaxes(title_text=f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
     plot.add_bar(
-        x=_packed(lags), y=_packed(found.rho), marker_color=colour(method), name="autocorrelation"
+        x=packed(lags), y=packed(found.rho), marker_color=colour(method), name="autocorrelation"
     )
     for sign in (-1.0, 1.0):
         plot.add_scatter(
-            x=_packed(lags),
-            y=_packed(sign * found.band),
+            x=packed(lags),
+            y=packed(sign * found.band),
             mode="lines",
             line={"color": ERROR, "width": 1, "dash": "dash"},
             name="±2/√n",
@@ -158,7 +159,7 @@ def signal_figure(
     points: int,
 ) -> Figure:
     """Position, speed and acceleration of one joint below each other."""
-    fit, unit = identification.joints[joint], position_unit(identification, joint)
+    fit, unit = identification.joints[joint], identification.robot.joints[joint].position_unit
     t = _time(recording)
     rows = (
         ("q", unit, recording.q),
@@ -197,8 +198,8 @@ def distance_figure(identification: Identification) -> Figure:
     columns = zip(identification.names, identification.parameters, distance.T, strict=True)
     for name, parameter, values in columns:
         plot.add_scatter(
-            x=_packed(np.arange(1, len(history) + 1)),
-            y=_packed(values),
+            x=packed(np.arange(1, len(history) + 1)),
+            y=packed(values),
             name=html.escape(name, quote=False),
             mode="lines+markers",
             line={"color": colour(parameter.joint), "width": 1.2},
@@ -224,24 +225,19 @@ def change_figure(identification: Identification) -> Figure:
         ("relative error of the torque", METHOD_COLOURS[1], [i.residual for i in history]),
     ):
         plot.add_scatter(
-            x=_packed(np.arange(1, len(history) + 1)),
-            y=_packed(100.0 * np.array(values, dtype=float)),
+            x=packed(np.arange(1, len(history) + 1)),
+            y=packed(100.0 * np.array(values, dtype=float)),
             name=name,
             mode="lines+markers",
             line={"color": line_colour, "width": 1.6},
         )
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
     last = history[-1]
     label = (
         f"Largest relative change and relative error over {len(history)} iterations; at the end "
         f"{percent(100.0 * last.change)} and {percent(100.0 * last.residual)}"
     )
     return Figure(plot, height=300, title="Criteria", label=label)
-
-
-def position_unit(identification: Identification, joint: int) -> str:
-    """Rad or m, by the kind of the joint."""
-    return "rad" if identification.robot.joints[joint].kind == "revolute" else "m"
 
 
 def empty_plot(y_title: str) -> go.Figure:
@@ -263,8 +259,8 @@ def _line(
 ) -> go.Scatter:
     kept = kept_samples(np.asarray(y, dtype=float), points)
     return go.Scatter(
-        x=_packed(t[kept]),
-        y=_packed(y[kept]),
+        x=packed(t[kept]),
+        y=packed(y[kept]),
         mode="lines",
         name=name,
         line={"color": line_colour, "width": width},
@@ -329,8 +325,3 @@ def _time(recording: FittedRecording) -> np.ndarray:
 def _start(recording: FittedRecording) -> float:
     """Instant of the first row on the recording's clock [s]."""
     return float(recording.t[0])
-
-
-def _packed(x: np.ndarray) -> np.ndarray:
-    """Single precision: plotly writes it in 5 characters per number."""
-    return np.asarray(x, dtype=np.float32)

@@ -81,7 +81,7 @@ def identification_joints(result: Identification) -> Table:
             "masked_percent": 100.0 * fit.masked,
             "smoother_f50_hz": fit.f50,
             "encoder_std": fit.encoder_std,
-            "position_unit": _position_unit(joint.kind),
+            "position_unit": joint.position_unit,
         }
         for fit, joint in zip(result.joints, result.robot.joints, strict=True)
     ]
@@ -148,7 +148,7 @@ def identification_signals(result: Identification) -> Table:
             "joint": np.tile(np.array([j.name for j in joints], dtype=object), samples),
             **{name: np.asarray(values, dtype=float).ravel() for name, values in signals.items()},
             "used": np.asarray(recording.used, dtype=bool).ravel(),
-            "position_unit": _tiled([_position_unit(j.kind) for j in joints], samples),
+            "position_unit": _tiled([j.position_unit for j in joints], samples),
             "torque_unit": _tiled([fit.torque_unit for fit in result.joints], samples),
         }
         for name, values in named.items():
@@ -160,10 +160,6 @@ def identification_signals(result: Identification) -> Table:
         "whitened": "residual of the equation that was solved, of unit variance; NaN: not used",
     }
     return Table("signals", columns, meanings)
-
-
-def _position_unit(kind: str) -> str:
-    return "rad" if kind == "revolute" else "m"
 
 
 def _tiled(values: list[str], samples: int) -> np.ndarray:

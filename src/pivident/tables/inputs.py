@@ -44,7 +44,6 @@ def robot_joints(robot: Robot) -> Table:
     """One row for each joint."""
     rows = []
     for joint, link, rotor in zip(robot.joints, robot.links, robot.rotor_inertia, strict=True):
-        revolute = joint.kind == "revolute"
         low, high = joint.position_limits or (math.nan, math.nan)
         rows.append(
             {
@@ -54,13 +53,13 @@ def robot_joints(robot: Robot) -> Table:
                 "hangs_on": "base" if joint.parent < 0 else robot.links[joint.parent].name,
                 "position_low": float(low),
                 "position_high": float(high),
-                "position_unit": "rad" if revolute else "m",
+                "position_unit": joint.position_unit,
                 "rated_speed": _known(joint.rated_speed),
-                "speed_unit": "rad/s" if revolute else "m/s",
+                "speed_unit": f"{joint.position_unit}/s",
                 "torque_limit": _known(joint.torque_limit),
-                "torque_unit": "N m" if revolute else "N",
+                "torque_unit": joint.torque_unit,
                 "rotor_inertia": float(rotor),
-                "rotor_unit": "kg m²" if revolute else "kg",
+                "rotor_unit": "kg m²" if joint.kind == "revolute" else "kg",
                 "friction": str(joint.friction),
             }
         )
@@ -145,9 +144,9 @@ def problem_signals(problem: Problem) -> Table:
         else:
             joined[name] = np.concatenate([np.asarray(part, dtype=float) for part in parts])
     samples = sum(r.samples for r in problem.recordings)
-    revolute = [joint.kind == "revolute" for joint in problem.robot.joints]
-    joined["position_unit"] = tuple("rad" if turns else "m" for turns in revolute) * samples
-    joined["torque_unit"] = tuple("N m" if turns else "N" for turns in revolute) * samples
+    joints = problem.robot.joints
+    joined["position_unit"] = tuple(joint.position_unit for joint in joints) * samples
+    joined["torque_unit"] = tuple(joint.torque_unit for joint in joints) * samples
     return Table("signals", joined, tables[0].meanings)
 
 

@@ -15,6 +15,7 @@ from pivident.many.study.study_text import number, percent
 from pivident.many.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
 from pivident.report.builder import page_environment
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import ERROR, SHADE, Figure, colour
 from pivident.report.plotly_figures import empty_plot as empty_plot
 from pivident.text.numbers import percent as two_digits
@@ -222,7 +223,7 @@ def _points(
         mode="markers",
         marker={"color": colour(k), "size": 6},
     )
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
 
 
 def _relative(value: float, truth: float) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from pivident.audit.audit import Audit
 from pivident.report.downsampling import kept_samples
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.text.numbers import with_spread
 
@@ -110,15 +111,14 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
     kept = np.arange(0, len(model.at), max(1, len(model.at) // POINTS))
     figures = []
     for j, joint in enumerate(model.robot.joints):
-        revolute = joint.kind == "revolute"
-        plot = audit_plot(f"torque [{'N m' if revolute else 'N'}]")
+        plot = audit_plot(f"torque [{joint.torque_unit}]")
         plot.add_scatter(
             x=model.dq[kept, j].astype(np.float32),
             y=tau[kept, j].astype(np.float32),
             mode="markers",
             marker={"color": METHOD_COLOURS[0], "size": 3, "opacity": 0.6},
         )
-        plot.update_xaxes(title_text=f"speed [{'rad/s' if revolute else 'm/s'}]")
+        plot.update_xaxes(title_text=f"speed [{joint.position_unit}/s]")
         note = ""
         if audit.power is not None and np.isfinite(audit.power.friction[j]):
             taken, error = audit.power.friction[j], audit.power.deviations[j]
@@ -147,7 +147,7 @@ def shift_figure(audit: Audit) -> Figure | None:
         )
     plot.update_xaxes(title_text="delay of the torque [ms]")
     plot.update_yaxes(type="log")
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
     mean, error = delay.common
     note = "the lowest point of each line is the delay of that joint"
     if np.isfinite(mean):
@@ -216,7 +216,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     ranges.update_layout(
         barmode="group",
         showlegend=True,
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+        legend=LEGEND,
     )
     note = (
         "share of position limits, rated speed, and of the acceleration that reaches it in 0.15 s"
