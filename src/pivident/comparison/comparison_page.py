@@ -13,13 +13,12 @@ from pivident.comparison.compared_results import ComparedParameter, ComparedResu
 from pivident.comparison.comparison_text import difference_text, estimate_text, format_z
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.drawing_library import go
 from pivident.report.intervals import Interval, IntervalDrawing
 from pivident.report.plot_parts import LEGEND, band, packed
-from pivident.report.plotly_figures import METHOD_COLOURS, Figure, colour, empty_plot
+from pivident.report.plotly_figures import Figure, colour, empty_plot
 from pivident.text.numbers import with_spread
-from pivident.version import __version__
 
 HEADINGS = {
     "glance": "At a glance",
@@ -64,13 +63,8 @@ def render_page(comparison: ComparedResults) -> str:
             body = environment.get_template(f"compare_{key}.html").render(content)
             sections.append((key, heading, Markup(body)))
     robots = ", ".join(dict.fromkeys(e.robot.name for e in comparison.entries))
-    return environment.get_template("page.html").render(
-        title=f"{robots}: {len(comparison.entries)} results compared",
-        head=sections[0],
-        sections=sections[1:],
-        colours=METHOD_COLOURS,
-        version=__version__,
-    )
+    title = f"{robots}: {len(comparison.entries)} results compared"
+    return page_of(environment, title, sections)
 
 
 def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure:

@@ -12,11 +12,10 @@ from pivident.flexibility.flexibility_text import agreement_lines, of_kind, part
 from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
 from pivident.report.audit.audit_figures import audit_plot
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.drawing_library import go
 from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
-from pivident.version import __version__
 
 #: Points of one trace.
 POINTS = 1500
@@ -37,16 +36,11 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
         agreement=agreement_lines(found),
         stiffness=_stiffness,
     )
-    sections = []
+    sections = [("summary", "What was found", Markup(body))]
     for number, (name, one) in enumerate(zip(names, found, strict=True), start=1):
         body_of_joint = template.render(parts=parts_of(one), figures=_figures(one))
         sections.append((f"joint-{number}", name, Markup(body_of_joint)))
-    return environment.get_template("page.html").render(
-        title="Flexible joints",
-        head=("summary", "What was found", Markup(body)),
-        sections=sections,
-        version=__version__,
-    )
+    return page_of(environment, "Flexible joints", sections)
 
 
 def _stiffness(one: JointFlexibility) -> str:

@@ -98,11 +98,20 @@ def render_report(
         if section.applies:
             body = environment.get_template(section.template).render(section.context())
             sections.append((section.anchor, section.title, Markup(body)))
+    return page_of(environment, title, sections)
+
+
+def page_of(
+    environment: Environment,
+    title: str,
+    sections: Sequence[tuple[str, str, Markup]],
+    *,
+    headed: bool = True,
+) -> str:
+    """The page of sections (anchor, heading, body); the first may stand before the contents."""
+    head = {"head": sections[0]} if headed else {}
     return environment.get_template("page.html").render(
-        title=title,
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
+        title=title, sections=sections[len(head) :], **head, version=__version__
     )
 
 

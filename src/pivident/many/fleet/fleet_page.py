@@ -12,10 +12,9 @@ from pivident.many.fleet.control_chart import Alarm
 from pivident.many.fleet.fleet_figures import chart_figure, overview_figure
 from pivident.many.fleet.judgement import Judgement, promise
 from pivident.many.fleet.wear import Rate
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.text.numbers import with_spread
 from pivident.text.toml import toml_lines
-from pivident.version import __version__
 
 #: Charts that are drawn: those with alarms first; more would only make the page heavy.
 MAX_CHARTS = 40
@@ -73,13 +72,8 @@ def render_page(judgement: Judgement) -> str:
             continue
         body = environment.get_template(f"fleet_{key}.html").render(content)
         sections.append((key, heading, Markup(body)))
-    return environment.get_template("page.html").render(
-        title=f"{fleet.template.experiment.title}: {_counted(len(fleet.robots), 'robot')}, "
-        f"{_counted(len(fleet.logs), 'log')}",
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
-    )
+    counts = f"{_counted(len(fleet.robots), 'robot')}, {_counted(len(fleet.logs), 'log')}"
+    return page_of(environment, f"{fleet.template.experiment.title}: {counts}", sections)
 
 
 def _drawn(judgement: Judgement) -> list[Any]:

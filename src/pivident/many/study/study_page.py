@@ -13,14 +13,13 @@ from markupsafe import Markup
 from pivident.many.study.bench import Bench
 from pivident.many.study.study_text import number, percent
 from pivident.many.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.drawing_library import go
 from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import ERROR, SHADE, Figure, colour
 from pivident.report.plotly_figures import empty_plot as empty_plot
 from pivident.text.numbers import percent as two_digits
 from pivident.text.toml import toml_lines
-from pivident.version import __version__
 
 if TYPE_CHECKING:
     import polars as pl
@@ -73,12 +72,7 @@ def render_page(
     for key, heading in headings.items():
         template = environment.get_template(f"study_{key}.html")
         sections.append((key, heading, Markup(template.render(figures=figures[key], **content))))
-    return environment.get_template("page.html").render(
-        title=f"Study {summary.scenario}: {summary.runs} runs",
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
-    )
+    return page_of(environment, f"Study {summary.scenario}: {summary.runs} runs", sections)
 
 
 def coverage_figure(summary: Summary) -> Figure:

@@ -8,10 +8,9 @@ from markupsafe import Markup
 
 from pivident.audit.audit import Audit
 from pivident.report.audit import audit_figures as figures
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.plotly_figures import Figure
 from pivident.text.finding import Finding, counted, gravest_first, serious
-from pivident.version import __version__
 
 #: Checks in the order of the page, with their headings.
 CHECKS = {
@@ -53,13 +52,8 @@ def render_page(audits: Sequence[Audit]) -> str:
                 )
                 sections.append((f"{check}{tag}", f"{name}{heading}", Markup(body)))
     # What was found in a single log heads the page, before the list of contents.
-    head = {"head": sections.pop(0)} if len(audits) == 1 else {}
-    return environment.get_template("page.html").render(
-        title=f"Audit of {', '.join(audit.log.name for audit in audits)}",
-        sections=sections,
-        **head,
-        version=__version__,
-    )
+    title = f"Audit of {', '.join(audit.log.name for audit in audits)}"
+    return page_of(environment, title, sections, headed=len(audits) == 1)
 
 
 def position(finding: Finding) -> str:

@@ -8,10 +8,9 @@ from markupsafe import Markup
 
 from pivident.friction.friction_findings import FrictionFinding, headline
 from pivident.friction.friction_study import FrictionStudy
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.friction.friction_figures import gain_figure, joint_figures
 from pivident.report.friction.ripple_figures import ripple_figures
-from pivident.version import __version__
 
 
 def render_page(study: FrictionStudy, title: str | None = None) -> str:
@@ -33,12 +32,7 @@ def render_page(study: FrictionStudy, title: str | None = None) -> str:
             ripple=study.ripple, figures=drawn
         )
         sections.append(("ripple", "Ripple over position", Markup(body)))
-    return environment.get_template("page.html").render(
-        title=title or f"{study.robot}: friction",
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
-    )
+    return page_of(environment, title or f"{study.robot}: friction", sections)
 
 
 def _clear(findings: Sequence[FrictionFinding]) -> bool:
