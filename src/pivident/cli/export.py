@@ -131,7 +131,7 @@ def write_export(exported: ExportedText, out: Path) -> tuple[Path, ...]:
 def export_text(
     exported: ExportedText, model: RunnableModel, written: tuple[Path, ...], title: str
 ) -> str:
-    """What was written, what is to be known of the values, what the format cannot say."""
+    """What was written, notes on the values, what the format cannot say."""
     kind = "physically consistent" if model.consistent else "not made physically consistent"
     lines = [
         f"Written: {', '.join(map(str, written))} ({title}; {model.robot.name}, "

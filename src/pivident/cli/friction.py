@@ -30,7 +30,7 @@ def friction(
     experiment
         The experiment file.
     method
-        Estimate whose rigid part is taken off the torque. Default: iv-full-rate where the file has
+        Estimate whose rigid part is subtracted from the torque. Default: iv-full-rate where the file has
         a controller, else ls.
     standstill
         Share of the rated speed that passes for standstill, 0 to 1. Default: 0.01.

@@ -19,8 +19,7 @@ from pivident.files import atomic_folder
 from pivident.text.identifiers import latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import format_significant
-from pivident.text.plain_table import csv_table
-from pivident.text.plain_values import json_of_entries, plain
+from pivident.text.plain_values import csv_table, json_of_entries, plain
 from pivident.text.printable import sheet_text
 from pivident.version import __version__
 

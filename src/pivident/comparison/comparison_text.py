@@ -27,7 +27,7 @@ WIDTH = 80
 _GAP = 2
 
 #: Significant differences that are listed beneath three results or more.
-_MOST_LISTED = 40
+_MAX_LISTED = 40
 
 #: Digits of a hash that are shown.
 HASH = 10
@@ -187,7 +187,7 @@ def _narrow(text: str) -> str:
 
 
 def _value_tables(comparison: ComparedResults, width: int) -> list[RenderableType]:
-    """Three results or more: values with marks, in as many tables as the width asks for."""
+    """Three results or more: values with marks, in as many tables as the width needs."""
     cells = [_value_cells(comparison, p) for p in comparison.parameters]
     widths = [
         max([len(label), *(len(row[k]) for row in cells)])
@@ -228,12 +228,12 @@ def _difference_table(comparison: ComparedResults) -> RenderableType | None:
         return None
     found.sort(key=lambda f: -f[0])
     title = f"Significant differences from {comparison.labels[0]} ± 2σ"
-    if len(found) > _MOST_LISTED:
-        title += f", the {_MOST_LISTED} clearest of {len(found)}"
+    if len(found) > _MAX_LISTED:
+        title += f", the {_MAX_LISTED} clearest of {len(found)}"
     names = (("parameter", "left"), ("result", "left"), ("difference", "right"))
     further = (("unit", "left"), ("%", "right"), ("z", "right"))
     table = _table([*names, *further])
-    for _, k, p, d in found[:_MOST_LISTED]:
+    for _, k, p, d in found[:_MAX_LISTED]:
         percent = format_significant(d.relative, 2) if abs(d.relative) < MAX_PERCENT else "–"
         z = format_z(d.z)
         _add(table, [p.name, comparison.labels[k], _narrow(difference_text(d)), p.unit, percent, z])

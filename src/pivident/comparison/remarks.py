@@ -4,20 +4,22 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from pivident.estimation.summary_tables import error_rows
+from pivident.text import lists
 from pivident.text.numbers import format_significant, with_spread
 
 if TYPE_CHECKING:
     from pivident.comparison.compared_results import ComparedResults
     from pivident.comparison.entry import Entry
 
-#: Names that are listed in one sentence.
-LISTED = 12
-
 #: Differences of so many percent are differences from nearly zero, and not given in percent.
 MAX_PERCENT = 1000.0
+
+#: Names in a sentence, at most twelve.
+listed = partial(lists.listed, most=12)
 
 
 def remarks(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[str]:
@@ -84,13 +86,6 @@ def _changes(comparison: ComparedResults, k: int, names: Sequence[str]) -> list[
         signed = text if text.startswith("-") else f"+{text}"
         changes.append(f"{name} {signed} ± {spread_text} {unit}")
     return changes
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names with commas, and how many more there are."""
-    shown = ", ".join(names[:LISTED])
-    more = len(names) - LISTED
-    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _correlation(comparison: ComparedResults) -> Iterator[str]:

@@ -17,7 +17,7 @@ from typing import Any
 from pivident.consistency.consistent_estimate import CONFIDENCE, ConsistentEstimate
 from pivident.consistency.link_intervals import LinkRow, Quantity
 from pivident.robot.robot_values import robot_values
-from pivident.text.plain_table import csv_table
+from pivident.text.plain_values import csv_table
 
 #: Version of the layout of ``consistent.json``.
 SCHEMA = 1

@@ -14,8 +14,7 @@ from pivident.estimation.parameter_rows import parameter_rows
 from pivident.files import atomic_folder
 from pivident.robot.robot_values import robot_values
 from pivident.simulation.control_loop import Loop
-from pivident.text.plain_table import csv_table
-from pivident.text.plain_values import json_of_entries, plain
+from pivident.text.plain_values import csv_table, json_of_entries, plain
 
 #: Version of the layout of ``identification.json``.
 SCHEMA = 2

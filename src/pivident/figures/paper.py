@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 WIDTHS = {1: 3.5, 2: 7.16}
 
 #: Tallest figure, a page's height [inch].
-TALLEST = 9.2
+MAX_HEIGHT = 9.2
 
 #: Colours that remain apart with every common colour blindness (Okabe and Ito 2008), in an order of
 #: different lightness, each with a dash and a marker of its own.
@@ -87,7 +87,7 @@ def new_figure(
     """A figure with a grid of axes, in order of reading."""
     if columns not in WIDTHS:
         raise FigureError(f"columns is {columns!r}; figures have the width of 1 or 2 columns")
-    size = (WIDTHS[columns], min(rows * row_height + 0.35, TALLEST))
+    size = (WIDTHS[columns], min(rows * row_height + 0.35, MAX_HEIGHT))
     drawing = require("matplotlib.figure", extra="figures", purpose="a figure for papers")
     figure = drawing.Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, across, squeeze=False, sharex=share_x)

@@ -12,8 +12,7 @@ from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
 from pivident.payload.payload_text import payload_text
 from pivident.robot.description import INERTIAL
-from pivident.text.plain_table import csv_table
-from pivident.text.plain_values import plain
+from pivident.text.plain_values import csv_table, plain
 
 #: Version of the layout of ``payload.json``.
 SCHEMA = 1

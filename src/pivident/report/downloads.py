@@ -14,13 +14,13 @@ from pivident.estimation.parameter_rows import parameter_rows
 from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import with_spread
-from pivident.text.plain_table import csv_table
+from pivident.text.plain_values import csv_table
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.
 MAX_NUMBERS = 30_000
 
 #: A part of a file's name is not longer than this.
-LONGEST = 60
+MAX_STEM = 60
 
 #: Signals of a joint in a table: heading, unit (of the position {p}, of the torque {t}), attribute.
 SIGNALS = (
@@ -151,4 +151,4 @@ def _latex_rows(identification: Identification) -> Iterator[str]:
 
 def _stems(names: Sequence[str]) -> list[str]:
     """Names of files without their ending, all different, that no file system stumbles over."""
-    return identifiers([name[:LONGEST] for name in names])
+    return identifiers([name[:MAX_STEM] for name in names])

@@ -1,11 +1,8 @@
-"""Tables as plain text and as CSV."""
+"""Tables as plain text."""
 
 from __future__ import annotations
 
-import csv
-import io
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 _GAP = "  "
 
@@ -19,15 +16,6 @@ def plain_table(columns: Sequence[tuple[str, str, Sequence[str]]]) -> str:
         side = "<" if align == "<" else ">"
         padded.append([f"{cell:{side}{width}}" for cell in [title, *body]])
     return "\n".join(_GAP.join(cells).rstrip() for cells in zip(*padded, strict=True))
-
-
-def csv_table(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
-    """A table with its header as comma-separated values; None is left empty."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(columns)
-    writer.writerows(rows)
-    return stream.getvalue()
 
 
 def _on_decimal_point(cells: Sequence[str]) -> list[str]:

@@ -27,10 +27,14 @@ class Section(ABC):
 
     title: ClassVar[str]  # heading
     anchor: ClassVar[str]  # identifier on the page
-    template: ClassVar[str]  # file in ``templates``
 
     def __init__(self, data: ReportData) -> None:
         self.data = data
+
+    @property
+    def template(self) -> str:
+        """File in ``templates``, named after the anchor."""
+        return f"{self.anchor.replace('-', '_')}.html"
 
     @property
     def applies(self) -> bool:
@@ -44,6 +48,10 @@ class Section(ABC):
     def opened(self, method: int) -> bool:
         """The last method, by custom the most refined, is unfolded."""
         return method == len(self.data.identifications) - 1
+
+    def gallery(self, method: int, *figures: Figure) -> Gallery:
+        """Figures of one method, in one group."""
+        return Gallery(self.data.labels[method], method, self.opened(method), (("", figures),))
 
 
 class SignalSection(Section):

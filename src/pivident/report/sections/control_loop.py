@@ -36,7 +36,6 @@ class ControlLoopSection(Section):
 
     title = "Control loop"
     anchor = "control-loop"
-    template = "control_loop.html"
 
     @property
     def applies(self) -> bool:
@@ -125,7 +124,7 @@ def _differentiator(law: JointLaw) -> tuple[bool, float, float]:
 
 
 def _terms(law: JointLaw, position: str) -> Iterator[dict[str, Any]]:
-    """Terms in use, then those tried in vain."""
+    """Terms in use, then those rejected."""
     tried = [term for term in TERMS if term not in law.terms and term in law.f_tests]
     for term in (*law.terms, *tried):
         meaning, unit = _MEANING[term]

@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from pivident.report.correlation_figure import correlation_figure
-from pivident.report.sections.base import Gallery, Section
+from pivident.report.sections.base import Section
 from pivident.validation.parameter_correlation import (
     STRONG_CORRELATION,
     ParameterCorrelation,
@@ -19,7 +19,6 @@ class CorrelationSection(Section):
 
     title = "Correlations of the parameters"
     anchor = "correlations"
-    template = "correlations.html"
 
     @cached_property
     def correlations(self) -> tuple[ParameterCorrelation | None, ...]:
@@ -35,12 +34,7 @@ class CorrelationSection(Section):
         """One gallery per method."""
         return {
             "galleries": [
-                Gallery(
-                    self.data.labels[k],
-                    k,
-                    self.opened(k),
-                    (("", (correlation_figure(own),)),),
-                )
+                self.gallery(k, correlation_figure(own))
                 for k, own in enumerate(self.correlations)
                 if own is not None
             ],

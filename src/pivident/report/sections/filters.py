@@ -17,7 +17,6 @@ class FiltersSection(Section):
 
     title = "Filters of the signals"
     anchor = "filters"
-    template = "filters.html"
 
     @property
     def applies(self) -> bool:

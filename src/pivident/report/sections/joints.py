@@ -12,7 +12,6 @@ class JointsSection(Section):
 
     title = "Fit of each joint"
     anchor = "joints"
-    template = "joints.html"
 
     def context(self) -> dict[str, Any]:
         """Joint fits with the unit of their positions."""

@@ -13,7 +13,6 @@ class ReplaySection(SignalSection):
 
     title = "The motion, replayed"
     anchor = "replay"
-    template = "replay.html"
 
     def context(self) -> dict[str, Any]:
         """Robot and motion of the last identification that has signals."""

@@ -11,5 +11,4 @@ class SignalsSection(RecordingSection):
 
     title = "Signals"
     anchor = "signals"
-    template = "signals.html"
     draw = staticmethod(signal_figure)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.sections.base import Gallery, SignalSection
+from pivident.report.sections.base import SignalSection
 from pivident.report.spectrum_figures import spectra_figure
 from pivident.validation.residuals.residual_spectrum import residual_spectra
 
@@ -14,17 +14,11 @@ class SpectraSection(SignalSection):
 
     title = "Spectra of the residuals"
     anchor = "spectra"
-    template = "spectra.html"
 
     def context(self) -> dict[str, Any]:
         """One gallery per method with signals."""
         galleries = []
         for k, identification in enumerate(self.data.identifications):
-            figures = tuple(
-                spectra_figure(own, k)
-                for own in residual_spectra(identification)
-                if own is not None
-            )
-            groups = (("", figures),)
-            galleries.append(Gallery(self.data.labels[k], k, self.opened(k), groups))
+            spectra = [own for own in residual_spectra(identification) if own is not None]
+            galleries.append(self.gallery(k, *(spectra_figure(own, k) for own in spectra)))
         return {"galleries": galleries, "several": self.data.several}

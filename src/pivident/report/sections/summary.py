@@ -14,7 +14,6 @@ class SummarySection(Section):
 
     title = "Summary"
     anchor = "summary"
-    template = "summary.html"
 
     def context(self) -> dict[str, Any]:
         """Methods at a glance and remarks."""

@@ -11,5 +11,4 @@ class TorqueSection(RecordingSection):
 
     title = "Torque: measured and reconstructed"
     anchor = "torque"
-    template = "torque.html"
     draw = staticmethod(torque_figure)
