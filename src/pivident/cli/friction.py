@@ -30,8 +30,8 @@ def friction(
     experiment
         The experiment file.
     method
-        Estimate whose rigid part is subtracted from the torque. Default: iv-full-rate where the file has
-        a controller, else ls.
+        Estimate whose rigid part is subtracted from the torque. Default: iv-full-rate where the
+        file has a controller, else ls.
     standstill
         Share of the rated speed that passes for standstill, 0 to 1. Default: 0.01.
     ripple
