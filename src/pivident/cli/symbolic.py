@@ -11,6 +11,7 @@ from cyclopts import Parameter
 
 from pivident.cli.console import note
 from pivident.errors import PividentError
+from pivident.text.lists import separated
 from pivident.text.plain_table import plain_table
 
 if TYPE_CHECKING:
@@ -87,7 +88,7 @@ def _chosen(option: str, given: Sequence[str], known: Collection[str]) -> list[s
     """Names of an option, all known ones where none is given."""
     from pivident.robot.naming import nearest
 
-    names = [name for text in given for name in text.replace(" ", "").split(",") if name]
+    names = separated(given)
     for name in names:
         if name not in known:
             raise PividentError(f"{option}: there is no {name!r}; {nearest(name, known)}")
