@@ -32,7 +32,7 @@ def residual_tests(tests: ResidualTests) -> Table:
                 }
             )
     meanings = {
-        "p_value": "on which the sentence is based; NaN where there is no test behind a noise model",
+        "p_value": "of the test in the sentence; NaN where there is no test behind a noise model",
         "matters": "significant, and of practical size",
     }
     empty = ("joint", "test", "statistic", "p_value", "significant", "matters", "samples")
