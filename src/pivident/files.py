@@ -28,11 +28,7 @@ _REMAINDER = re.compile(r"\.pivident-(complete-)?[0-9a-f]{8}")
 def regular_file(path: str | PathLike[str]) -> Path:
     """The path, once it is known to name a file: a device or a pipe could be read without end.
 
-    Args:
-        path: file to be read.
-
-    Raises:
-        OSError: there is no such file, or it is something else; ``strerror`` says what.
+    The ``strerror`` of its OSError says what else it is.
     """
     path = Path(path)
     if "\0" in str(path):
@@ -46,14 +42,7 @@ def regular_file(path: str | PathLike[str]) -> Path:
 
 
 def check_output(folder: Path) -> None:
-    """Refuse an output folder that could not be written after minutes of work.
-
-    Args:
-        folder: where results are to go; it need not exist.
-
-    Raises:
-        PividentError: it is a file, or may not be written to.
-    """
+    """Refuse an output folder that could not be written after minutes of work."""
     folder = folder.absolute()
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     if not existing.is_dir():
@@ -74,15 +63,6 @@ def atomic_folder(path: str | PathLike[str]) -> Iterator[Path]:
     leaves the folder as it was; a process that is killed while it moves files in leaves the rest
     in a hidden folder, from which the next call for the same folder finishes. Of two processes
     that write to one folder, one waits until the other has moved its files.
-
-    Args:
-        path: folder to create or to write into.
-
-    Yields:
-        The hidden folder to write to.
-
-    Raises:
-        PividentError: the folder cannot be written, because it is read-only or the disk is full.
     """
     folder = Path(path)
     build: Path | None = None
@@ -124,15 +104,7 @@ def _new_build(parent: Path) -> tuple[Path, int | None]:
 
 
 def _lock(folder: Path, wait: bool = False) -> int | None:
-    """Lock a folder.
-
-    Returns:
-        The handle that holds the lock; None where folders cannot be locked.
-
-    Raises:
-        BlockingIOError: another process has locked it.
-        FileNotFoundError: another process has removed it.
-    """
+    """Handle that locks a folder; None where folders cannot be locked."""
     try:
         import fcntl
     except ImportError:
@@ -201,11 +173,7 @@ def _only_mover(folder: Path) -> Iterator[None]:
 
 
 def _move(build: Path, folder: Path) -> Path:
-    """Move all files in. Ctrl-C in between waits until these few renames are done.
-
-    Returns:
-        What is left of the hidden folder.
-    """
+    """Move all files in and return what is left; Ctrl-C waits until these few renames are done."""
     if not folder.exists():
         folder.parent.mkdir(parents=True, exist_ok=True)
         try:

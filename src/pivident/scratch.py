@@ -26,14 +26,7 @@ SHARE = 8
 
 
 def working_array(shape: tuple[int, ...]) -> np.ndarray:
-    """An array of float64 to be written to; its content is undefined until then.
-
-    Args:
-        shape: its shape.
-
-    Raises:
-        PividentError: the folder for scratch files has no room, or cannot be written.
-    """
+    """An array of float64 to be written to; its content is undefined until then."""
     size = 8 * math.prod(shape)
     if size <= largest_in_memory():
         return np.empty(shape)
@@ -56,11 +49,7 @@ def working_array(shape: tuple[int, ...]) -> np.ndarray:
 
 
 def largest_in_memory() -> int:
-    """Bytes up to which an array is kept in memory.
-
-    Raises:
-        PividentError: ``PIVIDENT_SCRATCH_ABOVE`` is no number of bytes.
-    """
+    """Bytes up to which an array is kept in memory, by ``PIVIDENT_SCRATCH_ABOVE``."""
     given = os.environ.get("PIVIDENT_SCRATCH_ABOVE", "")
     if not given:
         return _memory() // SHARE

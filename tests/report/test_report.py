@@ -88,7 +88,7 @@ def test_several_methods_are_compared(page, methods):
     text = " ".join(page.text)
     for identification in methods:
         assert identification.method in text
-    assert "differ by more than 3 combined standard deviations" in text
+    assert "differ by more than 3 combined standard errors" in text
 
 
 def test_least_squares_alone_has_no_convergence():
@@ -193,7 +193,7 @@ def test_every_loop_has_its_own_part_of_the_section():
     results = [synthetic_identification(loop=synthetic_loop(found)) for found in ("law", "moves")]
     text = " ".join(Page(render_report(results)).text)
     assert "Law identified from run1" in text
-    assert "Law told from the noise in the loop" in text
+    assert "Law identified from the noise in the loop" in text
 
 
 def test_a_declared_loop_has_no_section():

@@ -32,6 +32,7 @@ from pivident.cli.payload import payload
 from pivident.cli.study import study
 from pivident.cli.symbolic import symbolic
 from pivident.errors import DatasetUnavailable, PividentError
+from pivident.text.lists import separated
 from pivident.version import __version__
 
 DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
@@ -108,7 +109,7 @@ def identify(
     """
     from pivident.cli.workflow import run_experiment
 
-    names = [name for text in method for name in text.replace(" ", "").split(",") if name]
+    names = separated(method)
     if method:
         _check_methods(names)
     if folds is not None and (folds < 0 or folds == 1):
@@ -176,7 +177,7 @@ def init(
 
     if not logs:
         raise UsageError("init needs a log: pivident init log.csv --robot my_arm.urdf")
-    names = [name.strip() for name in (joints or "").split(",") if name.strip()]
+    names = separated([joints or ""])
     ask = sys.stdin.isatty() and not yes
     done = run_init(logs, robot, out, joints=names, ask=ask, force=force)
     return DONE if done else FAULTY_LOG
@@ -275,14 +276,7 @@ def _check_methods(names: Sequence[str]) -> None:
 
 
 def main(tokens: Sequence[str] | None = None) -> int:
-    """Run the command line.
-
-    Args:
-        tokens: arguments; those of the process by default.
-
-    Returns:
-        The exit code.
-    """
+    """Run the command line (by default that of the process); returns the exit code."""
     # Matrices are small: threads of the linear algebra would wait for each other, not work.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     for stream in (sys.stdout, sys.stderr):

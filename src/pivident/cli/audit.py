@@ -16,20 +16,7 @@ if TYPE_CHECKING:
 
 
 def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path | None) -> bool:
-    """Audit a log, print what was found and write ``audit.json`` and ``audit.html``.
-
-    Args:
-        path: a log or an experiment file.
-        robot: name in the gallery or a robot file, or None.
-        experiment: experiment file with the columns of the log, or None.
-        out: folder for the results; NAME-audit for NAME.csv where it is not given.
-
-    Returns:
-        Whether there are no errors.
-
-    Raises:
-        PividentError: the log cannot be read at all, or the folder cannot be written.
-    """
+    """Audit a log, print and write what was found (JSON and a page); True without errors."""
     from pivident.audit.audit_file import audit_file
     from pivident.report.audit.audit_files import write_audit
     from pivident.robot.gallery import load_robot
@@ -47,11 +34,7 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
 
 
 def print_audits(audits: Sequence[Audit]) -> None:
-    """Findings that need attention, the rest as a number.
-
-    Args:
-        audits: of one log or several.
-    """
+    """Findings that need attention, the rest as a number."""
     for audit in audits:
         rate = f" at {audit.timing.rate:.6g} Hz" if audit.timing.rate else ""
         print(f"{audit.log.name}: {audit.log.samples} samples{rate}")

@@ -51,11 +51,7 @@ def check(
 
 
 def print_check(found: ExperimentCheck) -> None:
-    """Remarks, the gravest first; then what was checked and what would be estimated.
-
-    Args:
-        found: what the check has found.
-    """
+    """Remarks, the gravest first; then what was checked and what would be estimated."""
     print(escaped(f"{found.path}: {_headline(found)}"))
     print_findings(found.remarks)
     print("Checked: " + escaped("; ".join(found.looked_at)) + ".")

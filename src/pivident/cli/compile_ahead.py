@@ -17,11 +17,7 @@ ESTIMATORS, LOOP = "estimators", "loop"
 
 
 def compile_ahead(*parts: str) -> None:
-    """Start a process that compiles, unless everything is in the cache already.
-
-    Args:
-        parts: in the order in which they will be needed.
-    """
+    """Start a process that compiles, unless everything is in the cache already."""
     if _is_compiled():
         return
     process = subprocess.Popen(

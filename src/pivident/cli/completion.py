@@ -11,18 +11,7 @@ Shell = Literal["bash", "zsh", "fish"]
 
 
 def completion_script(app: App, shell: Shell) -> str:
-    """The completion script of a command line for a shell.
-
-    Args:
-        app: the command line.
-        shell: bash, zsh or fish.
-
-    Returns:
-        The script's text.
-
-    Raises:
-        ValueError: another shell.
-    """
+    """The completion script of a command line for a shell."""
     if shell not in get_args(Shell):
         raise ValueError(f"there is no completion for {shell!r}; choose from {get_args(Shell)}")
     return app.generate_completion(prog_name=app.name[0], shell=shell).rstrip()

@@ -90,14 +90,7 @@ def check_targets(
 ) -> None:
     """Refuse to write over a file that the export, or the identification, is made from.
 
-    Args:
-        exported: what is to be written.
-        out: where.
-        inputs: files that were read.
-        sources: SHA-256 of the files that were identified.
-
-    Raises:
-        ExportError: a file to be written is one of them, a folder, or to be written twice.
+    ``sources`` are the SHA-256 of the files that were identified.
     """
     from pivident.errors import ExportError
     from pivident.logs.source_files import sha256
@@ -121,18 +114,7 @@ def check_targets(
 
 
 def write_export(exported: ExportedText, out: Path) -> tuple[Path, ...]:
-    """Write the file and those that belong to it, all or nothing; gzip where it ends in ``.gz``.
-
-    Args:
-        exported: what is to be written.
-        out: where.
-
-    Returns:
-        The files.
-
-    Raises:
-        PividentError: they cannot be written.
-    """
+    """Write the file and those that belong to it, all or nothing; gzip where it ends in ``.gz``."""
     import gzip
 
     from pivident.files import atomic_folder
@@ -149,14 +131,7 @@ def write_export(exported: ExportedText, out: Path) -> tuple[Path, ...]:
 def export_text(
     exported: ExportedText, model: RunnableModel, written: tuple[Path, ...], title: str
 ) -> str:
-    """What was written, what is to be known of the values, what the format cannot say.
-
-    Args:
-        exported: what was written.
-        model: the model.
-        written: the files.
-        title: name of the format.
-    """
+    """What was written, notes on the values, what the format cannot say."""
     kind = "physically consistent" if model.consistent else "not made physically consistent"
     lines = [
         f"Written: {', '.join(map(str, written))} ({title}; {model.robot.name}, "

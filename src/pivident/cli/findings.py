@@ -22,11 +22,7 @@ WIDTH = 96
 
 
 def print_findings(findings: Iterable[Finding]) -> None:
-    """Severity, place, message and next step of each.
-
-    Args:
-        findings: in the order in which they are printed.
-    """
+    """Severity, place, message and next step of each."""
     from rich.console import Console
     from rich.text import Text
 

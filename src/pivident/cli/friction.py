@@ -30,8 +30,8 @@ def friction(
     experiment
         The experiment file.
     method
-        Estimate whose rigid part is taken off the torque. Default: iv-full-rate where the file has
-        a controller, else ls.
+        Estimate whose rigid part is subtracted from the torque. Default: iv-full-rate where the
+        file has a controller, else ls.
     standstill
         Share of the rated speed that passes for standstill, 0 to 1. Default: 0.01.
     ripple
@@ -51,19 +51,7 @@ def run_friction(
     out: Path | None,
     ripple: bool = False,
 ) -> FrictionStudy:
-    """Identify, take the rigid part off, see the friction, print what stands out, write the files.
-
-    Args:
-        path: the experiment file.
-        method: short name of the method, or None.
-        standstill: share of the rated speed that passes for standstill, or None.
-        out: folder for the results, or None.
-        ripple: whether lines over position are searched.
-
-    Raises:
-        PividentError: the file, its data or the output folder cannot be used, the estimate
-            fails, no joint moves enough, or polars is not installed.
-    """
+    """Identify, subtract the rigid part, print what stands out in the friction, write the files."""
     from pivident.cli.workflow import check_output
     from pivident.estimation.identify import identify
     from pivident.experiment.experiment import load_experiment
@@ -98,11 +86,7 @@ def run_friction(
 
 
 def print_friction(study: FrictionStudy) -> None:
-    """What stands out for each joint, then the sentences behind it.
-
-    Args:
-        study: the friction of a record.
-    """
+    """What stands out for each joint, then the sentences behind it."""
     from pivident.friction.friction_findings import headline
     from pivident.text.finding import MARKS
 

@@ -73,11 +73,7 @@ def _write(out: Path, lines: Sequence[str]) -> None:
 
 
 def gains_text(found: GainsOfExperiment) -> str:
-    """Table of the gains, sentences about ratios and scales, temperature coefficients.
-
-    Args:
-        found: the gains of an experiment file.
-    """
+    """Table of the gains, sentences about ratios and scales, temperature coefficients."""
     parts = [_gain_table(found)]
     parts += _sentences(found)
     if found.temperatures:
@@ -137,11 +133,7 @@ LEAST_SQUARES = {
 
 
 def least_squares_text(found: GainsOfExperiment) -> str:
-    """Gains by the least squares of the literature, which need a payload or a trusted parameter.
-
-    Args:
-        found: the gains of an experiment file.
-    """
+    """Gains by the least squares of the literature, which need a payload or a trusted parameter."""
     from pivident.text.numbers import plus_minus
     from pivident.text.plain_table import plain_table
 
@@ -182,8 +174,8 @@ def _sentences(found: GainsOfExperiment) -> list[str]:
             said.append(f"Known: the gains of {', '.join(names)}, by {' and '.join(means)}.")
         elif len(names) == 1:
             said.append(
-                f"Not known: the gain of {names[0]}. No other joint tells it to within ±{share}; "
-                f"{_remedy(found, names[0])}"
+                f"Not known: the gain of {names[0]}. No other joint determines it to within "
+                f"±{share}; {_remedy(found, names[0])}"
             )
         else:
             said.append(
@@ -210,13 +202,13 @@ def _sentences(found: GainsOfExperiment) -> list[str]:
 def _known_ratios(found: GainsOfExperiment, group: GainGroup) -> str:
     """The ratios of a group with their intervals."""
     joints, reference = found.gains.joints, group.reference
-    told = []
+    ratios = []
     for m in group.motors:
         if m != reference:
             value, std = _ratio(found, m, reference)
             share = 200.0 * std / abs(value)
-            told.append(f"k({joints[m]})/k({joints[reference]}) = {value:.4g} to ±{share:.2g} %")
-    return ", ".join(told)
+            ratios.append(f"k({joints[m]})/k({joints[reference]}) = {value:.4g} to ±{share:.2g} %")
+    return ", ".join(ratios)
 
 
 def _remedy(found: GainsOfExperiment, whose: str) -> str:
@@ -259,11 +251,7 @@ def _rows_in_log_units(experiment: Experiment) -> tuple[MotorInLogUnits, ...]:
 
 
 def log_units_text(row: MotorInLogUnits) -> str:
-    """Parameters of one motor, each divided by its gain.
-
-    Args:
-        row: the motor's own estimate.
-    """
+    """Parameters of one motor, each divided by its gain."""
     from pivident.text.numbers import with_spread
     from pivident.text.plain_table import plain_table
 

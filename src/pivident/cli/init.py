@@ -35,19 +35,7 @@ def run_init(
 ) -> bool:
     """Draft an experiment file, write it, and print what was assumed.
 
-    Args:
-        logs: files of the log.
-        robot: gallery name or a robot file; None: the only URDF beside the log.
-        out: the experiment file.
-        joints: joints to identify; all that can be otherwise.
-        ask: whether somebody is there to answer questions.
-        force: whether a file that exists may be replaced.
-
-    Returns:
-        Whether nothing stands in the way of an identification.
-
-    Raises:
-        PividentError: the log or the robot cannot be used, or the file must not be written.
+    True where nothing stands in the way of an identification.
     """
     from pivident.files import atomic_folder
     from pivident.init.draft import draft_experiment
@@ -71,11 +59,7 @@ def run_init(
 
 
 def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool) -> None:
-    """Refuse to overwrite an experiment file that exists, or one of the inputs.
-
-    Raises:
-        PividentError: says which file is in the way.
-    """
+    """Refuse to overwrite an experiment file that exists, or one of the inputs."""
     from pivident.errors import PividentError
 
     if out.suffix != ".toml":
@@ -92,12 +76,7 @@ def check_target(out: Path, logs: Sequence[Path], robot: str | None, force: bool
 
 
 def print_draft(draft: Draft, out: Path) -> None:
-    """Every assumption with how sure it is, and the next step.
-
-    Args:
-        draft: what was written.
-        out: where.
-    """
+    """Every assumption with how sure it is, and the next step."""
     from rich.console import Console
     from rich.table import Table
     from rich.text import Text

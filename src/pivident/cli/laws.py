@@ -10,6 +10,7 @@ from cyclopts import Parameter
 
 from pivident.cli.console import Progress, note
 from pivident.errors import ExperimentError
+from pivident.text.lists import separated
 
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
@@ -53,7 +54,7 @@ def laws(
         raise ExperimentError(f"--depth {depth} leaves no law to try; give 1 or more")
     given = load_experiment(experiment)
     chosen: Method | None = None if method is None else given.methods([method])[method]
-    names = [name for text in joint for name in text.replace(" ", "").split(",") if name]
+    names = separated(joint)
     with Progress() as progress:
         problem = given.problem(progress.say)
         choice = choose_laws(

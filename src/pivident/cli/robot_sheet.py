@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from textwrap import indent
 
 import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.robot.description import Joint, Robot
 from pivident.robot.gallery import gallery_names, load_robot
+from pivident.text.plain_table import plain_table
 from pivident.text.printable import escaped
 
 
@@ -24,11 +26,7 @@ def gallery_text() -> str:
 
 
 def robot_text(name: str) -> str:
-    """Geometry and base parameters of one robot.
-
-    Args:
-        name: name in the gallery, or a robot file.
-    """
+    """Geometry and base parameters of one robot."""
     robot = load_robot(name)
     base = base_parameters(robot)
     return "\n\n".join([_heading(robot), _geometry(robot), _drives(robot), _parameters(base)])
@@ -103,12 +101,8 @@ def _number(x: float) -> str:
 
 
 def _table(rows: Sequence[tuple[str, ...]]) -> str:
-    """Columns side by side; the last one is not padded."""
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]) - 1)]
-    return "\n".join(
-        "  " + "  ".join([*(f"{c:<{w}}" for c, w in zip(row, widths, strict=False)), row[-1]])
-        for row in rows
-    )
+    """Columns side by side, a little indented."""
+    return indent(plain_table([(t, "<", cells) for t, *cells in zip(*rows, strict=True)]), "  ")
 
 
 def _roll_pitch_yaw(rotation: np.ndarray) -> tuple[float, float, float]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from pathlib import Path
+from textwrap import indent
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from cyclopts import Parameter
 
 from pivident.cli.console import note
 from pivident.errors import PividentError
+from pivident.text.lists import separated
+from pivident.text.plain_table import plain_table
 
 if TYPE_CHECKING:
     from pivident.robot.description import Robot
@@ -82,14 +85,10 @@ def symbolic(
 
 
 def _chosen(option: str, given: Sequence[str], known: Collection[str]) -> list[str]:
-    """Names of an option, all known ones where none is given.
-
-    Raises:
-        PividentError: there is no such name.
-    """
+    """Names of an option, all known ones where none is given."""
     from pivident.robot.naming import nearest
 
-    names = [name for text in given for name in text.replace(" ", "").split(",") if name]
+    names = separated(given)
     for name in names:
         if name not in known:
             raise PividentError(f"{option}: there is no {name!r}; {nearest(name, known)}")
@@ -121,19 +120,17 @@ def _programs(robot: Robot, models: Sequence[str], kind: str, values: bool) -> l
 
 def _costs(robot: Robot, programs: Sequence[Program]) -> str:
     """Operations of each program, as a table."""
-    head = ("", "multiplications", "additions", "sines, cosines", "other functions")
-    rows: list[tuple[str, ...]] = [head]
-    for program in programs:
-        n = program.operation_count
-        counts = (n.multiplications, n.additions, n.sines, n.functions)
-        rows.append((program.name, *map(str, counts)))
-    widths = [max(len(row[k]) for row in rows) for k in range(len(head))]
-    lines = [
-        f"  {row[0]:<{widths[0]}}"
-        + "".join(f"  {text:>{width}}" for text, width in zip(row[1:], widths[1:], strict=True))
-        for row in rows
-    ]
-    return "\n".join([f"Operations for one state of {robot.name}", *lines])
+    counts = [program.operation_count for program in programs]
+    table = plain_table(
+        [
+            ("", "<", [program.name for program in programs]),
+            ("multiplications", ">", [str(n.multiplications) for n in counts]),
+            ("additions", ">", [str(n.additions) for n in counts]),
+            ("sines, cosines", ">", [str(n.sines) for n in counts]),
+            ("other functions", ">", [str(n.functions) for n in counts]),
+        ]
+    )
+    return f"Operations for one state of {robot.name}\n{indent(table, '  ')}"
 
 
 def _groups(robot: Robot) -> str:

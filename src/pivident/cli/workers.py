@@ -11,16 +11,7 @@ if TYPE_CHECKING:
 
 
 def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
-    """The workers that the options ask for.
-
-    Args:
-        workers: ``--workers``.
-        dask: ``--dask``.
-        scheduler: ``--scheduler``.
-
-    Raises:
-        ExperimentError: the options contradict each other.
-    """
+    """The workers that the options ask for."""
     from pivident.many.batch.cluster import DaskCluster
     from pivident.many.batch.runner import Processes
 
@@ -35,11 +26,6 @@ def chosen_pool(workers: int | None, dask: bool, scheduler: str | None) -> Pool:
 
 
 def check_count(option: str, value: int | None) -> None:
-    """Refuse a number below one.
-
-    Args:
-        option: its name.
-        value: what was given, or None.
-    """
+    """Refuse a number below one."""
     if value is not None and value < 1:
         raise ExperimentError(f"{option} is {value}; at least 1 is needed")

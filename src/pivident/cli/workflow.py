@@ -40,15 +40,11 @@ DEMO_FOLDS = 3
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run over several methods ended.
+    """How a run over several methods ended."""
 
-    Attributes:
-        identifications: results by the method's short name.
-        failed: methods that ended with an error, and ``pc-NAME`` where no consistent parameters
-            lie near their estimate.
-    """
-
-    identifications: Mapping[str, Identification]
+    identifications: Mapping[str, Identification]  # results by the method's short name
+    #: methods that ended with an error, and ``pc-NAME`` where no consistent parameters lie near
+    #: their estimate
     failed: tuple[str, ...]
 
     @property
@@ -59,16 +55,11 @@ class Outcome:
 
 @dataclass(frozen=True, eq=False)
 class Results:
-    """Everything that is shown and written.
+    """Everything that is shown and written."""
 
-    Attributes:
-        identifications: by the method's short name.
-        diagnostics: what was found out about them.
-        essential: the search for the essential parameters, where there was one.
-    """
-
-    identifications: Mapping[str, Identification]
+    identifications: Mapping[str, Identification]  # by the method's short name
     diagnostics: Diagnostics
+    #: the search for the essential parameters, where there was one
     essential: EssentialParameters | None = None
 
 
@@ -77,17 +68,8 @@ def run_experiment(
 ) -> Outcome:
     """Read an experiment file, identify, judge, print verdict and tables, write the results.
 
-    A method that fails does not take the results of the others with it.
-
-    Args:
-        path: the experiment file.
-        names: methods; empty: those of the file.
-        out: folder for the results, or None.
-        folds: blocks held out in turn; None: as the file says.
-
-    Raises:
-        PividentError: the file, its data or the output folder cannot be used, or no method
-            came to a result.
+    A method that fails does not take the results of the others with it. Without names, the methods
+    are those of the file.
     """
     from pivident.experiment.experiment import load_experiment
 
@@ -148,12 +130,7 @@ def run_experiment(
 def run_demo(out: Path, seed: int = 0) -> bool:
     """Simulate a TX40 record, identify it, print estimates against truth, write the report.
 
-    Args:
-        out: folder for the results.
-        seed: of the noise.
-
-    Returns:
-        Whether all methods converged.
+    True where all methods converged.
     """
     from pivident.experiment.simulated_tx40 import tx40_fine
 
@@ -187,16 +164,7 @@ def _can_draw(progress: Progress) -> bool:
 
 
 def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Progress) -> Outcome:
-    """Estimate with one method after the other.
-
-    Args:
-        problem: what is given.
-        methods: methods by short name.
-        progress: told about every stage.
-
-    Raises:
-        IdentificationError: the only method failed, or all of them did.
-    """
+    """Estimate with one method after the other."""
     found: dict[str, Identification] = {}
     failures: dict[str, IdentificationError] = {}
     for name, method in methods.items():
@@ -226,13 +194,6 @@ def write_results(
     """Write the files of all results and the report, all or nothing.
 
     One method's files lie in the folder itself, those of several in one folder each.
-
-    Args:
-        results: what was found.
-        folder: folder to create or to write into.
-        title: title of the report.
-        truth: known values by parameter name.
-        report: whether to write ``report.html``.
     """
     found = results.identifications
     several = len(found) > 1
@@ -260,12 +221,7 @@ def write_results(
 
 
 def truth_lines(results: Sequence[Identification], truth: Mapping[str, float]) -> str:
-    """How far each method is from known values, and whether its intervals say so.
-
-    Args:
-        results: identifications.
-        truth: known values by parameter name.
-    """
+    """How far each method is from known values, and whether its intervals say so."""
     lines = []
     for result in results:
         rows = [row for row in parameter_rows(result, truth) if not math.isnan(row.truth)]

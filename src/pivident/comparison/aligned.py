@@ -21,9 +21,6 @@ def aligned_by_group(
 
     For results of one machine. The quantities are the base parameters of the first result, then
     those of the others that none before can express.
-
-    Args:
-        entries: the results.
     """
     rows: list[tuple[Quantity, tuple[Estimate | None, ...]]] = []
     seen: dict[frozenset[Key], list[Mapping[Key, float]]] = {}
@@ -46,9 +43,6 @@ def aligned_by_name(
     """The parameters that all results have under one name and in one unit.
 
     For results of different machines, where nothing but the name is common.
-
-    Args:
-        entries: the results.
     """
     first, *others = entries
     rows: list[tuple[Quantity, tuple[Estimate | None, ...]]] = []
@@ -65,12 +59,7 @@ def aligned_by_name(
 
 
 def estimate_of(entry: Entry, row: Mapping[Key, float]) -> Estimate | None:
-    """What a result says about a quantity; None where it does not determine it.
-
-    Args:
-        entry: the result.
-        row: coefficients of the quantity on standard parameters.
-    """
+    """What a result says about a quantity; None where it does not determine it."""
     c = entry.groups.coefficients(row)
     if c is None:
         return None

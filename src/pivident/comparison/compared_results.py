@@ -65,19 +65,11 @@ class ComparedResults:
         )
 
     def is_marked(self, found: Difference | None) -> bool:
-        """Whether a difference is significant at the level, among all that were tested.
-
-        Args:
-            found: a difference of this comparison.
-        """
+        """Whether a difference is significant at the level, among all that were tested."""
         return found is not None and found.p_adjusted <= self.level
 
     def marked(self, entry: int) -> tuple[str, ...]:
-        """Names of the parameters of a result that differ significantly from the first's.
-
-        Args:
-            entry: index of the result.
-        """
+        """Names of the parameters of a result that differ significantly from the first's."""
         return tuple(p.name for p in self.parameters if self.is_marked(p.differences[entry]))
 
     def __repr__(self) -> str:

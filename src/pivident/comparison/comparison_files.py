@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from os import PathLike
 from typing import TYPE_CHECKING, Any
 
@@ -11,9 +9,9 @@ from pivident.comparison.compared_results import ComparedParameter, ComparedResu
 from pivident.comparison.comparison_page import render_page
 from pivident.comparison.comparison_text import (
     condition_text,
-    deviations,
     difference_text,
     estimate_text,
+    format_z,
 )
 from pivident.comparison.entry import Entry
 from pivident.comparison.remarks import findings, level_sentence
@@ -21,7 +19,7 @@ from pivident.files import atomic_folder
 from pivident.text.identifiers import latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import format_significant
-from pivident.text.plain_values import json_of_entries, plain
+from pivident.text.plain_values import csv_table, json_of_entries, plain
 from pivident.text.printable import sheet_text
 from pivident.version import __version__
 
@@ -47,15 +45,7 @@ CSV_COLUMNS = (
 
 
 def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) -> None:
-    """Write page, table, JSON and LaTeX into a folder, all or nothing.
-
-    Args:
-        comparison: what was found.
-        folder: folder to create or to write into; its other files stay.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
+    """Write page, table, JSON and LaTeX into a folder, all or nothing."""
     texts = {
         PAGE: render_page(comparison),
         TABLE: to_csv(comparison),
@@ -68,11 +58,7 @@ def save_comparison(comparison: ComparedResults, folder: str | PathLike[str]) ->
 
 
 def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
-    """One row for each parameter and result that has it, by `CSV_COLUMNS`.
-
-    Args:
-        comparison: what was found.
-    """
+    """One row for each parameter and result that has it, by `CSV_COLUMNS`."""
     made = []
     for p in comparison.parameters:
         for label, estimate, found in zip(
@@ -87,25 +73,13 @@ def rows(comparison: ComparedResults) -> list[dict[str, Any]]:
 
 
 def to_csv(comparison: ComparedResults) -> str:
-    """The rows as text; numbers that are not finite are left empty.
-
-    Args:
-        comparison: what was found.
-    """
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
-    for row in rows(comparison):
-        writer.writerow([_cell(row[name]) for name in CSV_COLUMNS])
-    return stream.getvalue()
+    """The rows as text; numbers that are not finite are left empty."""
+    cells = ([_cell(row[name]) for name in CSV_COLUMNS] for row in rows(comparison))
+    return csv_table(CSV_COLUMNS, cells)
 
 
 def to_values(comparison: ComparedResults) -> dict[str, Any]:
-    """The comparison as plain values, ready for JSON.
-
-    Args:
-        comparison: what was found.
-    """
+    """The comparison as plain values, ready for JSON."""
     content = {
         "schema": SCHEMA,
         "version": __version__,
@@ -152,11 +126,7 @@ def to_values(comparison: ComparedResults) -> dict[str, Any]:
 
 
 def to_latex(comparison: ComparedResults) -> str:
-    r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``.
-
-    Args:
-        comparison: what was found.
-    """
+    r"""A booktabs table: every parameter with ±2σ in each result, to be read in by ``\input``."""
     labels = [latex_text(one_line(label)) for label in comparison.labels]
     pair = len(labels) == 2
     head = ["Parameter", "Unit", *labels, *(["Difference", "$z$"] if pair else [])]
@@ -175,7 +145,7 @@ def to_latex(comparison: ComparedResults) -> str:
         ]
         if pair:
             found = p.differences[1]
-            z = "–" if found is None or found.z != found.z else deviations(found.z)
+            z = "–" if found is None or found.z != found.z else format_z(found.z)
             cells += [_in_mathematics(difference_text(found)), latex_number(z)]
             cells[-1] += _mark(comparison, found)
         lines.append(" & ".join([f"${latex_name(one_line(p.name))}$", latex_unit(p.unit), *cells]))

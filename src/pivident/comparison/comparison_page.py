@@ -7,19 +7,18 @@ import math
 from typing import Any
 
 import numpy as np
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.comparison.compared_results import ComparedParameter, ComparedResults
-from pivident.comparison.comparison_text import deviations, difference_text, estimate_text
+from pivident.comparison.comparison_text import difference_text, estimate_text, format_z
 from pivident.comparison.friction_curves import FrictionCurve, JointFriction
 from pivident.comparison.remarks import findings, level_sentence, rows_text, share_text
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.drawing_library import go
 from pivident.report.intervals import Interval, IntervalDrawing
-from pivident.report.plotly_figures import METHOD_COLOURS, Figure, colour, empty_plot
+from pivident.report.plot_parts import LEGEND, band, packed
+from pivident.report.plotly_figures import Figure, colour, empty_plot
 from pivident.text.numbers import with_spread
-from pivident.version import __version__
 
 HEADINGS = {
     "glance": "At a glance",
@@ -33,24 +32,17 @@ HEADINGS = {
 #: Free space left and right of a drawing of intervals [% of its width].
 _MARGIN = 6.0
 
-#: Dashes that tell curves apart without colour.
+#: Dashes that distinguish curves without colour.
 DASHES = ("solid", "dash", "dot", "dashdot", "longdash", "longdashdot")
 
 
 def render_page(comparison: ComparedResults) -> str:
-    """The page as text.
-
-    Args:
-        comparison: what was found.
-    """
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.comparison"), PackageLoader("pivident.report")]
-    )
+    """The page as text."""
+    environment = page_environment("pivident.comparison")
     environment.globals |= {
         "estimate_text": estimate_text,
         "difference_text": difference_text,
-        "deviations": deviations,
+        "format_z": format_z,
         "share_text": share_text,
         "rows_text": rows_text,
     }
@@ -71,28 +63,18 @@ def render_page(comparison: ComparedResults) -> str:
             body = environment.get_template(f"compare_{key}.html").render(content)
             sections.append((key, heading, Markup(body)))
     robots = ", ".join(dict.fromkeys(e.robot.name for e in comparison.entries))
-    return environment.get_template("page.html").render(
-        title=f"{robots}: {len(comparison.entries)} results compared",
-        head=sections[0],
-        sections=sections[1:],
-        colours=METHOD_COLOURS,
-        version=__version__,
-    )
+    title = f"{robots}: {len(comparison.entries)} results compared"
+    return page_of(environment, title, sections)
 
 
 def friction_figure(comparison: ComparedResults, joint: JointFriction) -> Figure:
-    """Friction against speed of one joint by all results, each with its ±2σ band.
-
-    Args:
-        comparison: what was found.
-        joint: its curves.
-    """
+    """Friction against speed of one joint by all results, each with its ±2σ band."""
     quantity = "torque" if joint.torque_unit == "N m" else "force"
     plot = empty_plot(f"friction {quantity} [{joint.torque_unit}]")
     plot.update_xaxes(title_text=f"speed [{joint.speed_unit}]")
     for curve in joint.curves:
         plot.add_traces(_band_and_line(comparison, joint, curve))
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
     missing = [
         f"{comparison.labels[c.entry]} without {', '.join(c.left_out)}"
         for c in joint.curves
@@ -116,22 +98,11 @@ def _band_and_line(
     own, traces = colour(curve.entry), []
     if np.isfinite(curve.std).all():
         upper, lower = curve.torque + 2.0 * curve.std, curve.torque - 2.0 * curve.std
-        traces.append(
-            go.Scatter(
-                x=_packed(np.concatenate([joint.speed, joint.speed[::-1]])),
-                y=_packed(np.concatenate([upper, lower[::-1]])),
-                fill="toself",
-                fillcolor=own,
-                opacity=0.18,
-                line={"width": 0},
-                hoverinfo="skip",
-                showlegend=False,
-            )
-        )
+        traces.append(band(joint.speed, lower, upper, own))
     traces.append(
         go.Scatter(
-            x=_packed(joint.speed),
-            y=_packed(curve.torque),
+            x=packed(joint.speed),
+            y=packed(curve.torque),
             mode="lines",
             line={"color": own, "width": 1.8, "dash": DASHES[curve.entry % len(DASHES)]},
             name=html.escape(comparison.labels[curve.entry], quote=False),
@@ -141,12 +112,7 @@ def _band_and_line(
 
 
 def interval_drawing(comparison: ComparedResults, p: ComparedParameter) -> IntervalDrawing:
-    """The intervals of one parameter on a common scale; ends that nothing bounds reach its edge.
-
-    Args:
-        comparison: what was found.
-        p: one of its parameters.
-    """
+    """The intervals of one parameter on a common scale; ends that nothing bounds reach its edge."""
     present = [(k, e) for k, e in enumerate(p.estimates) if e is not None]
     ends = [x for _, e in present for x in (e.low, e.value, e.high) if math.isfinite(x)]
     low, high = min(ends), max(ends)
@@ -170,8 +136,3 @@ def interval_drawing(comparison: ComparedResults, p: ComparedParameter) -> Inter
         high=with_spread(high, extent / 10.0)[0],
         label=f"{p.name}: {words}",
     )
-
-
-def _packed(x: np.ndarray) -> np.ndarray:
-    """Single precision: plotly writes it in 5 characters per number."""
-    return np.asarray(x, dtype=np.float32)

@@ -27,19 +27,14 @@ WIDTH = 80
 _GAP = 2
 
 #: Significant differences that are listed beneath three results or more.
-_MOST_LISTED = 40
+_MAX_LISTED = 40
 
-#: Digits of a hash that tell files apart.
+#: Digits of a hash that are shown.
 HASH = 10
 
 
 def comparison_text(comparison: ComparedResults, width: int = WIDTH) -> str:
-    """The comparison as plain text.
-
-    Args:
-        comparison: what was found.
-        width: characters in a line.
-    """
+    """The comparison as plain text."""
     stream = io.StringIO()
     console = Console(file=stream, width=width, color_system=None, highlight=False)
     console.print(comparison_tables(comparison, width))
@@ -47,12 +42,7 @@ def comparison_text(comparison: ComparedResults, width: int = WIDTH) -> str:
 
 
 def comparison_tables(comparison: ComparedResults, width: int = WIDTH) -> RenderableType:
-    """The comparison for a terminal.
-
-    Args:
-        comparison: what was found.
-        width: characters in a line.
-    """
+    """The comparison for a terminal."""
     parts: list[RenderableType] = [_fit_table(comparison), Text()]
     if len(comparison.entries) == 2:
         parts.append(_pair_table(comparison, width))
@@ -73,11 +63,7 @@ def comparison_tables(comparison: ComparedResults, width: int = WIDTH) -> Render
 
 
 def estimate_text(estimate: Estimate | None) -> str:
-    """A value with its spread, both to the second digit of the spread.
-
-    Args:
-        estimate: the estimate, or None.
-    """
+    """A value with its spread, both to the second digit of the spread."""
     if estimate is None:
         return "–"
     value, spread = with_spread(estimate.value, estimate.spread)
@@ -85,11 +71,7 @@ def estimate_text(estimate: Estimate | None) -> str:
 
 
 def difference_text(found: Difference | None) -> str:
-    """A difference with sign and spread.
-
-    Args:
-        found: the difference, or None.
-    """
+    """A difference with sign and spread."""
     if found is None:
         return "–"
     value, spread = with_spread(found.value, found.spread)
@@ -97,25 +79,16 @@ def difference_text(found: Difference | None) -> str:
     return signed if spread == "–" else f"{signed} ± {spread}"
 
 
-def deviations(z: float) -> str:
-    """A difference in deviations, with one decimal.
-
-    Args:
-        z: the difference over its deviation.
-    """
+def format_z(z: float) -> str:
+    """A difference in standard errors, with one decimal."""
     return f"{round(z, 1) + 0.0:.1f}" if abs(z) < 1e4 else format_significant(z, 2)
 
 
 def z_text(comparison: ComparedResults, found: Difference | None) -> str:
-    """The difference in deviations, with a mark where it is significant.
-
-    Args:
-        comparison: that it belongs to.
-        found: the difference, or None.
-    """
+    """The difference in standard errors, with a mark where it is significant."""
     if found is None or found.z != found.z:
         return "–"
-    return f"{deviations(found.z)}{' *' if comparison.is_marked(found) else '  '}"
+    return f"{format_z(found.z)}{' *' if comparison.is_marked(found) else '  '}"
 
 
 def condition_text(entry: Entry) -> str:
@@ -214,7 +187,7 @@ def _narrow(text: str) -> str:
 
 
 def _value_tables(comparison: ComparedResults, width: int) -> list[RenderableType]:
-    """Three results or more: values with marks, in as many tables as the width asks for."""
+    """Three results or more: values with marks, in as many tables as the width needs."""
     cells = [_value_cells(comparison, p) for p in comparison.parameters]
     widths = [
         max([len(label), *(len(row[k]) for row in cells)])
@@ -223,7 +196,8 @@ def _value_tables(comparison: ComparedResults, width: int) -> list[RenderableTyp
     fixed = max(map(len, ["", *(p.name for p in comparison.parameters)])) + _GAP
     fixed += max(map(len, ["unit", *(p.unit for p in comparison.parameters)])) + _GAP
     tables: list[RenderableType] = []
-    for chosen in _fitting(widths, width - fixed):
+    for others in _chunks(widths[1:], width - fixed - widths[0]):
+        chosen = [0, *(k + 1 for k in others)]  # the first result in every table
         title = "Parameters ± 2σ" if not tables else "Parameters ± 2σ, continued"
         columns = [("", "left"), ("unit", "left")]
         table = _table(columns + [(comparison.labels[k], "right") for k in chosen])
@@ -242,18 +216,6 @@ def _value_cells(comparison: ComparedResults, p: ComparedParameter) -> list[str]
     ]
 
 
-def _fitting(widths: Sequence[int], room: int) -> list[list[int]]:
-    """Columns that stand side by side, the first one in every table."""
-    groups, taken = [[0]], widths[0]
-    for k, width in enumerate(widths[1:], start=1):
-        if len(groups[-1]) > 1 and taken + _GAP + width > room:
-            groups.append([0])
-            taken = widths[0]
-        groups[-1].append(k)
-        taken += _GAP + width
-    return groups
-
-
 def _difference_table(comparison: ComparedResults) -> RenderableType | None:
     """The significant differences of three results or more, the clearest first."""
     found = [
@@ -266,14 +228,14 @@ def _difference_table(comparison: ComparedResults) -> RenderableType | None:
         return None
     found.sort(key=lambda f: -f[0])
     title = f"Significant differences from {comparison.labels[0]} ± 2σ"
-    if len(found) > _MOST_LISTED:
-        title += f", the {_MOST_LISTED} clearest of {len(found)}"
+    if len(found) > _MAX_LISTED:
+        title += f", the {_MAX_LISTED} clearest of {len(found)}"
     names = (("parameter", "left"), ("result", "left"), ("difference", "right"))
     further = (("unit", "left"), ("%", "right"), ("z", "right"))
     table = _table([*names, *further])
-    for _, k, p, d in found[:_MOST_LISTED]:
+    for _, k, p, d in found[:_MAX_LISTED]:
         percent = format_significant(d.relative, 2) if abs(d.relative) < MAX_PERCENT else "–"
-        z = deviations(d.z)
+        z = format_z(d.z)
         _add(table, [p.name, comparison.labels[k], _narrow(difference_text(d)), p.unit, percent, z])
     return _titled(title, table)
 

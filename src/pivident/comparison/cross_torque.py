@@ -21,27 +21,19 @@ from pivident.comparison.entry import Entry
 
 @dataclass(frozen=True, eq=False)
 class CrossTorque:
-    """Torques of all results on the record of one of them.
+    """Torques of all results on the record of one of them."""
 
-    Attributes:
-        record: index of the result whose record it is.
-        error: relative error of each result's parameters on it, shape (results,); NaN where they
-            do not tell all of its base parameters.
-        apart: difference of each result's torque from that of the record's own, over the measured
-            torque, likewise.
-    """
-
-    record: int
+    record: int  # index of the result whose record it is
+    #: relative error of each result's parameters on it, shape (results,); NaN where they do not
+    #: determine all of its base parameters
     error: np.ndarray
+    #: difference of each result's torque from that of the record's own, over the measured torque,
+    #: likewise
     apart: np.ndarray
 
 
 def cross_torques(entries: Sequence[Entry]) -> tuple[CrossTorque, ...]:
-    """One for each result that holds the sums or the signals of its record.
-
-    Args:
-        entries: results of one machine.
-    """
+    """One for each result that holds the sums or the signals of its record."""
     found = []
     for k, entry in enumerate(entries):
         identification = entry.identification

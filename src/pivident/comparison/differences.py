@@ -20,18 +20,12 @@ from pivident.comparison.entry import Entry
 
 @dataclass(frozen=True)
 class Estimate:
-    """One parameter of one result.
-
-    Attributes:
-        value: the estimate.
-        low: lower end of its interval (2σ), NaN without one.
-        high: upper end, likewise.
-        from_groups: parameters of that result that it is a sum of, where it is not one of them.
-    """
+    """One parameter of one result."""
 
     value: float
-    low: float
-    high: float
+    low: float  # lower end of its interval (2σ), NaN without one
+    high: float  # upper end, likewise
+    #: parameters of that result that it is a sum of, where it is not one of them
     from_groups: tuple[str, ...] = ()
 
     @property
@@ -48,7 +42,7 @@ class Difference:
         value: θ_b - θ_a.
         low: lower end of its interval (2σ), NaN without one.
         high: upper end, likewise.
-        z: difference over its deviation on the side of zero, NaN without an interval.
+        z: difference over its standard error on the side of zero, NaN without an interval.
         p_value: two-sided probability of a larger |z| where there is no difference.
         p_adjusted: after Holm, among all differences of the comparison.
         relative: 100 (θ_b - θ_a)/|θ_a| [%], infinite where only θ_a is zero.
@@ -72,22 +66,12 @@ def share_a_record(a: Entry, b: Entry) -> bool:
     """Whether two results may come from the same record.
 
     They do if a file has the same hash; and they may where one does not say what it came from.
-
-    Args:
-        a: one result.
-        b: another one.
     """
     return not a.inputs or not b.inputs or bool(set(a.inputs.values()) & set(b.inputs.values()))
 
 
 def difference(a: Estimate, b: Estimate, *, independent: bool) -> Difference:
-    """The second estimate less the first.
-
-    Args:
-        a: the first estimate.
-        b: the other one.
-        independent: whether their errors are.
-    """
+    """The second estimate less the first."""
     value = b.value - a.value
     below = _combined(b.value - b.low, a.high - a.value, independent)
     above = _combined(b.high - b.value, a.value - a.low, independent)

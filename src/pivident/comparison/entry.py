@@ -20,17 +20,11 @@ Kind = Literal["identification", "consistent", "model"]
 
 @dataclass(frozen=True)
 class Source:
-    """The file that a result was read from.
+    """The file that a result was read from."""
 
-    Attributes:
-        path: as it was given.
-        sha256: of its bytes.
-        modified: when it was last written, in ISO 8601, UTC.
-    """
-
-    path: str
-    sha256: str
-    modified: str
+    path: str  # as it was given
+    sha256: str  # of its bytes
+    modified: str  # when it was last written, in ISO 8601, UTC
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,41 +34,25 @@ class Entry:
     Intervals are ±2σ with the robust σ, which allows for residuals that are correlated and of
     changing variance; with IDIM-PIV it is the method's own. Those of consistent parameters are
     profile intervals, drawn from 95 % to 2σ.
-
-    Attributes:
-        label: name in the comparison, unique.
-        kind: ``identification``, ``consistent`` or ``model``.
-        method: name of the method.
-        robot: the robot.
-        names: estimated base parameters.
-        value: estimates, shape (parameters,).
-        low: lower ends of their intervals, likewise, NaN where there is none.
-        high: upper ends, likewise.
-        covariance: of the estimates, shape (parameters, parameters); None where only intervals are
-            known.
-        relative_error: ‖τ - Φθ‖/‖τ‖ on the fitted record, NaN where it is not known.
-        version: version of pivident.
-        inputs: SHA-256 of every input file by its name.
-        source: the file, None for a result in memory.
-        identification: the estimate itself; None for models.
-        notes: sentences about this result.
     """
 
-    label: str
-    kind: Kind
+    label: str  # name in the comparison, unique
+    kind: Kind  # ``identification``, ``consistent`` or ``model``
     method: str
     robot: Robot
-    names: tuple[str, ...]
-    value: np.ndarray
-    low: np.ndarray
-    high: np.ndarray
+    names: tuple[str, ...]  # estimated base parameters
+    value: np.ndarray  # estimates, shape (parameters,)
+    low: np.ndarray  # lower ends of their intervals, likewise, NaN where there is none
+    high: np.ndarray  # upper ends, likewise
+    #: of the estimates, shape (parameters, parameters); None where only intervals are known
     covariance: np.ndarray | None
-    relative_error: float
+    relative_error: float  # ‖τ - Φθ‖/‖τ‖ on the fitted record, NaN where it is not known
     version: str
+    #: SHA-256 of every input file by its name
     inputs: Mapping[str, str] = field(default_factory=dict)
-    source: Source | None = None
-    identification: Identification | None = None
-    notes: tuple[str, ...] = ()
+    source: Source | None = None  # the file, None for a result in memory
+    identification: Identification | None = None  # the estimate itself; None for models
+    notes: tuple[str, ...] = ()  # sentences about this result
 
     @cached_property
     def groups(self) -> Groups:
@@ -116,19 +94,13 @@ class Entry:
 
 
 def entry_of(identification: Identification, label: str, source: Source | None = None) -> Entry:
-    """An identification as an entry.
-
-    Args:
-        identification: the result.
-        label: its name in the comparison.
-        source: the file that it was read from.
-    """
+    """An identification as an entry."""
     covariance, notes = identification.robust_covariance, []
     if not np.isfinite(covariance).all():
         covariance = identification.covariance
         notes.append(
-            f"{label} has no robust deviations; the method's own are taken, which are too small "
-            "where the residual is correlated."
+            f"{label} has no robust standard errors; the method's own are taken, which are too "
+            "small where the residual is correlated."
         )
     if not identification.converged:
         notes.append(f"{label} has not converged; its values and intervals are provisional.")
@@ -153,15 +125,9 @@ def entry_of(identification: Identification, label: str, source: Source | None =
     )
 
 
-def at_two_deviations(
+def at_two_sigma(
     value: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Ends of 95 % intervals moved out to 2σ, each side by itself; NaN and infinity stay.
-
-    Args:
-        value: the values.
-        low: lower ends at 95 %.
-        high: upper ends at 95 %.
-    """
+    """Ends of 95 % intervals moved out to 2σ, each side by itself; NaN and infinity stay."""
     factor = 2.0 / HALF_INTERVAL
     return value - factor * (value - low), value + factor * (high - value)

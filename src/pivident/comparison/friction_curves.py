@@ -25,54 +25,34 @@ UNRATED = 1.0
 
 @dataclass(frozen=True, eq=False)
 class FrictionCurve:
-    """Friction of one joint by one result.
+    """Friction of one joint by one result."""
 
-    Attributes:
-        entry: index of the result.
-        torque: friction at each speed [N m or N], shape (points,).
-        std: its standard deviation, likewise; NaN where no covariance is known.
-        left_out: stems of the terms that are not functions of speed, or were not estimated.
-    """
-
-    entry: int
-    torque: np.ndarray
-    std: np.ndarray
+    entry: int  # index of the result
+    torque: np.ndarray  # friction at each speed [N m or N], shape (points,)
+    std: np.ndarray  # its standard error, likewise; NaN where no covariance is known
+    #: stems of the terms that are not functions of speed, or were not estimated
     left_out: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
 class JointFriction:
-    """Friction of one joint by all results.
+    """Friction of one joint by all results."""
 
-    Attributes:
-        name: joint.
-        torque_unit: N m or N.
-        speed_unit: rad/s or m/s.
-        rated: whether the range of speed is that of the joint's rated speed.
-        speed: speeds, shape (points,).
-        curves: one for each result that estimates friction of this joint.
-    """
-
-    name: str
-    torque_unit: str
-    speed_unit: str
-    rated: bool
-    speed: np.ndarray
-    curves: tuple[FrictionCurve, ...]
+    name: str  # joint
+    torque_unit: str  # N m or N
+    speed_unit: str  # rad/s or m/s
+    rated: bool  # whether the range of speed is that of the joint's rated speed
+    speed: np.ndarray  # speeds, shape (points,)
+    curves: tuple[FrictionCurve, ...]  # one for each result that estimates friction of this joint
 
 
 def friction_curves(entries: Sequence[Entry]) -> tuple[JointFriction, ...]:
-    """Friction against speed of all joints whose friction some result estimates.
-
-    Args:
-        entries: results of robots with the same joints.
-    """
+    """Friction against speed of all joints whose friction some result estimates."""
     found = []
     for j, joint in enumerate(entries[0].robot.joints):
         rated = joint.rated_speed or max(
             (e.robot.joints[j].rated_speed or 0.0 for e in entries), default=0.0
         )
-        revolute = joint.kind == "revolute"
         speed = speeds(rated or UNRATED)
         curves = [
             curve
@@ -83,8 +63,8 @@ def friction_curves(entries: Sequence[Entry]) -> tuple[JointFriction, ...]:
             found.append(
                 JointFriction(
                     joint.name,
-                    "N m" if revolute else "N",
-                    "rad/s" if revolute else "m/s",
+                    joint.torque_unit,
+                    f"{joint.position_unit}/s",
                     bool(rated),
                     speed,
                     tuple(curves),
@@ -94,22 +74,13 @@ def friction_curves(entries: Sequence[Entry]) -> tuple[JointFriction, ...]:
 
 
 def speeds(highest: float) -> np.ndarray:
-    """Speeds from -highest to highest, denser near standstill, shape (points,).
-
-    Args:
-        highest: largest speed [rad/s or m/s].
-    """
+    """Speeds from -highest to highest, denser near standstill, shape (points,)."""
     u = np.linspace(-1.0, 1.0, POINTS)
     return highest * np.sign(u) * np.abs(u) ** 2.5
 
 
 def speed_columns(joint: Joint, speed: np.ndarray) -> dict[str, np.ndarray]:
-    """The column of each term of a joint's law that is a function of speed, by its stem.
-
-    Args:
-        joint: with its friction law.
-        speed: speeds [rad/s or m/s], shape (points,).
-    """
+    """The column of each term of a joint's law that is a function of speed, by its stem."""
     law = joint.friction.with_default_gamma(joint.default_gamma)
     return {
         term.stem: friction_column(*term.encoded(), speed)

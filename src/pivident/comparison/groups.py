@@ -1,4 +1,4 @@
-"""Base parameters as sums of standard ones, so that those of two descriptions can be told alike.
+"""Base parameters as sums of standard ones, so that those of two descriptions can be compared.
 
 A base parameter is a row g of coefficients on the standard parameters, θ_g = Σ g_k θ_k: one on the
 parameter that heads the group, K on those that were regrouped with it. A quantity t of one robot is
@@ -31,28 +31,16 @@ SAME_FRAME = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Groups:
-    """The base parameters of a robot.
+    """The base parameters of a robot."""
 
-    Attributes:
-        names: of the base parameters.
-        units: of the base parameters.
-        expressions: groups written out.
-        heads: the standard parameter that heads each group.
-        rows: coefficients of each group by standard parameter.
-    """
-
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    expressions: tuple[str, ...]
-    heads: tuple[Key, ...]
-    rows: tuple[Mapping[Key, float], ...]
+    names: tuple[str, ...]  # of the base parameters
+    units: tuple[str, ...]  # of the base parameters
+    expressions: tuple[str, ...]  # groups written out
+    heads: tuple[Key, ...]  # the standard parameter that heads each group
+    rows: tuple[Mapping[Key, float], ...]  # coefficients of each group by standard parameter
 
     def coefficients(self, target: Mapping[Key, float]) -> np.ndarray | None:
-        """The c of t = Σ c_i g_i, shape (base,); None where there are none.
-
-        Args:
-            target: t, coefficients by standard parameter.
-        """
+        """The c of t = Σ c_i g_i, shape (base,); None where there are none."""
         c = np.array([target.get(head, 0.0) for head in self.heads])
         left = dict(target)
         for k in np.flatnonzero(c):
@@ -67,21 +55,13 @@ def base_of(robot: Robot, names: tuple[str, ...]) -> BaseParameters:
 
     They come from the closed form, which is quicker; geometry at the edge of a tolerance can make
     the numerical search differ from it, and then that is meant.
-
-    Args:
-        robot: the robot.
-        names: of some of them, or of all.
     """
     base = closed_form_base_parameters(robot, "numbers").numeric()
     return base if set(base.names).issuperset(names) else base_parameters(robot)
 
 
 def groups_of(base: BaseParameters) -> Groups:
-    """All base parameters of a robot by their coefficients.
-
-    Args:
-        base: base parameters.
-    """
+    """All base parameters of a robot by their coefficients."""
     keys = [key_of(p) for p in base.standard]
     rows = []
     for k, head in enumerate(base.kept):
@@ -104,9 +84,6 @@ def key_of(parameter: Parameter) -> Key:
 
     Two frictions with the same symbol are the same quantity where they multiply the same kind of
     function; a slope or a Stribeck speed that is chosen otherwise does not make another one.
-
-    Args:
-        parameter: a standard parameter.
     """
     function = "" if parameter.friction is None else parameter.friction.column.name
     if parameter.coupling is not None:
@@ -115,13 +92,9 @@ def key_of(parameter: Parameter) -> Key:
 
 
 def difference_of_geometry(a: Robot, b: Robot) -> str:
-    """What tells the kinematics of two robots apart, in a few words; empty where nothing does.
+    """How the kinematics of two robots differ, in a few words; empty where nothing does.
 
     Gravity, nominal values, limits and friction laws may differ.
-
-    Args:
-        a: one robot.
-        b: the other.
     """
     if a.size != b.size:
         return f"{a.size} and {b.size} joints"

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pivident.comparison.comparison_errors import ComparisonError
-from pivident.comparison.entry import Entry, Source, at_two_deviations, entry_of
+from pivident.comparison.entry import Entry, Source, at_two_sigma, entry_of
 from pivident.comparison.groups import base_of
 from pivident.errors import IdentificationFileError
 from pivident.estimation.stored_identification import json_of_file, load_identification
@@ -29,14 +29,8 @@ RESULT = "identification.json"
 def load_entries(paths: Iterable[str | PathLike[str]]) -> list[Entry]:
     """Results from files and folders, each named so that no two have the same name.
 
-    Args:
-        paths: ``identification.json``, ``consistent.json``, ``model.json``, folders that hold an
-            identification, or folders of several methods, whose results are all taken, least
-            squares first.
-
-    Raises:
-        ComparisonError: a folder holds no result.
-        IdentificationFileError: a file cannot be used; names file, key, value and next step.
+    Paths are ``identification.json``, ``consistent.json``, ``model.json``, folders that hold an
+    identification, or folders of several methods, whose results are all taken, least squares first.
     """
     files = [file for path in paths for file in _files(Path(path))]
     entries = [_entry(file) for file in files]
@@ -45,11 +39,9 @@ def load_entries(paths: Iterable[str | PathLike[str]]) -> list[Entry]:
 
 
 def distinct_labels(methods: Sequence[str], places: Sequence[Sequence[str]]) -> list[str]:
-    """The shortest names that tell results apart: the method, else with a part of the path.
+    """The shortest distinct names of results: the method, else with a part of the path.
 
-    Args:
-        methods: name of the method of each result.
-        places: parts of each result's path, the last ones the nearest.
+    ``places`` are the parts of each result's path, the last ones the nearest.
     """
     if len(set(methods)) == len(methods):
         return list(methods)
@@ -74,12 +66,7 @@ def distinct_labels(methods: Sequence[str], places: Sequence[Sequence[str]]) -> 
 
 
 def relabelled(entry: Entry, label: str) -> Entry:
-    """The same result under another name.
-
-    Args:
-        entry: the result.
-        label: its new name.
-    """
+    """The same result under another name."""
     return replace(
         entry, label=label, notes=tuple(n.replace(entry.label, label, 1) for n in entry.notes)
     )
@@ -160,7 +147,7 @@ def _consistent(model: RunnableModel, content: dict[str, Any], label: str, sourc
         )
     values = dict(zip(every.names, every.values(model.values).tolist(), strict=True))
     value = np.array([values[name] for name in names])
-    low, high = at_two_deviations(value, low, high)
+    low, high = at_two_sigma(value, low, high)
     return _of_model(model, label, source, "consistent", names, (value, low, high), relative)
 
 

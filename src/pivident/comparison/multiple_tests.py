@@ -15,11 +15,7 @@ import numpy as np
 
 
 def holm(p: np.ndarray) -> np.ndarray:
-    """Adjusted probabilities, same shape; NaN where there is no test.
-
-    Args:
-        p: probabilities of the single tests, NaN where there is none.
-    """
+    """Adjusted probabilities, same shape; NaN where there is no test."""
     p = np.asarray(p, dtype=float)
     adjusted = np.full(p.shape, np.nan)
     tested = np.flatnonzero(np.isfinite(p))

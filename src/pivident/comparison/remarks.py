@@ -4,28 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING
 
 from pivident.estimation.summary_tables import error_rows
+from pivident.text import lists
 from pivident.text.numbers import format_significant, with_spread
 
 if TYPE_CHECKING:
     from pivident.comparison.compared_results import ComparedResults
     from pivident.comparison.entry import Entry
 
-#: Names that are listed in one sentence.
-LISTED = 12
-
-#: Differences of so many percent are differences from what is nearly zero, and not told in percent.
+#: Differences of so many percent are differences from nearly zero, and not given in percent.
 MAX_PERCENT = 1000.0
+
+#: Names in a sentence, at most twelve.
+listed = partial(lists.listed, most=12)
 
 
 def remarks(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[str]:
     """The sentences below a comparison.
 
-    Args:
-        comparison: what was found.
-        geometry: how the robot of each result differs from that of the first, empty where not.
+    ``geometry``: how the robot of each result differs from that of the first, empty where not.
     """
     yield from _correlation(comparison)
     yield from _robots(comparison, geometry)
@@ -37,27 +37,19 @@ def remarks(comparison: ComparedResults, geometry: Sequence[str]) -> Iterator[st
 
 
 def level_sentence(comparison: ComparedResults) -> str:
-    """How often a mark is false.
-
-    Args:
-        comparison: what was found.
-    """
+    """How often a mark is false."""
     if not comparison.tests:
         return "No difference could be tested: at least one of both sides has no interval."
     return (
         f"* differs significantly: the probability of one false mark or more among the "
         f"{comparison.tests} differences is at most {100.0 * comparison.level:g} % (Holm), for "
-        "errors that are normal with these deviations. On measured records part of the model "
+        "normal errors with these standard errors. On measured records part of the model "
         "error is not in them, and it changes with the motion."
     )
 
 
 def findings(comparison: ComparedResults) -> list[str]:
-    """Result by result, which parameters differ from the first.
-
-    Args:
-        comparison: what was found.
-    """
+    """Result by result, which parameters differ from the first."""
     first, found = comparison.labels[0], []
     for k, label in enumerate(comparison.labels[1:], start=1):
         tested = sum(
@@ -94,17 +86,6 @@ def _changes(comparison: ComparedResults, k: int, names: Sequence[str]) -> list[
         signed = text if text.startswith("-") else f"+{text}"
         changes.append(f"{name} {signed} ± {spread_text} {unit}")
     return changes
-
-
-def listed(names: Sequence[str]) -> str:
-    """Names with commas, and how many more there are.
-
-    Args:
-        names: of parameters, or of parameters with their changes.
-    """
-    shown = ", ".join(names[:LISTED])
-    more = len(names) - LISTED
-    return f"{shown} and {more} more" if more > 0 else shown
 
 
 def _correlation(comparison: ComparedResults) -> Iterator[str]:
@@ -198,18 +179,10 @@ def _rows(comparison: ComparedResults) -> Iterator[str]:
 
 
 def rows_text(entry: Entry) -> str:
-    """The rows that a result's relative error is taken over, in a few words.
-
-    Args:
-        entry: the result.
-    """
+    """The rows that a result's relative error is taken over, in a few words."""
     return "–" if entry.identification is None else error_rows(entry.identification)
 
 
 def share_text(value: float) -> str:
-    """A relative error in percent.
-
-    Args:
-        value: 0 to 1.
-    """
+    """A relative error in percent."""
     return "–" if value != value else f"{format_significant(100.0 * value, 2)} %"

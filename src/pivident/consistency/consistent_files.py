@@ -8,9 +8,7 @@ quantities.
 
 from __future__ import annotations
 
-import csv
 import hashlib
-import io
 import json
 import math
 from pathlib import Path
@@ -19,6 +17,7 @@ from typing import Any
 from pivident.consistency.consistent_estimate import CONFIDENCE, ConsistentEstimate
 from pivident.consistency.link_intervals import LinkRow, Quantity
 from pivident.robot.robot_values import robot_values
+from pivident.text.plain_values import csv_table
 
 #: Version of the layout of ``consistent.json``.
 SCHEMA = 1
@@ -80,16 +79,13 @@ def consistent_json(estimate: ConsistentEstimate, identification: Path) -> str:
 def consistent_csv(estimate: ConsistentEstimate) -> str:
     """All standard parameters with their intervals."""
     model, intervals = estimate.model, estimate.standard
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
+    rows = []
     for p, value, low, high in zip(
         model.parameters, model.values, intervals.low, intervals.high, strict=True
     ):
         joint, link = model.robot.joints[p.joint].name, model.robot.links[p.joint].name
-        ends = ["" if end is None else end for end in (_number(low), _number(high))]
-        writer.writerow([p.name, float(value), *ends, p.unit, joint, link])
-    return stream.getvalue()
+        rows.append([p.name, float(value), _number(low), _number(high), p.unit, joint, link])
+    return csv_table(CSV_COLUMNS, rows)
 
 
 def _link_values(row: LinkRow) -> dict[str, Any]:

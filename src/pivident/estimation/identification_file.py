@@ -6,8 +6,6 @@ the sums of the fitted record, so that `load_identification` gets back everythin
 
 from __future__ import annotations
 
-import csv
-import io
 from os import PathLike
 from typing import Any
 
@@ -17,7 +15,7 @@ from pivident.estimation.torque_sums import torque_sums
 from pivident.files import atomic_folder
 from pivident.robot.robot_values import robot_values
 from pivident.simulation.control_loop import Loop
-from pivident.text.plain_values import json_of_entries, plain
+from pivident.text.plain_values import csv_table, json_of_entries, plain
 
 #: Version of the layout of ``identification.json``.
 SCHEMA = 2
@@ -91,9 +89,6 @@ def to_json(identification: Identification) -> str:
 
 def to_csv(identification: Identification) -> str:
     """The parameters as a table with a header; numbers that are not finite are left empty."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
-    for row in parameter_rows(identification):
-        writer.writerow([plain(getattr(row, column)) for column in CSV_COLUMNS])
-    return stream.getvalue()
+    rows = parameter_rows(identification)
+    cells = ([plain(getattr(row, column)) for column in CSV_COLUMNS] for row in rows)
+    return csv_table(CSV_COLUMNS, cells)

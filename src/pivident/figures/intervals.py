@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import aligned_rows, method_labels
 from pivident.figures.paper import (
-    TALLEST,
+    MAX_HEIGHT,
     FigureError,
     line_style,
     new_figure,
@@ -62,7 +62,7 @@ def figure_of_intervals(
         if name not in table:
             raise FigureError(f"there is no parameter {name!r}; {nearest(name, table)}")
     names = list(parameters or table)
-    height = min(len(names) * (_ROW + _FURTHER * (len(many) - 1)) + 0.3, TALLEST - 0.35)
+    height = min(len(names) * (_ROW + _FURTHER * (len(many) - 1)) + 0.3, MAX_HEIGHT - 0.35)
     with paper_style():
         figure, (ax,) = new_figure(1, columns=columns, row_height=height)
         step = 0.7 / len(many)

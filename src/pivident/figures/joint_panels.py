@@ -23,15 +23,7 @@ POINTS = 2400
 
 
 def chosen_joints(result: Identification, joints: Sequence[str | int] | None) -> list[int]:
-    """Indices of joints by name or by number from 1.
-
-    Args:
-        result: the identification.
-        joints: names or numbers; None: all.
-
-    Raises:
-        FigureError: there is no such joint.
-    """
+    """Indices of joints by name or by number from 1."""
     names = list(result.robot.joint_names)
     if joints is None:
         return list(range(len(names)))
@@ -51,15 +43,7 @@ def chosen_joints(result: Identification, joints: Sequence[str | int] | None) ->
 
 
 def chosen_recording(result: Identification, recording: str | int) -> FittedRecording:
-    """One recording by its name or index.
-
-    Args:
-        result: the identification.
-        recording: name, or index from 0.
-
-    Raises:
-        FigureError: the result has no signals, or no such recording.
-    """
+    """One recording by its name or its index from 0."""
     if not result.recordings:
         raise FigureError(
             "the identification holds no signals, as after reading it from a file; identify again"
@@ -77,13 +61,7 @@ def chosen_signals(
 ) -> tuple[list[int], FittedRecording, np.ndarray]:
     """Indices of joints, a recording, and its time from zero on [s], shape (samples,).
 
-    Args:
-        result: the identification.
-        joints: names or numbers from 1; None: all.
-        recording: its name, or its index from 0.
-
-    Raises:
-        FigureError: the result has no signals, or there is no such joint or recording.
+    Joints are names or numbers from 1, all without; a recording is a name or an index from 0.
     """
     chosen, record = chosen_joints(result, joints), chosen_recording(result, recording)
     return chosen, record, record.t - record.t[0]
@@ -92,17 +70,7 @@ def chosen_signals(
 def joint_panels(
     count: int, *, columns: int, row_height: float = 1.5, xlabel: str = ""
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with so many panels, one or two in a row, and no others visible.
-
-    Args:
-        count: of panels.
-        columns: width, 1 or 2 columns of a page.
-        row_height: of one row [inch].
-        xlabel: written below the lowest panel of each column.
-
-    Raises:
-        FigureError: another width.
-    """
+    """A figure with so many panels, one or two in a row, and no others visible."""
     across = min(count, 1 if columns == 1 else 2)
     figure, axes = new_figure(
         math.ceil(count / across), across, columns=columns, row_height=row_height
@@ -115,25 +83,12 @@ def joint_panels(
 
 
 def draw_trace(ax: Axes, t: np.ndarray, y: np.ndarray, **style: Any) -> None:
-    """Draw a signal by at most ``POINTS`` of its samples, every peak among them.
-
-    Args:
-        ax: where.
-        t: time [s], shape (samples,).
-        y: the signal, shape (samples,).
-        style: label, colour, dash of its line.
-    """
+    """Draw a signal by at most ``POINTS`` of its samples, every peak among them."""
     kept = kept_samples(np.asarray(y, dtype=float), POINTS)
     ax.plot(t[kept], y[kept], **style)
 
 
 def legend_above(figure: Figure, ax: Axes, across: int) -> None:
-    """One legend for all panels, above them.
-
-    Args:
-        figure: the figure.
-        ax: the panel whose lines it names.
-        across: entries in a row.
-    """
+    """One legend for all panels, above them."""
     handles, names = ax.get_legend_handles_labels()
     figure.legend(handles, names, loc="outside upper center", ncols=across)

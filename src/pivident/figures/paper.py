@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 WIDTHS = {1: 3.5, 2: 7.16}
 
 #: Tallest figure, a page's height [inch].
-TALLEST = 9.2
+MAX_HEIGHT = 9.2
 
 #: Colours that remain apart with every common colour blindness (Okabe and Ito 2008), in an order of
 #: different lightness, each with a dash and a marker of its own.
@@ -84,21 +84,10 @@ def paper_style() -> Iterator[None]:
 def new_figure(
     rows: int, across: int = 1, *, columns: int = 1, row_height: float = 1.5, share_x: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A figure with a grid of axes, in order of reading.
-
-    Args:
-        rows: of axes.
-        across: axes in a row.
-        columns: width, 1 or 2 columns of a page.
-        row_height: of one row [inch].
-        share_x: whether the axes share their x axis.
-
-    Raises:
-        FigureError: another width.
-    """
+    """A figure with a grid of axes, in order of reading."""
     if columns not in WIDTHS:
         raise FigureError(f"columns is {columns!r}; figures have the width of 1 or 2 columns")
-    size = (WIDTHS[columns], min(rows * row_height + 0.35, TALLEST))
+    size = (WIDTHS[columns], min(rows * row_height + 0.35, MAX_HEIGHT))
     drawing = require("matplotlib.figure", extra="figures", purpose="a figure for papers")
     figure = drawing.Figure(figsize=size, layout="constrained")
     axes = figure.subplots(rows, across, squeeze=False, sharex=share_x)
@@ -106,12 +95,7 @@ def new_figure(
 
 
 def line_style(k: int, marker: bool = False) -> dict[str, Any]:
-    """Colour, dash and marker of the k-th line.
-
-    Args:
-        k: index of the line.
-        marker: whether it has markers.
-    """
+    """Colour, dash and marker of the k-th line."""
     style = dict(LINES[k % len(LINES)])
     if not marker:
         del style["marker"]
@@ -119,11 +103,7 @@ def line_style(k: int, marker: bool = False) -> dict[str, Any]:
 
 
 def plain(text: str) -> str:
-    """A name as text: matplotlib would set what stands between dollars as mathematics.
-
-    Args:
-        text: what may come from a file.
-    """
+    """A name as text: matplotlib would set what stands between dollars as mathematics."""
     from pivident.text.printable import escaped
 
     return escaped(text).replace("$", r"\$")

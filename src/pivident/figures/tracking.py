@@ -52,7 +52,7 @@ def figure_of_tracking(
     with paper_style():
         figure, axes = new_figure(len(chosen), 2, columns=columns, row_height=1.35, share_x=True)
         for left, right, j in zip(axes[::2], axes[1::2], chosen, strict=True):
-            unit = "rad" if result.robot.joints[j].kind == "revolute" else "m"
+            unit = result.robot.joints[j].position_unit
             q, q_ref = record.q_measured[:, j], record.q_ref[:, j]
             apart = q_ref - q
             draw_trace(left, t, q, label="measured", color=MEASURED, linewidth=1.8)

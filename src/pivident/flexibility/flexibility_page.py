@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.files import atomic_folder
@@ -18,22 +17,23 @@ from pivident.flexibility.compliance import Compliance
 from pivident.flexibility.flexibility_text import agreement_lines, of_kind, parts_of
 from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
-from pivident.report.audit.audit_figures import empty_plot
-from pivident.report.builder import page_environment
+from pivident.report.audit.audit_figures import audit_plot
+from pivident.report.builder import page_environment, page_of
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
-from pivident.version import __version__
 
 #: Points of one trace.
 POINTS = 1500
 
 
 def render_page(found: Sequence[JointFlexibility]) -> str:
-    """The page as text."""
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.flexibility"), PackageLoader("pivident.report")]
-    )
+    """The page as text.
+
+    Args:
+        found: joints of recordings.
+    """
+    environment = page_environment("pivident.flexibility")
     summary = environment.get_template("flexibility_summary.html")
     template = environment.get_template("flexibility_joint.html")
     names = [f"{one.recording}: {one.joint}" for one in found]
@@ -42,16 +42,11 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
         agreement=agreement_lines(found),
         stiffness=_stiffness,
     )
-    sections = []
+    sections = [("summary", "What was found", Markup(body))]
     for number, (name, one) in enumerate(zip(names, found, strict=True), start=1):
         body_of_joint = template.render(parts=parts_of(one), figures=_figures(one))
         sections.append((f"joint-{number}", name, Markup(body_of_joint)))
-    return environment.get_template("page.html").render(
-        title="Flexible joints",
-        head=("summary", "Results", Markup(body)),
-        sections=sections,
-        version=__version__,
-    )
+    return page_of(environment, "Flexible joints", sections)
 
 
 def _stiffness(one: JointFlexibility) -> str:
@@ -81,7 +76,7 @@ def deflection_figure(compliance: Compliance, sliding: bool = False) -> Figure:
     """Deflection over the torque through the spring."""
     torque, measured, model = compliance.fitted
     kept = np.arange(0, len(torque), max(1, len(torque) // POINTS))
-    plot = empty_plot(of_kind("motor less link [mrad]", sliding))
+    plot = audit_plot(of_kind("motor less link [mrad]", sliding))
     for values, name, colour in (
         (measured, "recorded, without transmission error", MEASURED),
         (model, "model", METHOD_COLOURS[0]),
@@ -108,7 +103,7 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
     frequency, measured, fitted = resonance.response
     quantity = "force" if sliding else "torque"
     conclusion = of_kind(resonance.conclusion, sliding)
-    plot = empty_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
+    plot = audit_plot(of_kind(f"speed over {quantity} [rad/s per N m]", sliding))
     plot.add_scatter(
         x=frequency,
         y=measured,
@@ -136,34 +131,4 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
 
 
 def _with_legend(plot: go.Figure) -> None:
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
-
-
-def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
-    """Write ``flexibility.json`` and ``flexibility.html``, both or neither; returns the page."""
-    content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
-    page = render_page(found)
-    with atomic_folder(folder) as build:
-        (build / "flexibility.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may contain bytes that are not text
-        )
-        (build / "flexibility.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
-    return Path(folder) / "flexibility.html"
-
-
-def _plain(value: Any) -> Any:
-    """Values for JSON without the arrays of figures; numbers that are not finite become None."""
-    if is_dataclass(value) and not isinstance(value, type):
-        shown = [f.name for f in fields(value) if f.repr]
-        return {name: _plain(getattr(value, name)) for name in shown}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
+    plot.update_layout(showlegend=True, legend=LEGEND)

@@ -36,24 +36,13 @@ POINTS = 160
 
 @singledispatch
 def html_of(result: Any) -> str:
-    """A result as HTML, by its class.
-
-    Args:
-        result: an identification, robot, recording, problem, verdict, comparison or table.
-
-    Raises:
-        TypeError: there is no display of its class.
-    """
+    """A result as HTML, by its class."""
     raise TypeError(f"there is no display of a {type(result).__name__}")
 
 
 @html_of.register
 def identification_html(result: Identification) -> str:
-    """Parameters with intervals, fit of the joints, warnings.
-
-    Args:
-        result: the identification.
-    """
+    """Parameters with intervals, fit of the joints, warnings."""
     rows = parameter_rows(result)
     return _rendered(
         "identification",
@@ -74,11 +63,7 @@ def identification_html(result: Identification) -> str:
 
 @html_of.register
 def robot_html(robot: Robot) -> str:
-    """Joints with their limits and friction laws.
-
-    Args:
-        robot: the robot.
-    """
+    """Joints with their limits and friction laws."""
     return _rendered("robot", robot=robot, links=_masses(robot))
 
 
@@ -86,9 +71,7 @@ def robot_html(robot: Robot) -> str:
 def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()) -> str:
     """Rates, length, joints with their ranges, and a curve of each position.
 
-    Args:
-        recording: the recording.
-        units: unit of position and torque of each joint, where the robot is known.
+    ``units`` are those of position and torque of each joint, where the robot is known.
     """
     rows = []
     for j, name in enumerate(recording.joint_names):
@@ -109,31 +92,19 @@ def recording_html(recording: Recording, units: tuple[tuple[str, str], ...] = ()
 
 @html_of.register
 def problem_html(problem: Problem) -> str:
-    """What is given, in short.
-
-    Args:
-        problem: the problem.
-    """
+    """What is given, in short."""
     return _rendered("problem", problem=problem, left_out=len(problem.base) - len(problem.names))
 
 
 @html_of.register
 def verdict_html(verdict: Verdict) -> str:
-    """The statements with their severities.
-
-    Args:
-        verdict: should one believe it.
-    """
+    """The statements with their severities."""
     return _rendered("verdict", verdict=verdict, marks=MARKS)
 
 
 @html_of.register
 def comparison_html(comparison: Comparison) -> str:
-    """Parameters of all results side by side, significant differences marked.
-
-    Args:
-        comparison: several results.
-    """
+    """Parameters of all results side by side, significant differences marked."""
     return _rendered(
         "comparison",
         comparison=comparison,
@@ -146,11 +117,7 @@ def comparison_html(comparison: Comparison) -> str:
 
 @html_of.register
 def table_html(table: Table) -> str:
-    """The first rows of a table.
-
-    Args:
-        table: any table.
-    """
+    """The first rows of a table."""
     columns = table.shown(MAX_ROWS)
     cells = list(zip(*(column for _, _, column in columns), strict=True))
     return _rendered("table", table=table, columns=columns, cells=cells)

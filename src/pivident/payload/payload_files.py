@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from os import PathLike
 from typing import Any
@@ -13,7 +11,7 @@ from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
 from pivident.payload.payload_identification import PayloadIdentification
 from pivident.robot.description import INERTIAL
-from pivident.text.plain_values import plain
+from pivident.text.plain_values import csv_table, plain
 
 #: Version of the layout of ``payload.json``.
 SCHEMA = 1
@@ -101,11 +99,13 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
 
 
 def payload_csv(load: LoadEstimate) -> str:
-    """The load as a table with a header; numbers that are not finite are left empty."""
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(CSV_COLUMNS)
-    for row in load_rows(load):
-        numbers = (row.value, row.std, *row.interval)
-        writer.writerow([row.name, *(plain(n) for n in numbers), row.unit])
-    return stream.getvalue()
+    """The load as a table with a header; numbers that are not finite are left empty.
+
+    Args:
+        load: the load.
+    """
+    rows = (
+        [r.name, *(plain(n) for n in (r.value, r.std, *r.interval)), r.unit]
+        for r in load_rows(load)
+    )
+    return csv_table(CSV_COLUMNS, rows)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
-from jinja2 import Environment, PackageLoader, StrictUndefined
+from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from jinja2.utils import htmlsafe_json_dumps
 from markupsafe import Markup, escape
 
@@ -96,11 +98,20 @@ def render_report(
         if section.applies:
             body = environment.get_template(section.template).render(section.context())
             sections.append((section.anchor, section.title, Markup(body)))
+    return page_of(environment, title, sections)
+
+
+def page_of(
+    environment: Environment,
+    title: str,
+    sections: Sequence[tuple[str, str, Markup]],
+    *,
+    headed: bool = True,
+) -> str:
+    """The page of sections (anchor, heading, body); the first may stand before the contents."""
+    head = {"head": sections[0]} if headed else {}
     return environment.get_template("page.html").render(
-        title=title,
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
+        title=title, sections=sections[len(head) :], **head, version=__version__
     )
 
 
@@ -110,10 +121,20 @@ def _report_environment() -> Environment:
     return page_environment()
 
 
-def page_environment() -> Environment:
-    """Templates that escape everything they are given, except what is marked as HTML."""
+def write_page(build: Path, name: str, page: str, content: Any) -> None:
+    """Write ``NAME.html`` and, as ``NAME.json``, the values that it shows."""
+    (build / f"{name}.json").write_text(
+        json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
+        encoding="utf-8",
+        errors="backslashreplace",  # file names may hold bytes that are no text
+    )
+    (build / f"{name}.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+
+
+def page_environment(*packages: str) -> Environment:
+    """Templates of these packages, then of the report; all is escaped but marked HTML."""
     environment = Environment(
-        loader=PackageLoader("pivident.report"),
+        loader=ChoiceLoader([PackageLoader(name) for name in (*packages, "pivident.report")]),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,

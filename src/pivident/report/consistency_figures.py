@@ -27,11 +27,8 @@ def bodies_figure(
 ) -> Figure:
     """The arm's joints as a line, and the mass of each link as an ellipsoid.
 
-    Args:
-        robot: the robot; links with a nominal mass have that body dotted.
-        inertial: ten inertial parameters of each link, each of shape (10,).
-        q: posture [rad or m], shape (joints,).
-        view: one of ``VIEWS``.
+    Links with a nominal mass have that body dotted; ``inertial`` holds ten parameters of each link,
+    ``q`` is the posture [rad or m], ``view`` one of ``VIEWS``.
     """
     title, plane = view
     frames = link_frames(robot, q)
@@ -68,14 +65,9 @@ def moved_figure(
 ) -> Figure:
     """Each parameter's free interval (grey) and its consistent one (coloured), in σ.
 
-    Args:
-        names: of the parameters.
-        moved: consistent less free value [σ of the free estimate], shape (parameters,).
-        low: lower end of the consistent interval less the free value [σ], likewise; where it is
-            NaN no interval is drawn.
-        high: upper end.
-        method: index of the method, for its colour.
-        left_out: number of base parameters that the estimate does not have.
+    ``moved`` is consistent less free value, ``low`` and ``high`` the ends of the consistent
+    interval less the free value, all in σ of the free estimate, shape (parameters,); no interval is
+    drawn where an end is NaN.
     """
     note = (
         f"grey: free estimate ± {HALF_INTERVAL:g} σ; coloured: consistent estimate with its 95 % "
@@ -114,8 +106,8 @@ def moved_figure(
         plot,
         height=80 + 18 * len(labels),
         title="Free and consistent intervals",
-        label=f"Free and consistent 95 % intervals of {len(labels)} base parameters in deviations "
-        f"of the free estimate; {names[most]} moved most, by {abs(moved[most]):.2g} σ",
+        label=f"Free and consistent 95 % intervals of {len(labels)} base parameters in standard "
+        f"errors of the free estimate; {names[most]} moved most, by {abs(moved[most]):.2g} σ",
         note=note,
     )
 

@@ -23,11 +23,7 @@ _CELL, _REST, _SMALLEST, _LARGEST = 13, 120, 300, 780
 
 
 def correlation_figure(correlation: ParameterCorrelation) -> Figure:
-    """Parameters against parameters, colour for ρ.
-
-    Args:
-        correlation: correlations in the order of the map.
-    """
+    """Parameters against parameters, colour for ρ."""
     names = [html.escape(name, quote=False) for name in correlation.names]
     matrix = correlation.matrix.copy()
     np.fill_diagonal(matrix, np.nan)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,12 +14,13 @@ from pivident.estimation.parameter_rows import parameter_rows
 from pivident.text.identifiers import identifiers, latex_name, latex_text, one_line
 from pivident.text.latex import latex_number, latex_unit
 from pivident.text.numbers import with_spread
+from pivident.text.plain_values import csv_table
 
 #: Numbers of all tables of signals together; one takes 9 bytes of the page.
 MAX_NUMBERS = 30_000
 
 #: A part of a file's name is not longer than this.
-LONGEST = 60
+MAX_STEM = 60
 
 #: Signals of a joint in a table: heading, unit (of the position {p}, of the torque {t}), attribute.
 SIGNALS = (
@@ -36,23 +35,14 @@ SIGNALS = (
 
 @dataclass(frozen=True)
 class Download:
-    """A file inside the page.
+    """A file inside the page."""
 
-    Attributes:
-        name: file name: letters, digits, underscores and one full stop.
-        words: what it is.
-        media_type: such as ``text/csv``.
-        text: content.
-        holder: identifier of the element on the page that holds it.
-        method: index of the method that it belongs to.
-    """
-
-    name: str
-    words: str
-    media_type: str
+    name: str  # file name: letters, digits, underscores and one full stop
+    words: str  # what it is
+    media_type: str  # such as ``text/csv``
     text: str
-    holder: str
-    method: int
+    holder: str  # identifier of the element on the page that holds it
+    method: int  # index of the method that it belongs to
 
     @property
     def size(self) -> str:
@@ -66,14 +56,7 @@ def downloads(
     recordings: Sequence[FittedRecording],
     best: int,
 ) -> tuple[Download, ...]:
-    """Parameters of every method; the whole identification and the signals of one.
-
-    Args:
-        identifications: the results.
-        labels: their names.
-        recordings: recordings whose signals are put into tables.
-        best: index of the method that has more: a JSON with covariances takes some 100 kB.
-    """
+    """Parameters of every method; the whole identification and the signals of one."""
     files: list[Download] = []
     labelled = zip(identifications, labels, strict=True)
     stems = _stems([f"{i.robot.name} {label}" for i, label in labelled])
@@ -106,51 +89,34 @@ def downloads(
 
 
 def signal_step(identification: Identification, recordings: Sequence[FittedRecording]) -> int:
-    """One sample out of how many is kept, so that all tables together stay small.
-
-    Args:
-        identification: the result.
-        recordings: whose signals are put into tables.
-    """
+    """One sample out of how many is kept, so that all tables together stay small."""
     columns = 1 + (len(SIGNALS) + 1) * identification.robot.size
     rows = sum(len(recording.t) for recording in recordings)
     return max(1, math.ceil(rows * columns / MAX_NUMBERS))
 
 
 def signals_csv(identification: Identification, recording: FittedRecording, step: int = 1) -> str:
-    """Signals as the estimator saw them, one row per instant; numbers not finite are left empty.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings.
-        step: one sample out of so many is kept.
-    """
+    """Signals as the estimator saw them, one row per instant; numbers not finite are left empty."""
     heads, columns = ["time [s]"], [recording.t[::step]]
     for j, (joint, fit) in enumerate(
         zip(identification.robot.joints, identification.joints, strict=True)
     ):
-        position = "rad" if joint.kind == "revolute" else "m"
         for words, unit, attribute in SIGNALS:
-            shown = unit.format(p=position, t=fit.torque_unit)
+            shown = unit.format(p=joint.position_unit, t=fit.torque_unit)
             heads.append(f"{joint.name} {words} [{shown}]")
             columns.append(np.asarray(getattr(recording, attribute), dtype=float)[::step, j])
         heads.append(f"{joint.name} used [0 or 1]")
         columns.append(np.asarray(recording.used, dtype=float)[::step, j])
-    stream = io.StringIO()
-    writer = csv.writer(stream, lineterminator="\n")
-    writer.writerow(heads)
-    for time, *values in zip(*columns, strict=True):
-        # The clock may count from 1970: six digits do not tell its samples apart.
-        writer.writerow([f"{time:.15g}", *(f"{x:.6g}" if math.isfinite(x) else "" for x in values)])
-    return stream.getvalue()
+    # The clock may count from 1970: six digits do not distinguish its samples.
+    rows = (
+        [f"{time:.15g}", *(f"{x:.6g}" if math.isfinite(x) else "" for x in values)]
+        for time, *values in zip(*columns, strict=True)
+    )
+    return csv_table(heads, rows)
 
 
 def to_latex(identification: Identification) -> str:
-    r"""The estimates as a table for LaTeX (booktabs, longtable), to be read in with ``\input``.
-
-    Args:
-        identification: the result.
-    """
+    r"""The estimates as a table for LaTeX (booktabs, longtable), to be read in with ``\input``."""
     robot, method = (one_line(text) for text in (identification.robot.name, identification.method))
     return "\n".join(
         [
@@ -185,4 +151,4 @@ def _latex_rows(identification: Identification) -> Iterator[str]:
 
 def _stems(names: Sequence[str]) -> list[str]:
     """Names of files without their ending, all different, that no file system stumbles over."""
-    return identifiers([name[:LONGEST] for name in names])
+    return identifiers([name[:MAX_STEM] for name in names])

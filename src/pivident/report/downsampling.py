@@ -8,14 +8,8 @@ import numpy as np
 def kept_samples(y: np.ndarray, points: int) -> np.ndarray:
     """Indices of the samples to draw: first, last, and minimum and maximum of equal stretches.
 
-    Every peak stays at its place and height, which plain decimation does not promise.
-
-    Args:
-        y: signal, shape (samples,); NaN is never an extreme.
-        points: largest number of indices.
-
-    Returns:
-        Ascending indices, all of them where there are no more than ``points``.
+    Every peak stays at its place and height, which plain decimation does not promise. NaN is never
+    an extreme.
     """
     if y.size <= points:
         return np.arange(y.size)
@@ -32,10 +26,7 @@ def kept_samples(y: np.ndarray, points: int) -> np.ndarray:
 def stretches(mask: np.ndarray, t: np.ndarray, pixels: int = 500) -> list[tuple[float, float]]:
     """Times (from, to) where a mask holds, at the resolution of a drawing.
 
-    Args:
-        mask: shape (samples,).
-        t: time of each sample [s], shape (samples,).
-        pixels: resolution: a stretch shorter than a pixel shows if it fills half of it.
+    A stretch shorter than one of so many pixels shows if it fills half of it.
     """
     parts = np.array_split(np.arange(mask.size), min(pixels, mask.size))
     filled = np.array([mask[part].mean() >= 0.5 for part in parts])

@@ -23,15 +23,10 @@ __all__ = ["DrawingLibrary", "drawing_library", "go", "to_json"]
 
 @dataclass(frozen=True)
 class DrawingLibrary:
-    """plotly.js as a page carries it; ``inflate.js`` unpacks it when the first figure wants it.
+    """plotly.js as a page carries it; ``inflate.js`` unpacks it when the first figure wants it."""
 
-    Attributes:
-        packed: deflated (RFC 1951) UTF-8 text in base64.
-        size: bytes of the text.
-    """
-
-    packed: str
-    size: int
+    packed: str  # deflated (RFC 1951) UTF-8 text in base64
+    size: int  # bytes of the text
 
 
 @cache

@@ -9,6 +9,7 @@ import numpy as np
 
 from pivident.estimation.methods import Bandpass
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND, band, packed
 from pivident.report.plotly_figures import (
     ERROR,
     MEASURED,
@@ -36,13 +37,7 @@ _DASHES = ("solid", "dash", "dot")
 
 
 def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
-    """Magnitude and phase from the measured position to q̂, dq̂ and ddq̂.
-
-    Args:
-        signals: the recipe.
-        rate: sampling rate [Hz].
-        method: index of the method, for its colour.
-    """
+    """Magnitude and phase from the measured position to q̂, dq̂ and ddq̂."""
     frequency = _frequencies(0.01 * signals.cutoff, rate)
     plot = _bode("gain [dB re 1, 1/s, 1/s²]")
     phases = ("0°", "90°", "180°")
@@ -75,13 +70,7 @@ def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
 
 
 def decimation_figure(signals: Bandpass, rate: float, method: int) -> Figure:
-    """Gain of the parallel decimation on torque and observation matrix.
-
-    Args:
-        signals: the recipe.
-        rate: sampling rate before decimation [Hz].
-        method: index of the method, for its colour.
-    """
+    """Gain of the parallel decimation on torque and observation matrix; rate before it [Hz]."""
     stages = decimation_stages(signals.factor(rate))
     total = int(np.prod(stages))
     nyquist = 0.5 * rate / total
@@ -111,12 +100,7 @@ def smoother_figure(
 ) -> Figure:
     """Gain of each joint's random walk smoother.
 
-    Args:
-        names: of the joints.
-        f50: half-power frequencies [Hz], one per joint, NaN or infinite where there is none.
-        order: order m of the random walk.
-        rate: sampling rate [Hz].
-        method: index of the method, for its colour where there is one joint.
+    f50 [Hz] per joint is NaN or infinite where there is none; the rate is in Hz.
     """
     known = [(name, f) for name, f in zip(names, f50, strict=True) if 0 < f <= 0.5 * rate]
     frequency = _frequencies(0.02 * min(f for _, f in known), rate)
@@ -129,7 +113,7 @@ def smoother_figure(
         _gain(plot, frequency, gain, f"{name}, f₅₀ {format_significant(f)} Hz", line)
     plot.add_hline(20 * np.log10(0.5), line={"color": ERROR, "width": 1, "dash": "dash"})
     plot.update_yaxes(range=[-80, 5])
-    plot.update_layout(showlegend=True, legend=_LEGEND)
+    plot.update_layout(showlegend=True, legend=LEGEND)
     half = ", ".join(f"{name} {format_significant(f)} Hz" for name, f in known)
     note = (
         f"integrated random walk of order {order}, no phase; dashed: one half (-6 dB), reached at "
@@ -142,15 +126,7 @@ def smoother_figure(
 def prefilter_figure(
     name: str, unit: str, prefilter: Prefilter, rate: float, method: int
 ) -> Figure:
-    """Magnitude and phase of one joint's prefilter, and of its inverse controller alone.
-
-    Args:
-        name: of the joint.
-        unit: of its torque.
-        prefilter: L, λ included.
-        rate: sampling rate [Hz].
-        method: index of the method, for its colour.
-    """
+    """Magnitude and phase of one joint's prefilter, and of its inverse controller alone."""
     frequency = _frequencies(1e-4 * rate, rate)
     response = prefilter.response(frequency, rate)
     plot = _bode(f"gain [dB re 1/({unit})]")
@@ -180,12 +156,7 @@ def prefilter_figure(
 
 
 def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:
-    """Gains of plant, sensitivity and complementary sensitivity of one joint.
-
-    Args:
-        joint: the joint in its loop.
-        method: index of the method, for its colour.
-    """
+    """Gains of plant, sensitivity and complementary sensitivity of one joint."""
     loop = joint.loop
     assert loop is not None
     rate = loop.feedback.rate
@@ -201,7 +172,7 @@ def loop_figure(joint: IdentifiedJointLoop, method: int) -> Figure:
     ):
         low, high = (_decibel(x) for x in joint.band(quantity, frequency))
         if (high - low).max() > 0.02:
-            _band(plot, frequency, low, high, own, axis)
+            plot.add_trace(band(frequency, low, high, own, axis=axis))
         gain = np.abs(getattr(loop, quantity)(frequency))
         _curve(plot, frequency, _decibel(gain), title, {"color": own, "width": 1.8}, axis)
     plot.add_shape(
@@ -235,9 +206,6 @@ def bandwidth_text(joint: IdentifiedJointLoop) -> str:
         ends = f"{format_significant(joint.slowest)} to {format_significant(joint.fastest)} Hz"
         text += f" ({ends} over the postures)"
     return text
-
-
-_LEGEND = {"orientation": "h", "y": 1.02, "yanchor": "bottom"}
 
 
 def _interval(value: float, std: float) -> str:
@@ -279,7 +247,7 @@ def _stacked(upper: str, lower: str) -> go.Figure:
             "zeroline": False,
         },
         showlegend=True,
-        legend=_LEGEND,
+        legend=LEGEND,
     )
     return plot
 
@@ -312,30 +280,13 @@ def _curve(
     legend: bool = True,
 ) -> None:
     plot.add_scatter(
-        x=np.asarray(x, np.float32),
-        y=np.asarray(y, np.float32),
+        x=packed(x),
+        y=packed(y),
         yaxis=axis,
         mode="lines",
         name=html.escape(name, quote=False),
         line=line,
         showlegend=legend and (axis == "y" or name == "plant"),
-    )
-
-
-def _band(
-    plot: go.Figure, x: np.ndarray, low: np.ndarray, high: np.ndarray, own: str, axis: str
-) -> None:
-    """Filled between two lines; the label says between what."""
-    plot.add_scatter(
-        x=np.asarray(np.r_[x, x[::-1]], np.float32),
-        y=np.asarray(np.r_[high, low[::-1]], np.float32),
-        yaxis=axis,
-        mode="lines",
-        fill="toself",
-        line={"width": 0, "color": own},
-        opacity=0.3,
-        hoverinfo="skip",
-        showlegend=False,
     )
 
 

@@ -1,7 +1,7 @@
 """Estimates with their ±2σ intervals as small drawings, in percent of their width.
 
 Parameters differ by orders of magnitude and by unit, so each one gets a scale of its own. Methods
-are told apart by colour and by the shape of their marker; consistent estimates have rows of their
+differ in colour and in the shape of their marker; consistent estimates have rows of their
 own below, with hollow markers.
 """
 
@@ -38,72 +38,45 @@ def marker(method: int) -> str:
 
 @dataclass(frozen=True)
 class Interval:
-    """One estimate on the drawing's scale, 0 to 100.
+    """One estimate on the drawing's scale, 0 to 100."""
 
-    Attributes:
-        method: index of the method, which is its colour and its marker.
-        middle: estimate.
-        left: estimate - 2σ, or the lower end of a consistent estimate's interval.
-        right: the other end.
-        robust_left: estimate - 2 robust σ.
-        robust_right: estimate + 2 robust σ.
-        words: name, value, interval and unit.
-        consistent: whether it is a consistent estimate.
-    """
-
-    method: int
+    method: int  # index of the method, which is its colour and its marker
     middle: float
-    left: float
-    right: float
-    robust_left: float
-    robust_right: float
-    words: str = ""
-    consistent: bool = False
+    left: float  # estimate - 2σ, or the lower end of a consistent estimate's interval
+    right: float  # the other end
+    robust_left: float  # estimate - 2 robust σ
+    robust_right: float  # estimate + 2 robust σ
+    words: str = ""  # name, value, interval and unit
+    consistent: bool = False  # whether it is a consistent estimate
 
 
 @dataclass(frozen=True)
 class IntervalDrawing:
-    """Intervals of one parameter.
+    """Intervals of one parameter."""
 
-    Attributes:
-        intervals: one per method that estimates it, then one per consistent estimate.
-        zero: place of zero, None where it lies outside.
-        truth: place of the known value, None where it is not known.
-        low: what stands at the left edge of the scale.
-        high: what stands at the right edge.
-        label: the drawing in words.
-        nominal: place of the nominal (CAD) value, at an edge where it lies outside; None where
-            it is not known.
-        beyond: -1 or 1 where the nominal value lies outside, to the left or to the right.
-    """
-
+    #: one per method that estimates it, then one per consistent estimate
     intervals: tuple[Interval, ...]
-    zero: float | None
-    truth: float | None
-    low: str
-    high: str
-    label: str
+    zero: float | None  # place of zero, None where it lies outside
+    truth: float | None  # place of the known value, None where it is not known
+    low: str  # what stands at the left edge of the scale
+    high: str  # what stands at the right edge
+    label: str  # the drawing in words
+    #: place of the nominal (CAD) value, at an edge where it lies outside; None where it is not
+    #: known
     nominal: float | None = None
-    beyond: int = 0
+    beyond: int = 0  # -1 or 1 where the nominal value lies outside, to the left or to the right
 
 
 @dataclass(frozen=True)
 class ConsistentValue:
-    """A consistent estimate of one parameter.
+    """A consistent estimate of one parameter."""
 
-    Attributes:
-        method: index of the method whose estimate was made consistent.
-        label: name in tables.
-        value: the value.
-        low: lower end of its interval; infinite where nothing bounds it, NaN where it is unknown.
-        high: upper end.
-    """
-
-    method: int
-    label: str
+    method: int  # index of the method whose estimate was made consistent
+    label: str  # name in tables
     value: float
+    #: lower end of its interval; infinite where nothing bounds it, NaN where it is unknown
     low: float
-    high: float
+    high: float  # upper end
 
 
 def interval_drawing(
@@ -116,12 +89,7 @@ def interval_drawing(
 ) -> IntervalDrawing:
     """Place the intervals of one parameter on a common scale.
 
-    Args:
-        rows: estimates of one parameter, one per method, None where there is none.
-        labels: names of the methods.
-        with_zero: whether the scale reaches to zero.
-        consistent: consistent estimates of it.
-        nominal: its nominal value, NaN where it is not known.
+    ``rows`` holds one estimate per method, None where there is none; ``nominal`` may be NaN.
     """
     present = [(k, row) for k, row in enumerate(rows) if row is not None]
     unit, truth = present[0][1].unit, present[0][1].truth

@@ -23,35 +23,22 @@ DIGITS = 4
 
 @dataclass(frozen=True)
 class JointRange:
-    """What one joint did in a recording.
+    """What one joint did in a recording."""
 
-    Attributes:
-        name: joint.
-        unit: rad or m.
-        low: lowest position [unit].
-        high: highest position [unit].
-        speed: highest speed, as estimated [unit/s].
-    """
-
-    name: str
-    unit: str
-    low: float
-    high: float
-    speed: float
+    name: str  # joint
+    unit: str  # rad or m
+    low: float  # lowest position [unit]
+    high: float  # highest position [unit]
+    speed: float  # highest speed, as estimated [unit/s]
 
 
 def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[str, Any]:
     """Robot and positions as plain values, for the script that draws them.
 
-    Args:
-        robot: the robot.
-        recordings: recordings whose motion is replayed.
-
-    Returns:
-        ``joints``: name, kind, parent, rotation by rows and translation of each; ``tip``: point of
-        each link that is drawn where nothing hangs on it [m]; ``up``: direction against gravity;
-        ``recordings``: name, start and duration [s], and ``q``, a list for each joint at equal
-        distances of time.
+    ``joints``: name, kind, parent, rotation by rows and translation of each; ``tip``: point of each
+    link that is drawn where nothing hangs on it [m]; ``up``: direction against gravity;
+    ``recordings``: name, start and duration [s], and ``q``, a list for each joint at equal
+    distances of time.
     """
     most = max(2, MAX_POSITIONS // max(1, robot.size * len(recordings)))
     size = np.linalg.norm(robot.gravity)
@@ -76,16 +63,11 @@ def motion_values(robot: Robot, recordings: Sequence[FittedRecording]) -> dict[s
 def joint_ranges(
     identification: Identification, recording: FittedRecording
 ) -> tuple[JointRange, ...]:
-    """Range and highest speed of each joint, which is the motion in words.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings.
-    """
+    """Range and highest speed of each joint, which is the motion in words."""
     return tuple(
         JointRange(
             name=joint.name,
-            unit="rad" if joint.kind == "revolute" else "m",
+            unit=joint.position_unit,
             low=float(np.nanmin(recording.q_measured[:, j])),
             high=float(np.nanmax(recording.q_measured[:, j])),
             speed=float(np.nanmax(np.abs(recording.dq[:, j]))),

@@ -13,12 +13,13 @@ from pivident.control_law.law_equations import START
 from pivident.estimation.identification import FittedRecording, Identification
 from pivident.report.downsampling import kept_samples, stretches
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND, packed
 from pivident.simulation.control_loop import IdentifiedLaw
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_tests import JointResidualTests
 
 #: Colours of the methods, and of the joints, on white; then they repeat. After Okabe and Ito
-#: (2008), so that people with any colour vision tell them apart; vermilion is kept for errors.
+#: (2008), distinct for any colour vision; vermilion is kept for errors.
 METHOD_COLOURS = ("#0072b2", "#b87a00", "#009e73", "#b5568f", "#2f8fc7", "#7a7430")
 
 MEASURED, ERROR, SHADE = "#7f8999", "#d55e00", "rgba(138, 147, 163, 0.22)"
@@ -38,25 +39,16 @@ DARK_COLOURS = {
 
 @dataclass(frozen=True)
 class Figure:
-    """A drawing with its words.
-
-    Attributes:
-        plot: the plotly figure.
-        height: height on the page [px].
-        title: what stands above it, plain text.
-        label: the drawing in words, for those who do not see it.
-        note: what stands below it, plain text, may be empty.
-        recording: where the x axis is time: whose. Figures of one recording show the same window.
-        start: instant at which that axis is zero, on the recording's clock [s].
-    """
+    """A drawing with its words."""
 
     plot: go.Figure
-    height: int
-    title: str
-    label: str
-    note: str = ""
+    height: int  # height on the page [px]
+    title: str  # what stands above it, plain text
+    label: str  # the drawing in words, for those who do not see it
+    note: str = ""  # what stands below it, plain text, may be empty
+    #: where the x axis is time: whose. Figures of one recording show the same window.
     recording: str = ""
-    start: float = 0.0
+    start: float = 0.0  # instant at which that axis is zero, on the recording's clock [s]
 
 
 def colour(method: int) -> str:
@@ -71,15 +63,7 @@ def torque_figure(
     method: int,
     points: int,
 ) -> Figure:
-    """Measured and reconstructed torque of one joint, and their difference.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
+    """Measured and reconstructed torque of one joint, and their difference."""
     fit = identification.joints[joint]
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
@@ -102,14 +86,7 @@ def torque_figure(
 
 
 def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:
-    """Recorded controller output of one joint, what its law makes of it, and the difference.
-
-    Args:
-        found: the law.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
+    """Recorded controller output of one joint, what its law makes of it, and the difference."""
     law, used = found.joints[joint], slice(START, None)  # before, there is no speed yet
     measured, model = found.output[used, joint], found.model[used, joint]
     t = np.arange(len(found.output))[used] / found.rate
@@ -132,17 +109,9 @@ def reference_figure(
     method: int,
     points: int,
 ) -> Figure:
-    """Measured position of one joint with its reference, and their difference below.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings, which has a reference.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
+    """Measured position of one joint with its reference, and their difference below."""
     assert recording.q_ref is not None
-    name, unit = identification.joints[joint].name, position_unit(identification, joint)
+    name, unit = identification.joints[joint].name, identification.robot.joints[joint].position_unit
     t = _time(recording)
     measured, reference = recording.q_measured[:, joint], recording.q_ref[:, joint]
     plot = empty_plot("")
@@ -159,23 +128,18 @@ def reference_figure(
 
 
 def residual_figure(tests: JointResidualTests, method: int) -> Figure:
-    """Autocorrelation of one joint's residual with the band of white noise.
-
-    Args:
-        tests: of the joint's residual.
-        method: index of the method, for its colour.
-    """
+    """Autocorrelation of one joint's residual with the band of white noise."""
     found = tests.autocorrelation
     lags = np.arange(1, found.rho.size + 1)
     plot = empty_plot("autocorrelation")
     plot.update_xaxes(title_text=f"lag [samples of {format_significant(1e3 / found.rate)} ms]")
     plot.add_bar(
-        x=_packed(lags), y=_packed(found.rho), marker_color=colour(method), name="autocorrelation"
+        x=packed(lags), y=packed(found.rho), marker_color=colour(method), name="autocorrelation"
     )
     for sign in (-1.0, 1.0):
         plot.add_scatter(
-            x=_packed(lags),
-            y=_packed(sign * found.band),
+            x=packed(lags),
+            y=packed(sign * found.band),
             mode="lines",
             line={"color": ERROR, "width": 1, "dash": "dash"},
             name="±2/√n",
@@ -194,16 +158,8 @@ def signal_figure(
     method: int,
     points: int,
 ) -> Figure:
-    """Position, speed and acceleration of one joint below each other.
-
-    Args:
-        identification: the result.
-        recording: one of its recordings.
-        joint: index of the joint.
-        method: index of the method, for its colour.
-        points: points per trace.
-    """
-    fit, unit = identification.joints[joint], position_unit(identification, joint)
+    """Position, speed and acceleration of one joint below each other."""
+    fit, unit = identification.joints[joint], identification.robot.joints[joint].position_unit
     t = _time(recording)
     rows = (
         ("q", unit, recording.q),
@@ -242,8 +198,8 @@ def distance_figure(identification: Identification) -> Figure:
     columns = zip(identification.names, identification.parameters, distance.T, strict=True)
     for name, parameter, values in columns:
         plot.add_scatter(
-            x=_packed(np.arange(1, len(history) + 1)),
-            y=_packed(values),
+            x=packed(np.arange(1, len(history) + 1)),
+            y=packed(values),
             name=html.escape(name, quote=False),
             mode="lines+markers",
             line={"color": colour(parameter.joint), "width": 1.2},
@@ -252,7 +208,7 @@ def distance_figure(identification: Identification) -> Figure:
     plot.add_hline(1.0, line={"color": ERROR, "width": 1, "dash": "dash"})
     label = (
         f"Distance of {len(identification.names)} parameters from their estimate over "
-        f"{len(history)} iterations, in standard deviations"
+        f"{len(history)} iterations, in standard errors"
     )
     note = "one line per parameter, coloured by joint; the dashed line is 1σ"
     return Figure(plot, height=300, title="Parameters", label=label, note=note)
@@ -269,24 +225,19 @@ def change_figure(identification: Identification) -> Figure:
         ("relative error of the torque", METHOD_COLOURS[1], [i.residual for i in history]),
     ):
         plot.add_scatter(
-            x=_packed(np.arange(1, len(history) + 1)),
-            y=_packed(100.0 * np.array(values, dtype=float)),
+            x=packed(np.arange(1, len(history) + 1)),
+            y=packed(100.0 * np.array(values, dtype=float)),
             name=name,
             mode="lines+markers",
             line={"color": line_colour, "width": 1.6},
         )
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
     last = history[-1]
     label = (
         f"Largest relative change and relative error over {len(history)} iterations; at the end "
         f"{percent(100.0 * last.change)} and {percent(100.0 * last.residual)}"
     )
     return Figure(plot, height=300, title="Criteria", label=label)
-
-
-def position_unit(identification: Identification, joint: int) -> str:
-    """Rad or m, by the kind of the joint."""
-    return "rad" if identification.robot.joints[joint].kind == "revolute" else "m"
 
 
 def empty_plot(y_title: str) -> go.Figure:
@@ -308,8 +259,8 @@ def _line(
 ) -> go.Scatter:
     kept = kept_samples(np.asarray(y, dtype=float), points)
     return go.Scatter(
-        x=_packed(t[kept]),
-        y=_packed(y[kept]),
+        x=packed(t[kept]),
+        y=packed(y[kept]),
         mode="lines",
         name=name,
         line={"color": line_colour, "width": width},
@@ -374,8 +325,3 @@ def _time(recording: FittedRecording) -> np.ndarray:
 def _start(recording: FittedRecording) -> float:
     """Instant of the first row on the recording's clock [s]."""
     return float(recording.t[0])
-
-
-def _packed(x: np.ndarray) -> np.ndarray:
-    """Single precision: plotly writes it in 5 characters per number."""
-    return np.asarray(x, dtype=np.float32)

@@ -9,12 +9,7 @@ from pivident.estimation.methods import Bandpass, RandomWalk
 def signal_recipe(identification: Identification) -> Bandpass | RandomWalk | None:
     """How positions became derivatives, from the method of the result.
 
-    Args:
-        identification: the result, as ``identify`` returned it.
-
-    Returns:
-        The recipe; None where the equations are not there (loaded from a file), since the options
-        of a file are unverified.
+    None for a result loaded from a file: the options of a file are unverified.
     """
     if identification.equations is None or identification.method_used is None:
         return None

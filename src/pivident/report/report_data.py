@@ -35,17 +35,10 @@ _LOOP_TRACES = 3
 
 @dataclass(frozen=True, eq=False)
 class ReportData:
-    """Everything that the sections of a report draw on.
+    """Everything that the sections of a report draw on."""
 
-    Attributes:
-        identifications: the results, in the order in which they are shown.
-        truth: known values by parameter name, may be empty.
-        title: title of the page.
-        diagnostics: what was found out about them.
-    """
-
-    identifications: tuple[Identification, ...]
-    truth: Mapping[str, float]
+    identifications: tuple[Identification, ...]  # the results, in the order in which they are shown
+    truth: Mapping[str, float]  # known values by parameter name, may be empty
     title: str
     diagnostics: Diagnostics
 

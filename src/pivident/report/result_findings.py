@@ -22,12 +22,7 @@ _TOO_NARROW = 2.0
 
 
 def findings(identification: Identification, tests: ResidualTests) -> tuple[Finding, ...]:
-    """Findings about one result: the estimator's own warnings first.
-
-    Args:
-        identification: the result.
-        tests: of its residuals.
-    """
+    """Findings about one result: the estimator's own warnings first."""
     return (
         *identification.warnings,
         *_about_convergence(identification),
@@ -37,12 +32,7 @@ def findings(identification: Identification, tests: ResidualTests) -> tuple[Find
 
 
 def disagreements(identifications: Sequence[Identification], labels: Sequence[str]) -> str | None:
-    """Which parameters two methods contradict each other on, None where there are none.
-
-    Args:
-        identifications: results of several methods.
-        labels: their names.
-    """
+    """Which parameters two methods contradict each other on, None where there are none."""
     apart = []
     for name, rows in aligned_rows(identifications).items():
         distance, i, j = largest_difference(rows)
@@ -52,7 +42,7 @@ def disagreements(identifications: Sequence[Identification], labels: Sequence[st
         return None
     names = [text for _, text in sorted(apart, reverse=True)]
     return (
-        f"Two methods differ by more than {CONTRADICTION:g} combined standard deviations on "
+        f"Two methods differ by more than {CONTRADICTION:g} combined standard errors on "
         f"{listed(names)}; at least one of their intervals is too narrow."
     )
 

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.report.plot_parts import LEGEND, packed
 from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 from pivident.text.numbers import format_significant, percent
 from pivident.validation.residuals.residual_spectrum import ResidualSpectra, Spectrum
 
 
 def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
-    """Torque residual with its noise model above, whitened residual in its band below.
-
-    Args:
-        spectra: of one joint.
-        method: index of the method, for its colour.
-    """
+    """Torque residual with its noise model above, whitened residual in its band below."""
     white, level = spectra.white, spectra.white_level
     plot = empty_plot("")
     plot.update_xaxes(title_text="frequency [Hz]", type="log")
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
     below = {"title": {"text": "re white", "standoff": 4}, "type": "log", "dtick": 1}
     below["exponentformat"] = "power"
     both = spectra.model is not None
@@ -42,8 +38,8 @@ def spectra_figure(spectra: ResidualSpectra, method: int) -> Figure:
     axis = "y2" if both else "y"
     low, high = white.band(1.0)
     plot.add_scatter(
-        x=_packed(np.r_[white.frequency, white.frequency[::-1]]),
-        y=_packed(np.r_[high, low[::-1]]),
+        x=packed(np.r_[white.frequency, white.frequency[::-1]]),
+        y=packed(np.r_[high, low[::-1]]),
         yaxis=axis,
         mode="lines",
         fill="toself",
@@ -72,14 +68,10 @@ def _line(
     plot, spectrum: Spectrum, values: np.ndarray, name: str, own: str, width: float, axis: str
 ) -> None:
     plot.add_scatter(
-        x=_packed(spectrum.frequency),
-        y=_packed(values),
+        x=packed(spectrum.frequency),
+        y=packed(values),
         yaxis=axis,
         mode="lines",
         name=name,
         line={"color": own, "width": width},
     )
-
-
-def _packed(x: np.ndarray) -> np.ndarray:
-    return np.asarray(x, dtype=np.float32)

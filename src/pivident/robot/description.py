@@ -67,6 +67,16 @@ class Joint:
     friction: FrictionLaw = DEFAULT_FRICTION
 
     @property
+    def position_unit(self) -> str:
+        """Rad or m."""
+        return "rad" if self.kind == "revolute" else "m"
+
+    @property
+    def torque_unit(self) -> str:
+        """N m or N."""
+        return "N m" if self.kind == "revolute" else "N"
+
+    @property
     def default_gamma(self) -> float:
         """Slope of the smoothed sign where the law leaves it open [s/rad or s/m]."""
         return SLOPE_AT_RATED_SPEED / (self.rated_speed or 5.0)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
@@ -15,6 +13,7 @@ import numpy as np
 from pivident.errors import PividentError
 from pivident.extras import require
 from pivident.text import display
+from pivident.text.plain_values import csv_table
 from pivident.text.printable import sheet_text
 
 if TYPE_CHECKING:
@@ -24,7 +23,7 @@ if TYPE_CHECKING:
 Values = np.ndarray | Sequence[Any]
 
 #: Rows and characters of a cell that are printed.
-_SHOWN, _LONGEST = 20, 40
+_MAX_ROWS, _MAX_CELL = 20, 40
 
 
 class TableError(PividentError, ValueError):
@@ -122,12 +121,7 @@ class Table:
         Raises:
             PividentError: the file cannot be written.
         """
-        stream = io.StringIO()
-        writer = csv.writer(stream, lineterminator="\n")
-        writer.writerow(self.columns)
-        for row in self.rows():
-            writer.writerow([_cell(value) for value in row.values()])
-        text = stream.getvalue()
+        text = csv_table(self.columns, ([_cell(v) for v in r.values()] for r in self.rows()))
         if path is not None:
             from pivident.files import atomic_folder
 
@@ -142,9 +136,9 @@ class Table:
     def __str__(self) -> str:
         from pivident.text.plain_table import plain_table
 
-        shown = self.shown(_SHOWN)
+        shown = self.shown(_MAX_ROWS)
         text = plain_table([(name, "." if number else "<", cells) for name, number, cells in shown])
-        more = len(self) - _SHOWN
+        more = len(self) - _MAX_ROWS
         return f"{text}\n… and {more} more rows" if more > 0 else text
 
     def shown(self, most: int) -> list[tuple[str, bool, list[str]]]:
@@ -196,4 +190,4 @@ def _text(value: Any) -> str:
     if isinstance(value, float):
         return "–" if np.isnan(value) else f"{value:.6g}"
     text = escaped(" ".join(str(value).split()))
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+    return text if len(text) <= _MAX_CELL else f"{text[: _MAX_CELL - 1]}…"

@@ -13,11 +13,7 @@ from pivident.validation.residuals.residual_tests import ResidualTests
 
 
 def residual_tests(tests: ResidualTests) -> Table:
-    """One row for each joint and test.
-
-    Args:
-        tests: on the residuals of an identification.
-    """
+    """One row for each joint and test."""
     rows = []
     for joint in tests.joints:
         for name, test in joint.tests.items():
@@ -36,7 +32,7 @@ def residual_tests(tests: ResidualTests) -> Table:
                 }
             )
     meanings = {
-        "p_value": "that the sentence goes by; NaN where there is no test behind a noise model",
+        "p_value": "of the test in the sentence; NaN where there is no test behind a noise model",
         "matters": "significant, and of practical size",
     }
     empty = ("joint", "test", "statistic", "p_value", "significant", "matters", "samples")
@@ -44,11 +40,7 @@ def residual_tests(tests: ResidualTests) -> Table:
 
 
 def validation_folds(found: CrossValidation) -> Table:
-    """One row for each stretch that was held out.
-
-    Args:
-        found: errors of one method on motion that was not fitted.
-    """
+    """One row for each stretch that was held out."""
     rows = [
         {
             "method": found.method,
@@ -71,11 +63,7 @@ def validation_folds(found: CrossValidation) -> Table:
 
 
 def validation_joints(found: CrossValidation) -> Table:
-    """One row for each joint and held-out stretch.
-
-    Args:
-        found: errors of one method on motion that was not fitted.
-    """
+    """One row for each joint and held-out stretch."""
     rows = []
     for h in found.held_out:
         if h.prediction is None:
@@ -102,11 +90,7 @@ def validation_joints(found: CrossValidation) -> Table:
 
 
 def verdict_statements(found: Verdict) -> Table:
-    """One row for each statement.
-
-    Args:
-        found: the verdict.
-    """
+    """One row for each statement."""
     rows = [
         {"topic": s.topic, "severity": s.severity, "message": s.message, "basis": s.basis}
         for s in found.statements

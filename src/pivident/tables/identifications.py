@@ -13,19 +13,15 @@ ESTIMATES = {
     "value": "estimate",
     "low": "lower end of the interval, value - 2 std",
     "high": "upper end of the interval, value + 2 std",
-    "std": "standard deviation by the method's covariance",
-    "robust_std": "standard deviation for residuals that are correlated and of changing variance",
+    "std": "standard error by the method's covariance",
+    "robust_std": "standard error for residuals that are correlated and of changing variance",
     "relative_std_percent": "100 std/|value|",
     "group": "standard parameters that the base parameter stands for",
 }
 
 
 def identification_parameters(result: Identification) -> Table:
-    """One row for each estimated parameter.
-
-    Args:
-        result: the identification.
-    """
+    """One row for each estimated parameter."""
     names = result.robot.joint_names
     rows = [
         {
@@ -47,11 +43,7 @@ def identification_parameters(result: Identification) -> Table:
 
 
 def identification_covariance(result: Identification) -> Table:
-    """One row for each pair of parameters.
-
-    Args:
-        result: the identification.
-    """
+    """One row for each pair of parameters."""
     names, units = np.array(result.names, dtype=object), np.array(result.units, dtype=object)
     n = names.size
     first, second = np.repeat(np.arange(n), n), np.tile(np.arange(n), n)
@@ -74,11 +66,7 @@ def identification_covariance(result: Identification) -> Table:
 
 
 def identification_joints(result: Identification) -> Table:
-    """How each joint was fitted.
-
-    Args:
-        result: the identification.
-    """
+    """How each joint was fitted."""
     rows = [
         {
             "joint": fit.name,
@@ -93,14 +81,14 @@ def identification_joints(result: Identification) -> Table:
             "masked_percent": 100.0 * fit.masked,
             "smoother_f50_hz": fit.f50,
             "encoder_std": fit.encoder_std,
-            "position_unit": _position_unit(joint.kind),
+            "position_unit": joint.position_unit,
         }
         for fit, joint in zip(result.joints, result.robot.joints, strict=True)
     ]
     meanings = {
         "relative_error_percent": "‖τ - Φθ‖/‖τ‖ over the rows in use",
         "rms_error": "rms of τ - Φθ over the same rows [torque_unit]",
-        "noise_std": "deviation of the innovations of the filtered equation [noise_unit]",
+        "noise_std": "standard deviation of the innovations of the filtered equation [noise_unit]",
         "encoder_std": "measurement noise found by the smoother [position_unit]",
         "smoother_f50_hz": "half-power frequency of the position smoother",
     }
@@ -108,11 +96,7 @@ def identification_joints(result: Identification) -> Table:
 
 
 def identification_iterations(result: Identification) -> Table:
-    """How the iteration went.
-
-    Args:
-        result: the identification.
-    """
+    """How the iteration went."""
     rows = [
         {
             "iteration": k,
@@ -128,11 +112,7 @@ def identification_iterations(result: Identification) -> Table:
 
 
 def identification_history(result: Identification) -> Table:
-    """Every parameter after every iteration.
-
-    Args:
-        result: the identification.
-    """
+    """Every parameter after every iteration."""
     rows = [
         {"iteration": k, "parameter": name, "value": float(value), "unit": unit}
         for k, step in enumerate(result.history, start=1)
@@ -142,14 +122,7 @@ def identification_history(result: Identification) -> Table:
 
 
 def identification_signals(result: Identification) -> Table:
-    """The signals as the estimator saw them, one row for each joint of each sample.
-
-    Args:
-        result: the identification.
-
-    Raises:
-        TableError: it holds no signals, as after reading it from a file.
-    """
+    """The estimator's signals, one row for each joint of each sample; a file holds none."""
     if not result.recordings:
         raise TableError(
             "the identification holds no signals, as after reading it from a file; identify again"
@@ -175,7 +148,7 @@ def identification_signals(result: Identification) -> Table:
             "joint": np.tile(np.array([j.name for j in joints], dtype=object), samples),
             **{name: np.asarray(values, dtype=float).ravel() for name, values in signals.items()},
             "used": np.asarray(recording.used, dtype=bool).ravel(),
-            "position_unit": _tiled([_position_unit(j.kind) for j in joints], samples),
+            "position_unit": _tiled([j.position_unit for j in joints], samples),
             "torque_unit": _tiled([fit.torque_unit for fit in result.joints], samples),
         }
         for name, values in named.items():
@@ -187,10 +160,6 @@ def identification_signals(result: Identification) -> Table:
         "whitened": "residual of the equation that was solved, of unit variance; NaN: not used",
     }
     return Table("signals", columns, meanings)
-
-
-def _position_unit(kind: str) -> str:
-    return "rad" if kind == "revolute" else "m"
 
 
 def _tiled(values: list[str], samples: int) -> np.ndarray:

@@ -19,11 +19,8 @@ from pivident.text.finding import Quantity
 def recording_signals(recording: Recording) -> Table:
     """One row for each joint of each sample; all channels side by side.
 
-    Units are those of joints, rad or m and N m or N, which a recording by itself does not tell
-    apart; inputs are in the unit of the controller's output.
-
-    Args:
-        recording: the recording.
+    Units are those of joints, rad or m and N m or N, which a recording by itself does
+    not distinguish; inputs are in the unit of the controller's output.
     """
     samples, joints = recording.samples, recording.joints
     columns: dict[str, np.ndarray | tuple[str, ...]] = {
@@ -44,14 +41,9 @@ def recording_signals(recording: Recording) -> Table:
 
 
 def robot_joints(robot: Robot) -> Table:
-    """One row for each joint.
-
-    Args:
-        robot: the robot.
-    """
+    """One row for each joint."""
     rows = []
     for joint, link, rotor in zip(robot.joints, robot.links, robot.rotor_inertia, strict=True):
-        revolute = joint.kind == "revolute"
         low, high = joint.position_limits or (math.nan, math.nan)
         rows.append(
             {
@@ -61,13 +53,13 @@ def robot_joints(robot: Robot) -> Table:
                 "hangs_on": "base" if joint.parent < 0 else robot.links[joint.parent].name,
                 "position_low": float(low),
                 "position_high": float(high),
-                "position_unit": "rad" if revolute else "m",
+                "position_unit": joint.position_unit,
                 "rated_speed": _known(joint.rated_speed),
-                "speed_unit": "rad/s" if revolute else "m/s",
+                "speed_unit": f"{joint.position_unit}/s",
                 "torque_limit": _known(joint.torque_limit),
-                "torque_unit": "N m" if revolute else "N",
+                "torque_unit": joint.torque_unit,
                 "rotor_inertia": float(rotor),
-                "rotor_unit": "kg m²" if revolute else "kg",
+                "rotor_unit": "kg m²" if joint.kind == "revolute" else "kg",
                 "friction": str(joint.friction),
             }
         )
@@ -75,11 +67,7 @@ def robot_joints(robot: Robot) -> Table:
 
 
 def robot_parameters(robot: Robot) -> Table:
-    """The base parameters, with their nominal values.
-
-    Args:
-        robot: the robot.
-    """
+    """The base parameters, with their nominal values."""
     base = base_parameters(robot)
     nominal = base.values(nominal_values(robot, base.standard))
     rows = [
@@ -100,11 +88,7 @@ def robot_parameters(robot: Robot) -> Table:
 
 
 def problem_parameters(problem: Problem) -> Table:
-    """The parameters that are to be estimated.
-
-    Args:
-        problem: the problem.
-    """
+    """The parameters that are to be estimated."""
     start = problem.initial_values()
     base = problem.base.parameters
     rows = [
@@ -124,11 +108,7 @@ def problem_parameters(problem: Problem) -> Table:
 
 
 def problem_recordings(problem: Problem) -> Table:
-    """One row for each recording.
-
-    Args:
-        problem: the problem.
-    """
+    """One row for each recording."""
     rows = [
         {
             "recording": r.name,
@@ -149,9 +129,6 @@ def problem_signals(problem: Problem) -> Table:
     """All recordings, one row for each joint of each sample, with the units of the joints.
 
     A channel that a recording does not have is NaN there.
-
-    Args:
-        problem: the problem.
     """
     tables = [recording_signals(r) for r in problem.recordings]
     channels = dict.fromkeys(name for t in tables for name in t.columns)
@@ -167,18 +144,14 @@ def problem_signals(problem: Problem) -> Table:
         else:
             joined[name] = np.concatenate([np.asarray(part, dtype=float) for part in parts])
     samples = sum(r.samples for r in problem.recordings)
-    revolute = [joint.kind == "revolute" for joint in problem.robot.joints]
-    joined["position_unit"] = tuple("rad" if turns else "m" for turns in revolute) * samples
-    joined["torque_unit"] = tuple("N m" if turns else "N" for turns in revolute) * samples
+    joints = problem.robot.joints
+    joined["position_unit"] = tuple(joint.position_unit for joint in joints) * samples
+    joined["torque_unit"] = tuple(joint.torque_unit for joint in joints) * samples
     return Table("signals", joined, tables[0].meanings)
 
 
 def audit_findings(audit: Audit) -> Table:
-    """What an audit found, check by check.
-
-    Args:
-        audit: of one log.
-    """
+    """What an audit found, check by check."""
     rows = [
         {
             "severity": f.severity,

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
 
 
 def of_frame(name: str, frame: pl.DataFrame) -> Table:
-    """A polars frame as a table.
-
-    Args:
-        name: what it is a table of.
-        frame: the frame.
-    """
+    """A polars frame as a table."""
     columns = {
         column: frame[column].to_numpy()
         if frame[column].dtype.is_numeric()
@@ -32,11 +27,7 @@ def of_frame(name: str, frame: pl.DataFrame) -> Table:
 
 
 def comparison_parameters(comparison: Comparison) -> Table:
-    """One row for each parameter and result.
-
-    Args:
-        comparison: several results side by side.
-    """
+    """One row for each parameter and result."""
     meanings = {
         "low": "lower end of the interval, at 2σ",
         "high": "upper end",
@@ -47,11 +38,7 @@ def comparison_parameters(comparison: Comparison) -> Table:
 
 
 def comparison_results(comparison: Comparison) -> Table:
-    """One row for each result.
-
-    Args:
-        comparison: several results side by side.
-    """
+    """One row for each result."""
     rows = [
         {
             "result": e.label,
@@ -74,11 +61,7 @@ def comparison_results(comparison: Comparison) -> Table:
 
 
 def comparison_torques(comparison: Comparison) -> Table:
-    """One row for each pair of parameters and record.
-
-    Args:
-        comparison: several results side by side.
-    """
+    """One row for each pair of parameters and record."""
     rows = [
         {
             "parameters_of": label,
@@ -95,11 +78,7 @@ def comparison_torques(comparison: Comparison) -> Table:
 
 
 def comparison_friction(comparison: Comparison) -> Table:
-    """One row for each point of each friction curve.
-
-    Args:
-        comparison: several results side by side.
-    """
+    """One row for each point of each friction curve."""
     rows = []
     for joint in comparison.friction:
         for curve in joint.curves:
@@ -121,11 +100,7 @@ def comparison_friction(comparison: Comparison) -> Table:
 
 
 def friction_curves(study: FrictionStudy) -> Table:
-    """All functions and maps of friction, one row for each point.
-
-    Args:
-        study: the friction of a record.
-    """
+    """All functions and maps of friction, one row for each point."""
     from pivident.friction.curves import curves_table
 
     return of_frame("curves", curves_table(study))

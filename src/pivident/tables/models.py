@@ -15,11 +15,7 @@ _ENDS = {
 
 
 def profile_intervals(found: ProfileIntervals) -> Table:
-    """One row for each quantity.
-
-    Args:
-        found: the intervals.
-    """
+    """One row for each quantity."""
     columns: dict[str, Values] = {
         "quantity": tuple(found.names),
         "value": np.asarray(found.values, dtype=float),
@@ -32,11 +28,7 @@ def profile_intervals(found: ProfileIntervals) -> Table:
 
 
 def consistent_parameters(model: ConsistentModel) -> Table:
-    """All standard parameters with their 95 % intervals, which take a second or two.
-
-    Args:
-        model: the consistent model.
-    """
+    """All standard parameters with their 95 % intervals, which take a second or two."""
     made = profile_intervals(model.intervals(of="standard")).columns
     joints = [model.robot.joints[p.joint].name for p in model.parameters]
     links = [model.robot.links[p.joint].name for p in model.parameters]
@@ -50,11 +42,7 @@ def consistent_parameters(model: ConsistentModel) -> Table:
 
 
 def consistent_links(model: ConsistentModel) -> Table:
-    """Mass, centre of mass and inertia about it of every link, in the link's frame.
-
-    Args:
-        model: the consistent model.
-    """
+    """Mass, centre of mass and inertia about it of every link, in the link's frame."""
     rows = []
     for body in model.links:
         x, y, z = (float(c) for c in body.center_of_mass)
@@ -79,11 +67,7 @@ def consistent_links(model: ConsistentModel) -> Table:
 
 
 def consistent_moved(model: ConsistentModel) -> Table:
-    """How far every estimate had to move to become consistent.
-
-    Args:
-        model: the consistent model.
-    """
+    """How far every estimate had to move to become consistent."""
     columns: dict[str, Values] = {
         "parameter": tuple(model.names),
         "free": np.asarray(model.free.theta, dtype=float),

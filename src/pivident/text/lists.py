@@ -1,14 +1,19 @@
-"""Lists of names in a sentence."""
+"""Lists of names, in a sentence and as they are typed."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 #: Maximum number of names in one sentence.
 MAX_LISTED = 8
 
 
-def listed(names: Sequence[str]) -> str:
+def listed(names: Sequence[str], most: int = MAX_LISTED) -> str:
     """The first names of a list, and how many more there are."""
-    shown = ", ".join(names[:MAX_LISTED])
-    return shown if len(names) <= MAX_LISTED else f"{shown} and {len(names) - MAX_LISTED} more"
+    shown = ", ".join(names[:most])
+    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
+
+
+def separated(texts: Iterable[str]) -> list[str]:
+    """Names of one text or several, with commas between them."""
+    return [name for text in texts for name in map(str.strip, text.split(",")) if name]

@@ -1,4 +1,4 @@
-"""Plain-text tables of the validation results."""
+"""Tables as plain text."""
 
 from __future__ import annotations
 

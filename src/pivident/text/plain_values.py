@@ -1,10 +1,12 @@
-"""Results as plain values, and as strict JSON: numbers that are not finite are null."""
+"""Results as plain values, as CSV, and as strict JSON: numbers that are not finite are null."""
 
 from __future__ import annotations
 
+import csv
+import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
@@ -42,3 +44,12 @@ def json_of_entries(content: Mapping[str, Any]) -> str:
             text = "[\n    " + ",\n    ".join(map(strict_json, value)) + "\n  ]"
         entries.append(f"  {strict_json(key)}: {text}")
     return "{\n" + ",\n".join(entries) + "\n}\n"
+
+
+def csv_table(columns: Iterable[str], rows: Iterable[Iterable[Any]]) -> str:
+    """A table with its header as comma-separated values; None is left empty."""
+    stream = io.StringIO()
+    writer = csv.writer(stream, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(rows)
+    return stream.getvalue()

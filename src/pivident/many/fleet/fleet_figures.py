@@ -10,6 +10,7 @@ import numpy as np
 from pivident.many.fleet.control_chart import Chart
 from pivident.many.fleet.judgement import Judgement
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import ERROR, MEASURED, SHADE, Figure, colour, empty_plot
 
 #: Blue for a decrease, red for an increase, transparent for no change; legible on white and black.
@@ -95,7 +96,7 @@ def chart_figure(chart: Chart, number: int = 0) -> Figure:
         line={"color": colour(number), "width": 1.6},
     )  # fmt: skip
     plot.add_hline(chart.level, line={"color": MEASURED, "width": 1})
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
     plot.update_xaxes(type="date" if "-" in series.times[0][1:] else "category")
     last = f"last record {chart.sudden[-1]:+.2f} σ, weighted mean {chart.slow[-1]:+.2f} σ"
     return Figure(

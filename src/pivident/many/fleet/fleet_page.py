@@ -6,17 +6,15 @@ import math
 from collections import Counter
 from typing import Any
 
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.many.fleet.control_chart import Alarm
 from pivident.many.fleet.fleet_figures import chart_figure, overview_figure
 from pivident.many.fleet.judgement import Judgement, promise
 from pivident.many.fleet.wear import Rate
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.text.numbers import with_spread
 from pivident.text.toml import toml_lines
-from pivident.version import __version__
 
 #: Maximum number of charts, those with alarms first; more would make the page slow.
 MAX_CHARTS = 40
@@ -43,10 +41,7 @@ HEADINGS = {
 def render_page(judgement: Judgement) -> str:
     """The page as text."""
     fleet = judgement.fleet
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.many.fleet"), PackageLoader("pivident.report")]
-    )
+    environment = page_environment("pivident.many.fleet")
     environment.globals |= {
         "rate": _rate,
         "digits": _digits,
@@ -73,13 +68,8 @@ def render_page(judgement: Judgement) -> str:
             continue
         body = environment.get_template(f"fleet_{key}.html").render(content)
         sections.append((key, heading, Markup(body)))
-    return environment.get_template("page.html").render(
-        title=f"{fleet.template.experiment.title}: {_counted(len(fleet.robots), 'robot')}, "
-        f"{_counted(len(fleet.logs), 'log')}",
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
-    )
+    counts = f"{_counted(len(fleet.robots), 'robot')}, {_counted(len(fleet.logs), 'log')}"
+    return page_of(environment, f"{fleet.template.experiment.title}: {counts}", sections)
 
 
 def _drawn(judgement: Judgement) -> list[Any]:

@@ -8,19 +8,18 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.many.study.bench import Bench
 from pivident.many.study.study_text import number, percent
 from pivident.many.study.summary import NOMINAL_COVERAGE, MethodSummary, Summary
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.drawing_library import go
+from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import ERROR, SHADE, Figure, colour
 from pivident.report.plotly_figures import empty_plot as empty_plot
 from pivident.text.numbers import percent as two_digits
 from pivident.text.toml import toml_lines
-from pivident.version import __version__
 
 if TYPE_CHECKING:
     import polars as pl
@@ -32,11 +31,15 @@ MAX_DRAWN = 400
 def render_page(
     summary: Summary, bench: Bench, rows: pl.DataFrame, programs: Sequence[str] = ()
 ) -> str:
-    """The page as text."""
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.many.study"), PackageLoader("pivident.report")]
-    )
+    """The page as text.
+
+    Args:
+        summary: of the study.
+        bench: gives truth and units.
+        rows: all rows of the study, for the figures.
+        programs: states of the program that computed them.
+    """
+    environment = page_environment("pivident.many.study")
     environment.globals |= {"share": percent, "short": number, "share_of": _share}
     content: dict[str, Any] = {
         "summary": summary,
@@ -69,12 +72,7 @@ def render_page(
     for key, heading in headings.items():
         template = environment.get_template(f"study_{key}.html")
         sections.append((key, heading, Markup(template.render(figures=figures[key], **content))))
-    return environment.get_template("page.html").render(
-        title=f"Study {summary.scenario}: {summary.runs} runs",
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
-    )
+    return page_of(environment, f"Study {summary.scenario}: {summary.runs} runs", sections)
 
 
 def coverage_figure(summary: Summary) -> Figure:
@@ -219,7 +217,7 @@ def _points(
         mode="markers",
         marker={"color": colour(k), "size": 6},
     )
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
+    plot.update_layout(showlegend=True, legend=LEGEND)
 
 
 def _relative(value: float, truth: float) -> float:

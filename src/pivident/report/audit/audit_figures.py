@@ -7,7 +7,8 @@ import numpy as np
 from pivident.audit.audit import Audit
 from pivident.report.downsampling import kept_samples
 from pivident.report.drawing_library import go
-from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure
+from pivident.report.plot_parts import LEGEND
+from pivident.report.plotly_figures import ERROR, MEASURED, METHOD_COLOURS, Figure, empty_plot
 from pivident.text.numbers import with_spread
 
 #: Points of one trace.
@@ -22,7 +23,7 @@ def interval_figure(audit: Audit) -> Figure | None:
     intervals = 1e3 * audit.timing.intervals
     if intervals.size < 3:
         return None
-    plot = empty_plot("intervals")
+    plot = audit_plot("intervals")
     counts, edges = np.histogram(intervals, bins=min(81, max(11, intervals.size // 50)))
     if np.ptp(intervals) < 1e-9 * abs(intervals[0]):
         counts, edges = np.array([intervals.size]), np.array([0.99, 1.01]) * intervals[0]
@@ -51,7 +52,7 @@ def clock_figure(audit: Audit) -> Figure | None:
         return None
     apart = 1e3 * (t - t[0] - (k - k[0]) * (t[-1] - t[0]) / (k[-1] - k[0]))
     kept = kept_samples(apart, POINTS)
-    plot = empty_plot("deviation [ms]")
+    plot = audit_plot("deviation [ms]")
     plot.add_scatter(
         x=k[kept], y=apart[kept], mode="lines", line={"color": METHOD_COLOURS[0], "width": 1.2}
     )
@@ -66,7 +67,7 @@ def grid_figure(audit: Audit) -> Figure | None:
     grids = [g for g in audit.quantisation.grids if np.isfinite(g.step)]
     if not grids:
         return None
-    plot = empty_plot("levels over the range")
+    plot = audit_plot("levels over the range")
     plot.add_bar(
         x=[g.name for g in grids], y=[g.levels for g in grids], marker_color=METHOD_COLOURS[2]
     )
@@ -88,7 +89,7 @@ def steps_figures(audit: Audit) -> list[Figure]:
             np.argmax(np.convolve(speed < 3 * grid.step, np.ones(50), "same") * (speed > 0))
         )
         part = slice(max(0, middle - 100), middle + 100)
-        plot = empty_plot("steps")
+        plot = audit_plot("steps")
         plot.add_scatter(
             x=np.arange(part.start, part.start + len(values[part])),
             y=(values[part] - np.nanmean(values[part])) / grid.step,
@@ -110,19 +111,18 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
     kept = np.arange(0, len(model.at), max(1, len(model.at) // POINTS))
     figures = []
     for j, joint in enumerate(model.robot.joints):
-        revolute = joint.kind == "revolute"
-        plot = empty_plot(f"torque [{'N m' if revolute else 'N'}]")
+        plot = audit_plot(f"torque [{joint.torque_unit}]")
         plot.add_scatter(
             x=model.dq[kept, j].astype(np.float32),
             y=tau[kept, j].astype(np.float32),
             mode="markers",
             marker={"color": METHOD_COLOURS[0], "size": 3, "opacity": 0.6},
         )
-        plot.update_xaxes(title_text=f"speed [{'rad/s' if revolute else 'm/s'}]")
+        plot.update_xaxes(title_text=f"speed [{joint.position_unit}/s]")
         note = ""
         if audit.power is not None and np.isfinite(audit.power.friction[j]):
-            taken, deviation = audit.power.friction[j], audit.power.standard_errors[j]
-            note = "friction takes {} ± {} W".format(*with_spread(taken, 2 * deviation))
+            taken, error = audit.power.friction[j], audit.power.deviations[j]
+            note = "friction takes {} ± {} W".format(*with_spread(taken, 2 * error))
         label = f"Torque of {joint.name} over its speed; {note}"
         figures.append(Figure(plot, 260, joint.name, label, note))
     return figures
@@ -134,7 +134,7 @@ def shift_figure(audit: Audit) -> Figure | None:
     if delay is None:
         return None
     assert audit.log.robot is not None
-    plot = empty_plot("relative error [%]")
+    plot = audit_plot("relative error [%]")
     for j, joint in enumerate(audit.log.robot.joints):
         if not np.isfinite(delay.errors[:, j]).all():
             continue
@@ -147,12 +147,12 @@ def shift_figure(audit: Audit) -> Figure | None:
         )
     plot.update_xaxes(title_text="delay of the torque [ms]")
     plot.update_yaxes(type="log")
-    plot.update_layout(showlegend=True, legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"})
-    mean, deviation = delay.common
+    plot.update_layout(showlegend=True, legend=LEGEND)
+    mean, error = delay.common
     note = "the lowest point of each line is the delay of that joint"
     if np.isfinite(mean):
         plot.add_vline(1e3 * mean, line={"color": ERROR, "width": 1, "dash": "dash"})
-        note += "; together {} ± {} ms".format(*with_spread(1e3 * mean, 2e3 * deviation))
+        note += "; together {} ± {} ms".format(*with_spread(1e3 * mean, 2e3 * error))
     label = (
         f"Relative error of the inverse model over the shift between torque and position; {note}"
     )
@@ -165,7 +165,7 @@ def order_figure(audit: Audit) -> Figure | None:
         return None
     assert audit.log.robot is not None
     names = list(audit.log.robot.joint_names)
-    plot = empty_plot("joint")
+    plot = audit_plot("joint")
     plot.add_heatmap(
         x=names,
         y=names,
@@ -192,7 +192,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
         return []
     share = 100 * np.minimum(excitation.open_torque, 10.0)
     worst = np.argsort(-share)[:MAX_PARAMETERS]
-    plot = empty_plot("open share of the torque [%]")
+    plot = audit_plot("open share of the torque [%]")
     plot.add_bar(
         x=[excitation.names[k] for k in worst],
         y=share[worst],
@@ -204,7 +204,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
         "torque of full motion that each parameter alone leaves open, above 20 % in red"
     )
     first = Figure(plot, 320, "Parameters", f"Excitation: {note}", note)
-    ranges = empty_plot("used [%]")
+    ranges = audit_plot("used [%]")
     kinds = ("range", "rated speed", "acceleration")
     for k, kind in enumerate(kinds):
         ranges.add_bar(
@@ -216,12 +216,12 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     ranges.update_layout(
         barmode="group",
         showlegend=True,
-        legend={"orientation": "h", "y": 1.02, "yanchor": "bottom"},
+        legend=LEGEND,
     )
     note = (
         "share of position limits, rated speed, and of the acceleration that reaches it in 0.15 s"
     )
-    spectrum = empty_plot("singular value")
+    spectrum = audit_plot("singular value")
     spectrum.add_scatter(
         x=np.arange(1, len(excitation.singular_values) + 1),
         y=np.maximum(excitation.singular_values, 1e-12),
@@ -244,19 +244,9 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     ]
 
 
-def empty_plot(y_title: str) -> go.Figure:
-    """Axes without decoration; the template stays out, it is 7 kB per figure."""
-    return go.Figure(
-        layout={
-            "template": "none",
-            "margin": {"l": 56, "r": 12, "t": 10, "b": 44},
-            "showlegend": False,
-            "hovermode": "closest",
-            "xaxis": {"automargin": True},
-            "yaxis": {
-                "title": {"text": y_title},
-                "automargin": True,
-                "exponentformat": "power",  # not 400f for 4e-13, nor 10k
-            },
-        }
-    )
+def audit_plot(y_title: str) -> go.Figure:
+    """Axes of the report; numbers of any size, as 4 × 10⁻¹³ and not 400f, have room."""
+    plot = empty_plot(y_title)
+    plot.update_xaxes(automargin=True)
+    plot.update_yaxes(automargin=True, exponentformat="power")
+    return plot

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from pathlib import Path
 
 from pivident.audit.audit import SCHEMA, Audit
 from pivident.files import atomic_folder
 from pivident.report.audit.audit_page import render_page
+from pivident.report.builder import write_page
 from pivident.text.finding import worst
 from pivident.version import __version__
 
@@ -34,10 +34,5 @@ def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
     }
     page = render_page(audits)
     with atomic_folder(folder) as build:
-        (build / "audit.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may hold bytes that are no text
-        )
-        (build / "audit.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+        write_page(build, "audit", page, content)
     return Path(folder) / "audit.html"

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from jinja2 import ChoiceLoader, Environment, PackageLoader
 from markupsafe import Markup
 
 from pivident.audit.audit import Audit
 from pivident.report.audit import audit_figures as figures
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.plotly_figures import Figure
 from pivident.text.finding import Finding, counted, gravest_first, serious
-from pivident.version import __version__
 
 #: Checks in the order of the page, with their headings.
 CHECKS = {
@@ -31,12 +29,8 @@ CHECKS = {
 
 
 def render_page(audits: Sequence[Audit]) -> str:
-    """The page as text.
-
-    Args:
-        audits: of one log or several.
-    """
-    environment = _environment()
+    """The page as text."""
+    environment = page_environment("pivident.report.audit")
     template = environment.get_template("audit.html")
     summary = environment.get_template("audit_summary.html")
     sections = []
@@ -58,13 +52,8 @@ def render_page(audits: Sequence[Audit]) -> str:
                 )
                 sections.append((f"{check}{tag}", f"{name}{heading}", Markup(body)))
     # What was found in a single log heads the page, before the list of contents.
-    head = {"head": sections.pop(0)} if len(audits) == 1 else {}
-    return environment.get_template("page.html").render(
-        title=f"Audit of {', '.join(audit.log.name for audit in audits)}",
-        sections=sections,
-        **head,
-        version=__version__,
-    )
+    title = f"Audit of {', '.join(audit.log.name for audit in audits)}"
+    return page_of(environment, title, sections, headed=len(audits) == 1)
 
 
 def position(finding: Finding) -> str:
@@ -87,12 +76,3 @@ def _figures(audit: Audit, check: str) -> list[Figure]:
     }
     drawn = drawers[check]() if check in drawers else []
     return [figure for figure in drawn if figure is not None]
-
-
-def _environment() -> Environment:
-    """Own templates first, then those of the report; everything is escaped."""
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.report.audit"), PackageLoader("pivident.report")]
-    )
-    return environment

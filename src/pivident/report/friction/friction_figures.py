@@ -9,7 +9,8 @@ from pivident.friction.friction_findings import FrictionFinding, pm
 from pivident.friction.friction_map import FrictionMap
 from pivident.friction.friction_study import JointFriction
 from pivident.report.drawing_library import go
-from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
+from pivident.report.plot_parts import LEGEND, band, packed
+from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure, empty_plot
 
 FORWARDS, BACKWARDS = METHOD_COLOURS[0], METHOD_COLOURS[1]
 LAW = MEASURED
@@ -19,11 +20,7 @@ POINTS = 200
 
 
 def joint_figures(joint: JointFriction) -> list[Figure]:
-    """All drawings of a joint.
-
-    Args:
-        joint: everything about it.
-    """
+    """All drawings of a joint."""
     drawn = [speed_figure(joint), position_figure(joint)]
     if "load" in joint.fit:
         drawn.append(load_figure(joint))
@@ -176,17 +173,10 @@ def gain_figure(joints: tuple[JointFriction, ...]) -> Figure:
 
 def _plot(y_title: str, x_title: str, *, legend: bool = False) -> go.Figure:
     """Axes without decoration, in the look of the report."""
-    plot = go.Figure(
-        layout={
-            "template": "none",
-            "margin": {"l": 58, "r": 12, "t": 26 if legend else 8, "b": 44},
-            "showlegend": legend,
-            "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom"},
-            "hovermode": "closest",
-            "xaxis": {"title": {"text": x_title}, "zeroline": False, "automargin": True},
-            "yaxis": {"title": {"text": y_title, "standoff": 4}, "automargin": True},
-        }
-    )
+    plot = empty_plot(y_title)
+    plot.update_layout(margin={"t": 26 if legend else 8}, showlegend=legend, legend=LEGEND)
+    plot.update_xaxes(title_text=x_title, automargin=True)
+    plot.update_yaxes(automargin=True)
     return plot
 
 
@@ -194,19 +184,9 @@ def _band(
     plot: go.Figure, x: np.ndarray, y: np.ndarray, std: np.ndarray, colour: str, name: str
 ) -> None:
     """A function with its 2σ band."""
-    red, green, blue = (int(colour[k : k + 2], 16) for k in (1, 3, 5))
+    plot.add_trace(band(x, y - 2.0 * std, y + 2.0 * std, colour))
     plot.add_scatter(
-        x=_short(np.concatenate([x, x[::-1]])),
-        y=_short(np.concatenate([y + 2.0 * std, (y - 2.0 * std)[::-1]])),
-        mode="lines",
-        fill="toself",
-        fillcolor=f"rgba({red}, {green}, {blue}, 0.18)",
-        line={"width": 0},
-        hoverinfo="skip",
-        showlegend=False,
-    )
-    plot.add_scatter(
-        x=_short(x), y=_short(y), mode="lines", name=name, line={"color": colour, "width": 1.6}
+        x=packed(x), y=packed(y), mode="lines", name=name, line={"color": colour, "width": 1.6}
     )
 
 
@@ -215,11 +195,11 @@ def _points(plot: go.Figure, found: FrictionMap, colour: str, name: str) -> None
     seen = np.isfinite(found.value)
     known = np.isfinite(found.upper) & seen
     plot.add_scatter(
-        x=_short(found.centre[seen]),
-        y=_short(found.value[seen]),
+        x=packed(found.centre[seen]),
+        y=packed(found.value[seen]),
         error_y={
             "type": "data",
-            "array": _short(np.nan_to_num(found.upper - found.value)[seen]),
+            "array": packed(np.nan_to_num(found.upper - found.value)[seen]),
             "thickness": 1,
             "width": 0,
         },
@@ -261,8 +241,8 @@ def _law(plot: go.Figure, joint: JointFriction) -> None:
             y = np.bincount(place, law, POINTS) / count
         seen = count > 0
         plot.add_scatter(
-            x=_short(x[seen]),
-            y=_short(y[seen]),
+            x=packed(x[seen]),
+            y=packed(y[seen]),
             mode="lines",
             name="law of the estimate",
             showlegend=sign > 0,
@@ -277,10 +257,6 @@ def _sentence(joint: JointFriction, key: str) -> str:
 
 def _bins(joint: JointFriction) -> int:
     return joint.maps["time"].value.size
-
-
-def _short(x: np.ndarray) -> np.ndarray:
-    return np.asarray(x, dtype=np.float32)
 
 
 def _escaped(text: str) -> str:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 
 from pivident.files import atomic_folder
 from pivident.friction.curves import as_json, curves_table
 from pivident.friction.friction_study import FrictionStudy
+from pivident.report.builder import write_page
 from pivident.report.friction.friction_page import render_page
 
 
@@ -31,12 +31,7 @@ def write_friction(study: FrictionStudy, folder: str | Path, title: str | None =
     table = curves_table(study)
     content = as_json(study)
     with atomic_folder(folder) as build:
-        (build / "friction.json").write_text(
-            json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-            encoding="utf-8",
-            errors="backslashreplace",  # file names may hold bytes that are no text
-        )
-        (build / "friction.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
+        write_page(build, "friction", page, content)
         table.write_csv(build / "curves.csv", float_precision=None)
         table.write_parquet(build / "curves.parquet")
     return Path(folder) / "friction.html"

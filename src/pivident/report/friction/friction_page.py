@@ -4,28 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from jinja2 import ChoiceLoader, PackageLoader
 from markupsafe import Markup
 
 from pivident.friction.friction_findings import FrictionFinding, headline
 from pivident.friction.friction_study import FrictionStudy
-from pivident.report.builder import page_environment
+from pivident.report.builder import page_environment, page_of
 from pivident.report.friction.friction_figures import gain_figure, joint_figures
 from pivident.report.friction.ripple_figures import ripple_figures
-from pivident.version import __version__
 
 
 def render_page(study: FrictionStudy, title: str | None = None) -> str:
-    """The page as text.
-
-    Args:
-        study: the friction of a record.
-        title: title of the page; None: the robot's name.
-    """
-    environment = page_environment()
-    environment.loader = ChoiceLoader(
-        [PackageLoader("pivident.report.friction"), PackageLoader("pivident.report")]
-    )
+    """The page as text."""
+    environment = page_environment("pivident.report.friction")
     environment.globals["headline"] = headline
     environment.filters["clear"] = _clear
     summary = environment.get_template("friction_summary.html").render(
@@ -42,12 +32,7 @@ def render_page(study: FrictionStudy, title: str | None = None) -> str:
             ripple=study.ripple, figures=drawn
         )
         sections.append(("ripple", "Ripple over position", Markup(body)))
-    return environment.get_template("page.html").render(
-        title=title or f"{study.robot}: friction",
-        head=sections[0],
-        sections=sections[1:],
-        version=__version__,
-    )
+    return page_of(environment, title or f"{study.robot}: friction", sections)
 
 
 def _clear(findings: Sequence[FrictionFinding]) -> bool:

@@ -19,12 +19,7 @@ TURN = 400
 def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
     """Amplitude of the residual over the order, with what would be found and what was.
 
-    Args:
-        joint: result of one joint.
-        angle: index of the angle searched over.
-
-    Returns:
-        The figure; None where no order could be searched.
+    None where no order could be searched.
     """
     spectrum, over = joint.spectra[angle], joint.angles[angle]
     shown = spectrum.searched
@@ -85,12 +80,7 @@ def order_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
 def turn_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
     """The ripple of an angle over one turn: of its motor, or of the slowest line.
 
-    Args:
-        joint: result of one joint.
-        angle: index of the angle.
-
-    Returns:
-        The figure; None without a line over this angle.
+    None without a line over this angle.
     """
     over = joint.angles[angle]
     lines = [li for li in joint.lines if li.angle.name == over.name and li.beside is None]
@@ -123,11 +113,7 @@ def turn_figure(joint: JointRipple, angle: int = 0) -> Figure | None:
 
 
 def ripple_figures(joint: JointRipple) -> list[Figure]:
-    """All figures of one joint, one pair for each angle.
-
-    Args:
-        joint: result of one joint.
-    """
+    """All figures of one joint, one pair for each angle."""
     made: list[Figure | None] = []
     for angle in range(len(joint.angles)):
         made += [order_figure(joint, angle), turn_figure(joint, angle)]

@@ -13,36 +13,28 @@ from pivident.report.report_data import ReportData
 
 @dataclass(frozen=True)
 class Gallery:
-    """Figures of one method, in a part of the page that can be folded.
+    """Figures of one method, in a part of the page that can be folded."""
 
-    Attributes:
-        label: name of the method.
-        method: index of the method, which is its colour.
-        opened: whether it is unfolded at first.
-        groups: title (empty where there is one group only) and figures of each group.
-    """
-
-    label: str
-    method: int
-    opened: bool
+    label: str  # name of the method
+    method: int  # index of the method, which is its colour
+    opened: bool  # whether it is unfolded at first
+    #: title (empty where there is one group only) and figures of each group
     groups: tuple[tuple[str, tuple[Figure, ...]], ...]
 
 
 class Section(ABC):
-    """One part of the page.
+    """One part of the page."""
 
-    Attributes:
-        title: heading.
-        anchor: identifier on the page.
-        template: file in ``templates``.
-    """
-
-    title: ClassVar[str]
-    anchor: ClassVar[str]
-    template: ClassVar[str]
+    title: ClassVar[str]  # heading
+    anchor: ClassVar[str]  # identifier on the page
 
     def __init__(self, data: ReportData) -> None:
         self.data = data
+
+    @property
+    def template(self) -> str:
+        """File in ``templates``, named after the anchor."""
+        return f"{self.anchor.replace('-', '_')}.html"
 
     @property
     def applies(self) -> bool:
@@ -57,20 +49,42 @@ class Section(ABC):
         """The last method, by custom the most refined, is unfolded."""
         return method == len(self.data.identifications) - 1
 
+    def gallery(self, method: int, *figures: Figure) -> Gallery:
+        """Figures of one method, in one group."""
+        return Gallery(self.data.labels[method], method, self.opened(method), (("", figures),))
 
-class RecordingSection(Section):
-    """A section with figures of every method and recording."""
+
+class SignalSection(Section):
+    """A section about signals, which results read from a file do not hold."""
 
     @property
     def applies(self) -> bool:
         """Only where an identification kept its signals."""
         return any(i.recordings for i in self.data.identifications)
 
+
+class RecordingSection(SignalSection):
+    """A section with figures of every method and recording, as a rule one per joint."""
+
+    @staticmethod
     @abstractmethod
+    def draw(
+        identification: Identification,
+        recording: FittedRecording,
+        joint: int,
+        method: int,
+        points: int,
+    ) -> Figure:
+        """Signals of one joint, with so many points per trace."""
+
     def figures(
         self, identification: Identification, recording: FittedRecording, method: int
     ) -> tuple[Figure, ...]:
         """Figures of one recording, at most one per joint."""
+        return tuple(
+            self.draw(identification, recording, joint, method, self.data.points)
+            for joint in range(identification.robot.size)
+        )
 
     def context(self) -> dict[str, Any]:
         """One gallery per method, one group of figures per recording."""

@@ -29,7 +29,6 @@ class ClosedLoopSection(Section):
 
     title = "Closed loop and bandwidth"
     anchor = "closed-loop"
-    template = "closed_loop.html"
 
     @cached_property
     def loops(self) -> dict[int, IdentifiedLoop]:

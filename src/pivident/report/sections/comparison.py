@@ -15,7 +15,6 @@ class ComparisonSection(Section):
 
     title = "Methods compared"
     anchor = "comparison"
-    template = "comparison.html"
 
     @property
     def applies(self) -> bool:

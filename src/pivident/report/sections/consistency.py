@@ -28,7 +28,6 @@ class ConsistencySection(Section):
 
     title = "Physical consistency"
     anchor = "consistency"
-    template = "consistency.html"
 
     @property
     def applies(self) -> bool:

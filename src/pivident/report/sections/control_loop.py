@@ -12,7 +12,7 @@ from pivident.control_law.law_equations import ALWAYS, F_PROBABILITY, TERMS, WOR
 from pivident.control_law.law_gravity import PLACE_TEXTS, JointGravity
 from pivident.control_law.law_table import differentiator_text
 from pivident.estimation.identification import Identification
-from pivident.report.plotly_figures import Figure, law_figure, position_unit, reference_figure
+from pivident.report.plotly_figures import Figure, law_figure, reference_figure
 from pivident.report.sections.base import Gallery, Section
 from pivident.simulation.control_loop import IdentifiedLaw, Loop
 
@@ -36,7 +36,6 @@ class ControlLoopSection(Section):
 
     title = "Control loop"
     anchor = "control-loop"
-    template = "control_loop.html"
 
     @property
     def applies(self) -> bool:
@@ -55,7 +54,7 @@ class ControlLoopSection(Section):
     def _entry(self, loop: Loop, methods: Sequence[int]) -> dict[str, Any]:
         """Tables and figures of one loop, with the signals of the last method that used it."""
         user = self.data.identifications[methods[-1]]
-        units = [position_unit(user, j) for j in range(user.robot.size)]
+        units = [joint.position_unit for joint in user.robot.joints]
         gains = np.broadcast_to(np.asarray(loop.drive_gain, float), (user.robot.size,))
         laws = loop.identified.joints if loop.identified is not None else ()
         return {
@@ -125,7 +124,7 @@ def _differentiator(law: JointLaw) -> tuple[bool, float, float]:
 
 
 def _terms(law: JointLaw, position: str) -> Iterator[dict[str, Any]]:
-    """Terms in use, then those tried in vain."""
+    """Terms in use, then those rejected."""
     tried = [term for term in TERMS if term not in law.terms and term in law.f_tests]
     for term in (*law.terms, *tried):
         meaning, unit = _MEANING[term]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from pivident.report.plotly_figures import change_figure, distance_figure
-from pivident.report.sections.base import Gallery, Section
+from pivident.report.sections.base import Section
 
 
 class ConvergenceSection(Section):
@@ -13,7 +13,6 @@ class ConvergenceSection(Section):
 
     title = "Convergence"
     anchor = "convergence"
-    template = "convergence.html"
 
     @property
     def applies(self) -> bool:
@@ -25,16 +24,8 @@ class ConvergenceSection(Section):
         data = self.data
         return {
             "entries": [
-                (
-                    Gallery(
-                        label,
-                        k,
-                        self.opened(k),
-                        (("", (distance_figure(i), change_figure(i))),),
-                    ),
-                    i.history,
-                )
-                for k, (label, i) in enumerate(zip(data.labels, data.identifications, strict=True))
+                (self.gallery(k, distance_figure(i), change_figure(i)), i.history)
+                for k, i in enumerate(data.identifications)
                 if i.iterations > 1
             ],
             "several": data.several,

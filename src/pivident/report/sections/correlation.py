@@ -1,4 +1,4 @@
-"""Which parameters the record does not tell apart."""
+"""Which parameters the record cannot distinguish."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from functools import cached_property
 from typing import Any
 
 from pivident.report.correlation_figure import correlation_figure
-from pivident.report.sections.base import Gallery, Section
+from pivident.report.sections.base import Section
 from pivident.validation.parameter_correlation import (
     STRONG_CORRELATION,
     ParameterCorrelation,
@@ -19,28 +19,22 @@ class CorrelationSection(Section):
 
     title = "Correlations of the parameters"
     anchor = "correlations"
-    template = "correlations.html"
 
     @cached_property
     def correlations(self) -> tuple[ParameterCorrelation | None, ...]:
-        """Of each result, None where its deviations are not known."""
+        """Of each result, None where its standard errors are not known."""
         return tuple(parameter_correlation(i) for i in self.data.identifications)
 
     @property
     def applies(self) -> bool:
-        """Only where deviations are known."""
+        """Only where standard errors are known."""
         return any(own is not None for own in self.correlations)
 
     def context(self) -> dict[str, Any]:
         """One gallery per method."""
         return {
             "galleries": [
-                Gallery(
-                    self.data.labels[k],
-                    k,
-                    self.opened(k),
-                    (("", (correlation_figure(own),)),),
-                )
+                self.gallery(k, correlation_figure(own))
                 for k, own in enumerate(self.correlations)
                 if own is not None
             ],

@@ -12,7 +12,6 @@ class DownloadsSection(Section):
 
     title = "Downloads"
     anchor = "downloads"
-    template = "downloads.html"
 
     def context(self) -> dict[str, Any]:
         """Files by method."""

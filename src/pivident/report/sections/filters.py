@@ -17,7 +17,6 @@ class FiltersSection(Section):
 
     title = "Filters of the signals"
     anchor = "filters"
-    template = "filters.html"
 
     @property
     def applies(self) -> bool:
@@ -48,7 +47,7 @@ class FiltersSection(Section):
 def _key(identification: Identification) -> tuple[Any, ...] | None:
     """What two methods with the same filters have in common; None where there is nothing to show.
 
-    The smoother's bandwidth is searched, so its recipe alone does not tell.
+    The smoother's bandwidth is searched, so its recipe alone does not say.
     """
     recipe = signal_recipe(identification)
     if isinstance(recipe, Bandpass):

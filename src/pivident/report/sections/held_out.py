@@ -12,7 +12,6 @@ class HeldOutSection(Section):
 
     title = "Motion that was not fitted"
     anchor = "held-out"
-    template = "held_out.html"
 
     @property
     def applies(self) -> bool:

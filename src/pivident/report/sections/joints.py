@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-from pivident.report.plotly_figures import position_unit
 from pivident.report.sections.base import Section
 
 
@@ -13,7 +12,6 @@ class JointsSection(Section):
 
     title = "Fit of each joint"
     anchor = "joints"
-    template = "joints.html"
 
     def context(self) -> dict[str, Any]:
         """Joint fits with the unit of their positions."""
@@ -24,8 +22,10 @@ class JointsSection(Section):
                     label,
                     k,
                     [
-                        (joint, position_unit(identification, j))
-                        for j, joint in enumerate(identification.joints)
+                        (fit, joint.position_unit)
+                        for fit, joint in zip(
+                            identification.joints, identification.robot.joints, strict=True
+                        )
                     ],
                     identification.relative_error,
                 )

@@ -14,7 +14,6 @@ class ParametersSection(Section):
 
     title = "Parameters"
     anchor = "parameters"
-    template = "parameters.html"
 
     def context(self) -> dict[str, Any]:
         """Rows and drawings of each method."""

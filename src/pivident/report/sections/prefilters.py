@@ -16,7 +16,6 @@ class PrefiltersSection(Section):
 
     title = "Prefilters"
     anchor = "prefilters"
-    template = "prefilters.html"
 
     @property
     def applies(self) -> bool:

@@ -13,7 +13,6 @@ class ProvenanceSection(Section):
 
     title = "Options and provenance"
     anchor = "provenance"
-    template = "provenance.html"
 
     def context(self) -> dict[str, Any]:
         """Flat options by name, recordings, sources and versions."""

@@ -5,20 +5,14 @@ from __future__ import annotations
 from typing import Any
 
 from pivident.report.motion import joint_ranges, motion_values
-from pivident.report.sections.base import Section
+from pivident.report.sections.base import SignalSection
 
 
-class ReplaySection(Section):
+class ReplaySection(SignalSection):
     """The arm in three dimensions, and the range of each joint for those who do not see it."""
 
     title = "The motion, replayed"
     anchor = "replay"
-    template = "replay.html"
-
-    @property
-    def applies(self) -> bool:
-        """Only where an identification kept its signals."""
-        return any(i.recordings for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """Robot and motion of the last identification that has signals."""

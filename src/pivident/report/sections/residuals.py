@@ -5,29 +5,21 @@ from __future__ import annotations
 from typing import Any
 
 from pivident.report.plotly_figures import residual_figure
-from pivident.report.sections.base import Gallery, Section
+from pivident.report.sections.base import SignalSection
 from pivident.validation.residuals.autocorrelation import PRACTICAL_CORRELATION
 
 
-class ResidualsSection(Section):
+class ResidualsSection(SignalSection):
     """One small figure per joint, over all recordings."""
 
     title = "Residuals"
     anchor = "residuals"
-    template = "residuals.html"
-
-    @property
-    def applies(self) -> bool:
-        """Only where an identification kept its signals."""
-        return any(i.recordings for i in self.data.identifications)
 
     def context(self) -> dict[str, Any]:
         """The figures, and from which correlation on it matters."""
         galleries = []
         for k, tests in enumerate(self.data.diagnostics.residuals.values()):
-            figures = tuple(residual_figure(joint, k) for joint in tests.joints)
-            groups = (("", figures),)
-            galleries.append(Gallery(self.data.labels[k], k, self.opened(k), groups))
+            galleries.append(self.gallery(k, *(residual_figure(j, k) for j in tests.joints)))
         return {
             "galleries": galleries,
             "left_out_names": (),

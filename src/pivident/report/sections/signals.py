@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.plotly_figures import Figure, signal_figure
+from pivident.report.plotly_figures import signal_figure
 from pivident.report.sections.base import RecordingSection
 
 
@@ -12,13 +11,4 @@ class SignalsSection(RecordingSection):
 
     title = "Signals"
     anchor = "signals"
-    template = "signals.html"
-
-    def figures(
-        self, identification: Identification, recording: FittedRecording, method: int
-    ) -> tuple[Figure, ...]:
-        """One figure per joint."""
-        return tuple(
-            signal_figure(identification, recording, joint, method, self.data.points)
-            for joint in range(identification.robot.size)
-        )
+    draw = staticmethod(signal_figure)

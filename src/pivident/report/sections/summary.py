@@ -1,4 +1,4 @@
-"""What was done, how it ended, and what is doubtful about it."""
+"""What was done, how it ended, and its reservations."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ class SummarySection(Section):
 
     title = "Summary"
     anchor = "summary"
-    template = "summary.html"
 
     def context(self) -> dict[str, Any]:
         """Methods at a glance and remarks."""

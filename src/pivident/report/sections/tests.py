@@ -14,7 +14,6 @@ class TestsSection(Section):
 
     title = "Tests"
     anchor = "tests"
-    template = "tests.html"
 
     def context(self) -> dict[str, Any]:
         """Tests by method."""

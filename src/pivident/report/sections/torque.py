@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pivident.estimation.identification import FittedRecording, Identification
-from pivident.report.plotly_figures import Figure, torque_figure
+from pivident.report.plotly_figures import torque_figure
 from pivident.report.sections.base import RecordingSection
 
 
@@ -12,13 +11,4 @@ class TorqueSection(RecordingSection):
 
     title = "Torque: measured and reconstructed"
     anchor = "torque"
-    template = "torque.html"
-
-    def figures(
-        self, identification: Identification, recording: FittedRecording, method: int
-    ) -> tuple[Figure, ...]:
-        """One figure per joint."""
-        return tuple(
-            torque_figure(identification, recording, joint, method, self.data.points)
-            for joint in range(identification.robot.size)
-        )
+    draw = staticmethod(torque_figure)

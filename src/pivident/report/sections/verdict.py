@@ -15,7 +15,6 @@ class VerdictSection(Section):
 
     title = "Verdict"
     anchor = "verdict"
-    template = "verdict.html"
 
     def context(self) -> dict[str, Any]:
         """What was identified, the verdict with its reservations first, and its key figures."""

@@ -6,7 +6,7 @@ const theme = (() => {
   const buttons = [...document.querySelectorAll("[data-theme-choice]")];
 
   const isDark = () => (root.dataset.theme ? root.dataset.theme === "dark" : system.matches);
-  const tell = () => followers.forEach((follow) => follow());
+  const notify = () => followers.forEach((follow) => follow());
 
   function mark() {
     const choice = root.dataset.theme ?? "system";
@@ -18,11 +18,11 @@ const theme = (() => {
     else root.dataset.theme = choice;
     if (remember) try { localStorage.setItem("pivident-theme", choice); } catch { /* not kept */ }
     mark();
-    tell();
+    notify();
   }
 
   for (const button of buttons) button.addEventListener("click", () => choose(button.dataset.themeChoice));
-  system.addEventListener("change", tell);
+  system.addEventListener("change", notify);
 
   // On paper everything is light; afterwards it is as it was.
   let before;
