@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import fields, is_dataclass
@@ -18,7 +17,7 @@ from pivident.flexibility.flexibility_text import agreement_lines, of_kind, part
 from pivident.flexibility.joint_study import JointFlexibility
 from pivident.flexibility.resonance import Resonance
 from pivident.report.audit.audit_figures import audit_plot
-from pivident.report.builder import page_environment, page_of
+from pivident.report.builder import page_environment, page_of, write_page
 from pivident.report.drawing_library import go
 from pivident.report.plot_parts import LEGEND
 from pivident.report.plotly_figures import MEASURED, METHOD_COLOURS, Figure
@@ -28,11 +27,7 @@ POINTS = 1500
 
 
 def render_page(found: Sequence[JointFlexibility]) -> str:
-    """The page as text.
-
-    Args:
-        found: joints of recordings.
-    """
+    """The page as text."""
     environment = page_environment("pivident.flexibility")
     summary = environment.get_template("flexibility_summary.html")
     template = environment.get_template("flexibility_joint.html")
@@ -42,7 +37,7 @@ def render_page(found: Sequence[JointFlexibility]) -> str:
         agreement=agreement_lines(found),
         stiffness=_stiffness,
     )
-    sections = [("summary", "What was found", Markup(body))]
+    sections = [("summary", "Results", Markup(body))]
     for number, (name, one) in enumerate(zip(names, found, strict=True), start=1):
         body_of_joint = template.render(parts=parts_of(one), figures=_figures(one))
         sections.append((f"joint-{number}", name, Markup(body_of_joint)))
@@ -132,3 +127,28 @@ def response_figure(resonance: Resonance, sliding: bool = False) -> Figure:
 
 def _with_legend(plot: go.Figure) -> None:
     plot.update_layout(showlegend=True, legend=LEGEND)
+
+
+def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
+    """Write ``flexibility.json`` and ``flexibility.html``, both or neither; returns the page."""
+    content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
+    page = render_page(found)
+    with atomic_folder(folder) as build:
+        write_page(build, "flexibility", page, content)
+    return Path(folder) / "flexibility.html"
+
+
+def _plain(value: Any) -> Any:
+    """Values that JSON has; drawn arrays stay out, numbers that are not finite become None."""
+    if is_dataclass(value) and not isinstance(value, type):
+        shown = [f.name for f in fields(value) if f.repr]
+        return {name: _plain(getattr(value, name)) for name in shown}
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, np.ndarray):
+        return _plain(value.tolist())
+    if isinstance(value, (tuple, list)):
+        return [_plain(item) for item in value]
+    if isinstance(value, (float, np.floating)):
+        return float(value) if math.isfinite(value) else None
+    return value.item() if isinstance(value, np.generic) else value

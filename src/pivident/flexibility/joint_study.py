@@ -170,46 +170,6 @@ def _stiffness_and_inertias(
     return None
 
 
-def write_study(found: Sequence[JointFlexibility], folder: str | Path) -> Path:
-    """Write ``flexibility.json`` and ``flexibility.html``, both or neither.
-
-    Args:
-        found: joints of recordings.
-        folder: folder to create or to write into.
-
-    Returns:
-        The page.
-
-    Raises:
-        PividentError: the folder cannot be written.
-    """
-    from pivident.files import atomic_folder
-    from pivident.flexibility.flexibility_page import render_page
-    from pivident.report.builder import write_page
-
-    content = {"schema": "pivident-flexibility/1", "joints": [_plain(joint) for joint in found]}
-    page = render_page(found)
-    with atomic_folder(folder) as build:
-        write_page(build, "flexibility", page, content)
-    return Path(folder) / "flexibility.html"
-
-
-def _plain(value: Any) -> Any:
-    """Values that JSON has; drawn arrays stay out, numbers that are not finite become None."""
-    if is_dataclass(value) and not isinstance(value, type):
-        shown = [f.name for f in fields(value) if f.repr]
-        return {name: _plain(getattr(value, name)) for name in shown}
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
-    if isinstance(value, (tuple, list)):
-        return [_plain(item) for item in value]
-    if isinstance(value, (float, np.floating)):
-        return float(value) if math.isfinite(value) else None
-    return value.item() if isinstance(value, np.generic) else value
-
-
 def summary(found: Sequence[JointFlexibility]) -> dict[str, list[Measured]]:
     """Stiffness of each joint by recording, without withheld ones."""
     stiffness: dict[str, list[Measured]] = {}

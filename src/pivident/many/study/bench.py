@@ -296,7 +296,7 @@ class Bench:
             ) from None
 
 
-def _deviation(key: str, value: Any, joints: int) -> Spread:
+def _noise_std(key: str, value: Any, joints: int) -> Spread:
     """One number for all joints, or a tuple."""
     if np.ndim(value) == 0:
         return float(value)

@@ -31,14 +31,7 @@ MAX_DRAWN = 400
 def render_page(
     summary: Summary, bench: Bench, rows: pl.DataFrame, programs: Sequence[str] = ()
 ) -> str:
-    """The page as text.
-
-    Args:
-        summary: of the study.
-        bench: gives truth and units.
-        rows: all rows of the study, for the figures.
-        programs: states of the program that computed them.
-    """
+    """The page as text."""
     environment = page_environment("pivident.many.study")
     environment.globals |= {"share": percent, "short": number, "share_of": _share}
     content: dict[str, Any] = {
