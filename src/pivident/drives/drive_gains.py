@@ -37,12 +37,22 @@ MAX_ROUNDS, CONVERGED = 8, 0.05
 
 @dataclass(frozen=True, eq=False)
 class DriveGains:
-    """Gains of all motors with their accuracy.
+    """Gains of all motors with what is known of them.
 
-    ``kappa`` is in N m (or N) on the joint side per unit of the log; where a motor's group is not
-    anchored, only ratios within its group are meaningful. ``literature`` has gains by weighted and
-    total least squares and their standard errors, empty without a payload or a trusted parameter.
-    ``method`` is ``instrumental variables`` (with the simulated loop) or ``least squares``.
+    Attributes:
+        joints: names of the joints.
+        kappa: N m (or N) on the joint side per unit of the log, shape (joints,); where a motor's
+            group is not anchored, only ratios within its group mean anything.
+        log_covariance: covariance of log |κ|, shape (joints, joints).
+        groups: which gains are known relative to which; the anchored group first.
+        known_within: half width of the 2σ interval below which a gain or ratio is called known.
+        literature: gains by weighted and total least squares and their standard errors, by name;
+            empty without a payload or a trusted parameter.
+        residual: ‖c - model‖/‖c‖ of each motor with common parameters, shape (joints,).
+        own_residual: the same with parameters of each motor's own, shape (joints,).
+        method: ``instrumental variables`` (with the simulated loop) or ``least squares``.
+        rounds: rounds of simulation.
+        warnings: what the estimator noticed, whole sentences.
     """
 
     joints: tuple[str, ...]
@@ -94,11 +104,25 @@ def identify_drive_gains(
 ) -> DriveGains:
     """Gains κ of tau = B (κ ∘ c), see the module's docstring.
 
-    ``tau`` of the recordings is the command in the unit of the log. With a loop, its law acts on
-    that command: the simulated torque is κ times the loop's drive gain times the law's output. The
-    ``loaded`` recordings carry the payload, with which friction may differ
-    (``friction_under_load``). Trusted gains are named by joint, trusted base parameters by name
-    [SI].
+    Args:
+        problem: robot, recordings without payload, loop, parameters. ``tau`` of the recordings is
+            the command in the unit of the log. With a loop, its law acts on that command: the
+            simulated torque is κ times the loop's drive gain times the law's output.
+        payload: the body that the loaded recordings were taken with.
+        loaded: recordings with the payload.
+        trusted_gains: κ of joints that is believed, by name.
+        trusted_parameters: base parameters that are believed, by name [SI].
+        friction_under_load: whether friction may be another one with the payload.
+        known_within: half width of the 2σ interval below which a gain or ratio is called known.
+        signals: the smoother; default: random walk with the torque aligned.
+        progress: called with one line at each stage.
+
+    Returns:
+        Gains, covariance, groups.
+
+    Raises:
+        ExperimentError: payload and recordings that do not go together, unknown names.
+        IdentificationError: a motor with too few rows, or gains that do not settle.
     """
     say = progress or (lambda line: None)
     refuse_load_friction(problem.regressor)

@@ -26,9 +26,16 @@ from pivident.robot.inertia import from_center_of_mass, tensor
 
 @dataclass(frozen=True, eq=False)
 class Payload:
-    """A body of known mass fixed to a link; None where centre of mass or inertia is unknown.
+    """A body of known mass fixed to a link.
 
-    The frame is that of the link (modified Denavit-Hartenberg, or the frame rule for URDF links).
+    Attributes:
+        mass: m [kg].
+        center_of_mass: c in the frame of the link (modified Denavit-Hartenberg, or the frame rule
+            for URDF links) [m], shape (3,); None: unknown.
+        inertia: xx, xy, xz, yy, yz, zz about the centre of mass, in axes parallel to that frame
+            [kg m²], shape (6,); None: unknown.
+        mass_std: standard deviation of the mass [kg]; zero: exact.
+        link: index of the link that carries it; -1: the last one.
     """
 
     mass: float  # [kg]

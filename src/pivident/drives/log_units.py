@@ -29,7 +29,17 @@ SEPARATE = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class MotorInLogUnits:
-    """Parameters of one motor's row, each divided by the motor's gain."""
+    """Parameters of one motor's row, each divided by the motor's gain.
+
+    Attributes:
+        joint: name of the joint.
+        names: base parameters that the row separates.
+        units: unit of each, such as ``kg m²/(N m/A)``.
+        values: θ/κ, shape (parameters,).
+        std: standard errors by the sandwich, likewise.
+        left_out: parameters that this row alone does not separate from those above.
+        relative_error: ‖c - Φθ/κ‖/‖c‖.
+    """
 
     joint: str
     names: tuple[str, ...]  # base parameters that the row separates
@@ -45,7 +55,16 @@ def identify_in_log_units(
     unit: str | Sequence[str] = "unit of the log",
     signals: RandomWalk | None = None,
 ) -> tuple[MotorInLogUnits, ...]:
-    """Least squares of every motor's row on its own, in the ``unit`` of its command."""
+    """Least squares of every motor's row on its own, in the unit of its command.
+
+    Args:
+        problem: robot, recordings with commands as ``tau``, parameters.
+        unit: unit of the command, the same for all joints or one for each.
+        signals: the smoother; default: random walk with the command aligned.
+
+    Returns:
+        One answer for each motor.
+    """
     units = (unit,) * problem.robot.size if isinstance(unit, str) else tuple(unit)
     records = [
         DriveRecord(estimate_kinematics(r, signals or RandomWalk()), problem.speed_limits(r))

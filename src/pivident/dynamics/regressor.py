@@ -31,7 +31,17 @@ _own = threading.local()
 
 @dataclass(frozen=True, eq=False)
 class Regressor:
-    """The observation matrix of a robot for chosen parameters, its columns."""
+    """The observation matrix of a robot for chosen parameters.
+
+    Attributes:
+        robot: the robot.
+        parameters: the columns, in order.
+        row: joint of each packed entry, ascending, shape (entries,).
+        column: parameter of each packed entry, shape (entries,).
+        offsets: entries of joint j are ``offsets[j]:offsets[j+1]``, shape (joints + 1,).
+        inner_entries: entries that need more than one sample, friction with memory and friction
+            that depends on load, ascending; most robots have none.
+    """
 
     robot: Robot
     parameters: tuple[Parameter, ...]
@@ -245,9 +255,12 @@ class Regressor:
         return out
 
     def levels(self, dq: np.ndarray) -> np.ndarray:
-        """Inner signals of steady motion with a load of one: the sign of the speed, time last.
+        """Inner signals of steady motion with a load of one: the sign of the speed.
 
-        They replace the columns with memory or load where states do not follow each other.
+        They stand for the columns with memory or load where states do not follow each other.
+
+        Args:
+            dq: joint speeds [rad/s or m/s], time last, shape (joints, samples).
         """
         return np.sign(dq[self.row[self.inner_entries]])
 

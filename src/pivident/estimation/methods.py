@@ -173,6 +173,9 @@ class LeastSquares:
     Attributes:
         weighted: whether joints are weighted by the inverse of their residual variance.
         signals: how positions become speeds and accelerations.
+        simulates_loop: whether instruments come from a simulated loop, for all such methods.
+        weight_power: power of λ in the weights, likewise.
+        covariance: which covariance is reported, likewise.
     """
 
     weighted: bool = True
@@ -196,6 +199,9 @@ class InstrumentalVariables:
         signals: ``Bandpass()`` as in the literature, ``RandomWalk()`` at full rate.
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
+        simulates_loop: whether instruments come from a simulated loop, for all such methods.
+        weight_power: power of λ in the weights, likewise.
+        covariance: which covariance is reported, likewise.
     """
 
     signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
@@ -237,6 +243,7 @@ class PrefilteredIV:
             ``simulated``, the motion of the simulated loop, which is DIDIM (for coarse encoders).
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
+        simulates_loop: whether instruments come from a simulated loop, for all such methods.
     """
 
     signals: RandomWalk = field(default_factory=RandomWalk)

@@ -127,7 +127,7 @@ class Problem:
         return tuple(expressions[k] for k in self.selection)
 
     def speed_limits(self, recording: Recording) -> np.ndarray:
-        """Speed below which samples of a joint are excluded [rad/s or m/s], shape (joints,)."""
+        """Speed below which joints of a recording are excluded [rad/s or m/s], shape (joints,)."""
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED

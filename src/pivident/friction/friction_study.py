@@ -53,7 +53,16 @@ class JointFriction:
 
 @dataclass(frozen=True, eq=False)
 class FrictionStudy:
-    """The friction of a record."""
+    """The friction of a record.
+
+    Attributes:
+        robot: name of the robot.
+        method: estimate whose rigid part was taken off.
+        recordings: names of the recordings.
+        joints: the joints that could be examined.
+        left_out: why others could not, by joint.
+        ripple: lines over position, where they were searched.
+    """
 
     robot: str  # name of the robot
     method: str  # estimate whose rigid part was subtracted

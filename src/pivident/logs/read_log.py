@@ -37,7 +37,29 @@ def read_log(
     position_offset: Sequence[float] | None = None,
     name: str | None = None,
 ) -> Log:
-    """Channels as they were logged, with the description that turns them into SI."""
+    """Channels as they were logged, with the description that converts them to SI.
+
+    Args:
+        files: the log, or several files by key, as of `pivident.load_recording`; likewise:
+        columns: columns of each channel.
+        units: units of the log.
+        side: ``joint`` or ``motor``, for all channels or by channel.
+        robot: gives joint names and transmission.
+        transmission: of the motors, where the robot does not give it.
+        joint_names: names of the joints, where there is no robot.
+        rate: sampling rate [Hz] of a log without time stamps.
+        resample: whether samples are to be interpolated onto a uniform clock.
+        samples_axis: axis of the samples in arrays.
+        position_offset: position of each joint where the log has zero [rad or m].
+        name: of the log.
+
+    Returns:
+        The log, lenient: NaN, irregular stamps and cells that are no numbers are kept as faults.
+
+    Raises:
+        FileFormatError: a file or a column cannot be read at all.
+        RecordingError: columns or units without a meaning.
+    """
     paths = file_paths(files)
     specs = {key: spec for key, spec in columns.items() if key not in ("inputs", "t")}
     specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}

@@ -52,9 +52,18 @@ class _ConsistentFile(KnownKeys):
 def stored_model(
     path: Path, *, free: bool = False, intervals: bool = False
 ) -> tuple[RunnableModel, tuple[Path, ...]]:
-    """The model of ``identification.json``, ``consistent.json`` or their folder, and files read.
+    """The model of ``identification.json``, ``consistent.json`` or their folder.
 
-    ``free``: the free estimate as standard parameters, not the consistent one.
+    Args:
+        path: the file, or the folder that holds it.
+        free: whether to take the free estimate as standard parameters, not the consistent one.
+        intervals: whether a consistent model that has to be computed gets intervals.
+
+    Returns:
+        The model, and the files that were read.
+
+    Raises:
+        IdentificationFileError: the file cannot be used, or holds no such estimate.
     """
     if path.is_dir():
         path = path / "identification.json"

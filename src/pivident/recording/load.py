@@ -116,7 +116,19 @@ def load_recording(
 def recording_from(
     log: Log, *, part: tuple[float, float] | None = None, **options: Any
 ) -> Recording:
-    """A log made strict: checked, on one uniform clock, in SI on the joint side."""
+    """A log made strict: checked, on one uniform clock, in SI on the joint side.
+
+    Args:
+        log: the log, with its description.
+        part: first and last instant to keep [s]; None: all of it.
+        options: fields of the recording, such as ``control_rate``.
+
+    Returns:
+        The recording.
+
+    Raises:
+        RecordingError: a channel, a sample or the clock cannot be used; names which.
+    """
     return _recording(log, dict(log.logged), part, {"name": log.name} | options)
 
 

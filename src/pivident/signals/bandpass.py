@@ -21,7 +21,14 @@ EDGE = 50
 
 @dataclass(frozen=True, eq=False)
 class BandpassedSignal:
-    """A filtered record with its central differences, each of the shape of the input."""
+    """A filtered record with its derivatives, each of the shape of the input.
+
+    Attributes:
+        q: filtered position [rad or m].
+        dq: its central difference [rad/s or m/s].
+        ddq: the central difference of dq [rad/s² or m/s²].
+        edge: samples to skip at each end, where filter and differences know only one side.
+    """
 
     q: np.ndarray
     dq: np.ndarray
@@ -41,9 +48,18 @@ def bandpass(
 ) -> BandpassedSignal:
     """Median filter, zero-phase Butterworth low-pass and two central differences.
 
-    ``cutoff`` [Hz] and ``order`` are those of one run: -3 dB, and -6 dB after both. ``edge``
-    samples at each end are declared unusable; None: 50, or one period of the cut-off frequency if
-    longer.
+    Args:
+        q: positions [rad or m], shape (samples, joints).
+        rate: sampling rate [Hz].
+        cutoff: frequency of -3 dB in one run, -6 dB after both [Hz].
+        order: order of one run.
+        median: samples of the median filter; 1: none.
+        padlen: samples of odd extension at each end, see `butterworth`.
+        edge: samples at each end that are declared unusable; None: 50, or one period of the
+            cut-off frequency if longer.
+
+    Returns:
+        Positions, speeds and accelerations, each of the shape of ``q``.
     """
     smooth = butterworth(median_filter(q, median), rate, cutoff, order, padlen=padlen)
     dq = central_difference(smooth, rate)

@@ -54,9 +54,17 @@ def inverse_model(
 ) -> Program:
     """Inverse dynamic model tau(q, dq, ddq), as a program.
 
-    Its arguments are ``q dq ddq``, ``inner`` (the columns of friction with memory, if there is any)
-    and ``theta``; ``values`` of the parameters are folded into the program instead. ``rotors`` are
-    rotor inertias and their couplings, ``friction`` includes springs and coupled friction.
+    Args:
+        robot: the robot.
+        parameters: parameters of the model (base, standard or chosen ones); others are zero.
+        values: their values, shape (parameters,), folded into the program; None: they are its
+            argument ``theta``.
+        rotors: whether rotor inertias ``ia`` and their couplings are in it.
+        friction: whether friction, springs and coupled friction are in it.
+
+    Returns:
+        A program of ``q dq ddq`` (and of ``inner``, the columns of friction with memory, where
+        there is such friction) and ``theta`` with the output ``tau``.
     """
     model = model_symbols(robot, parameters, values)
     inner = inner_symbols(model, load=False) if friction else {}

@@ -31,6 +31,13 @@ def observation_matrix(robot: Robot, parameters: Columns = "base") -> Program:
 
     Its arguments are ``q dq ddq`` and ``inner``, the columns of friction with memory and the loads
     of load-dependent friction in the order of `Regressor.inner_entries`; the output is ``phi``.
+
+    Args:
+        robot: the robot.
+        parameters: columns: ``base``, ``standard``, or chosen base parameters.
+
+    Returns:
+        The program.
     """
     model = model_symbols(robot, parameters)
     inner = inner_symbols(model, load=True)

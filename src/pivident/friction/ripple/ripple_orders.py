@@ -21,7 +21,14 @@ NAMED_MULTIPLES = 4
 
 @dataclass(frozen=True)
 class NamedOrder:
-    """An order that is expected, such as gear teeth or pole pairs."""
+    """An order that is expected, such as gear teeth or pole pairs.
+
+    Attributes:
+        name: in words, ``pole pairs``.
+        count: cycles per revolution.
+        of: revolution of the ``motor`` or of the ``joint``.
+        joint: the joint's name; None: all joints.
+    """
 
     name: str  # in words, ``pole pairs``
     count: float  # cycles per revolution

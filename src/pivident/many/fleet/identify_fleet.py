@@ -24,7 +24,15 @@ Say = Callable[[str], None]
 
 @dataclass(frozen=True, eq=False)
 class Fleet:
-    """The estimates of a fleet."""
+    """The estimates of a fleet.
+
+    Attributes:
+        template: its experiment file.
+        logs: its logs, in the order of robots and time.
+        axis: what their positions in time mean.
+        rows: one row for each log and parameter, or with an error; as they are in the store.
+        store: the results folder.
+    """
 
     template: Template  # its experiment file
     logs: tuple[FleetLog, ...]  # its logs, in the order of robots and time

@@ -18,7 +18,16 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Judgement:
-    """A fleet with its baselines, charts, alarms and wear."""
+    """A fleet with everything that was found out about it.
+
+    Attributes:
+        fleet: the estimates.
+        baselines: of each watched parameter.
+        charts: of each parameter and robot with records after the baseline.
+        alarms: one for each chart that was left, the clearest first.
+        wear: of each watched parameter.
+        notes: what must be known to read the rest, whole sentences.
+    """
 
     fleet: Fleet  # the estimates
     baselines: tuple[Baseline, ...]  # of each watched parameter

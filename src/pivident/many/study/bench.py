@@ -38,7 +38,12 @@ STARTS = 3
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """The part of a scenario that all runs share."""
+    """Everything of a scenario that its runs share.
+
+    Attributes:
+        scenario: the scenario, or one condition of it.
+        series: optimised Fourier motion of the scenario, where it asks for one.
+    """
 
     scenario: ScenarioTables  # the scenario, or one condition of it
     # optimised Fourier motion of the scenario, if it has one
@@ -254,7 +259,10 @@ class Bench:
         """Initial values of the iteration by parameter name.
 
         True values times ``start.inertia`` or ``start.friction``; with a spread, those of a robot
-        with randomly perturbed standard parameters that are physical.
+        whose standard parameters deviate by so much, normally distributed, and are physical.
+
+        Args:
+            number: of the start.
         """
         entry = self.scenario.content.start
         values = self.true_values

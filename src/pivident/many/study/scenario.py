@@ -47,7 +47,15 @@ MAX_CONDITIONS = 1000
 
 @dataclass(frozen=True, eq=False)
 class Scenario(ScenarioTables):
-    """A checked scenario, or one condition of it."""
+    """A checked scenario, or one condition of it.
+
+    Attributes:
+        name: name of the scenario.
+        plain: its tables as plain values, short forms written out, without ``vary``.
+        source: file it was read from; paths in it are relative to its folder.
+        alternatives: what ``vary`` holds: tables by group and alternative.
+        condition: name of the condition, empty where nothing is varied.
+    """
 
     def changed(self, **tables: Any) -> Scenario:
         """The scenario with other keys or tables: ``changed(runs=40, noise={"torque": 0})``."""
