@@ -166,7 +166,7 @@ def test_objects_of_another_kind_are_refused(arm, record):
         Problem("x.urdf", (record,))
     with pytest.raises(ExperimentError, match=r"'log\.csv' is not a recording"):
         Problem(arm, "log.csv")
-    with pytest.raises(ExperimentError, match=r"loop is of type PID; .*Loop\(PID"):
+    with pytest.raises(ExperimentError, match=r"loop is of type PD; .*Loop\(PD"):
         Problem(arm, (record,), law)
     with pytest.raises(ExperimentError, match="give a control law"):
         Loop("pd")

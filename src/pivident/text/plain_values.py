@@ -10,12 +10,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, is_dataclass
 from typing import Any
 
-import numpy as np
-
 
 def plain(value: Any) -> Any:
     """Lists, dictionaries, texts and finite numbers; anything else as its text."""
-    if isinstance(value, np.ndarray | np.generic):
+    if hasattr(value, "tolist"):  # an array or number of NumPy, which is heavy to import
         value = value.tolist()
     if is_dataclass(value) and not isinstance(value, type):
         value = asdict(value)
