@@ -20,22 +20,21 @@ import pivident as pv
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.full_rate import torque_of
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV, RandomWalk
 from pivident.estimation.problem import Problem
+from pivident.estimation.torque_residual import torque_of
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
-from pivident.signals.lagged_sums import lagged_sums
-from pivident.signals.noise_models import fit_ar, whiten
+from pivident.signals.noise_models import fit_ar, lagged_sums, whiten
 from pivident.simulation.closed_loop import LoopSignals, simulate
 from pivident.simulation.controllers import PD
 from pivident.simulation.reference import point_to_point
 from pivident.validation.residuals.autocorrelation import durbin_watson, ljung_box
 from pivident.validation.residuals.heteroscedasticity import variance_test
 from pivident.validation.residuals.normality import normality
-from pivident.validation.residuals.residual import JointResidual
 from pivident.validation.residuals.residual_tests import residual_tests
+from pivident.validation.residuals.whitened_residual import JointResidual
 
 SAMPLES = 1500
 COLOUR = np.poly([0.9 * np.exp(0.5j), 0.9 * np.exp(-0.5j), 0.6, -0.5]).real

@@ -87,7 +87,7 @@ def sympy_door(folder):
 
 
 def matplotlib_door(folder):
-    from pivident.figures.paper import new_figure
+    from pivident.figures.paper_style import new_figure
 
     new_figure(1)
 

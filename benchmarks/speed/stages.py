@@ -31,8 +31,8 @@ STAGES: tuple[tuple[str, str], ...] = (
     ("columns", "pivident.estimation.full_rate.packed_stretch"),
     ("prefilters", "pivident.signals.prefilter.StreamingFilter.process"),
     ("normal equations", "pivident.estimation.normal_equations.JointSums.add_stack"),
-    ("residuals", "pivident.estimation.whitening.residual_of"),
-    ("noise models", "pivident.estimation.whitening.fit_ar"),
+    ("residuals", "pivident.estimation.noise_identification.residual_of"),
+    ("noise models", "pivident.estimation.noise_identification.fit_ar"),
     ("residuals", "pivident.estimation.full_rate_answer.residual_of"),
     ("covariance and answer", "pivident.estimation.prefiltered_iv.full_rate_answer"),
 )

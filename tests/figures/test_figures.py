@@ -12,7 +12,7 @@ import pivident as pv
 from pivident import figures
 from pivident.errors import PividentError
 from pivident.experiment.experiment import load_experiment
-from pivident.figures.paper import LINES, STYLE, WIDTHS
+from pivident.figures.paper_style import LINES, STYLE, WIDTHS
 from pivident.validation.residuals.residual_spectrum import residual_spectra, welch_spectrum
 from tests.planar_log import write_experiment
 from tests.synthetic_identification import synthetic_identification
@@ -184,7 +184,7 @@ def test_nothing_heavy_before_it_is_needed_and_no_window():
     code = (
         "import sys, pivident.figures, pivident.tables; "
         "print([m for m in ('matplotlib', 'numba', 'pandas', 'polars') if m in sys.modules]); "
-        "from pivident.figures.paper import new_figure; new_figure(1); "
+        "from pivident.figures.paper_style import new_figure; new_figure(1); "
         "print('matplotlib.pyplot' in sys.modules)"
     )
     said = subprocess.run([sys.executable, "-c", code], check=True, capture_output=True, text=True)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pivident.signals.lagged_sums import lagged_products, lagged_sums
+from pivident.signals.noise_models import lagged_products, lagged_sums
 
 
 @pytest.mark.parametrize("length", [None, 128])

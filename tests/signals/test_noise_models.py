@@ -11,7 +11,7 @@ from pivident.signals.noise_models import (
     whiten,
 )
 from pivident.validation.residuals.autocorrelation import ljung_box
-from pivident.validation.residuals.residual import JointResidual
+from pivident.validation.residuals.whitened_residual import JointResidual
 
 AR2 = [1.0, -1.5, 0.8]
 

@@ -40,9 +40,9 @@ from pivident.estimation.iteration import Pass, Say, Signals, Simulated, initial
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import PrefilteredIV
 from pivident.estimation.motion import SimulatedMotion, with_inner
+from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
-from pivident.estimation.whitening import Prefilters, Whitening
 from pivident.text.finding import Finding
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and

@@ -19,6 +19,7 @@ from pivident.estimation.equation_record import FittedRecording, JointColumns
 from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.motion import Motion, SimulatedMotion, packed_stretch
 from pivident.estimation.normal_equations import JointSums
+from pivident.estimation.torque_residual import residual_of
 from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
@@ -208,20 +209,6 @@ def records_without_instruments(
         FullRateRecord(kin, None, valid_samples(kin, kin.dq, lim))
         for kin, lim in zip(kinematics, limits, strict=True)
     ]
-
-
-def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:
-    """Φθ on a recording, time last, shape (joints, samples).
-
-    Friction that grows with the load takes the one that is with the motion, or else that of θ.
-    """
-    return regressor.torque(motion.q.T, motion.dq.T, motion.ddq.T, theta, motion.inner).T
-
-
-def residual_of(regressor: Regressor, kinematics: Kinematics, theta: np.ndarray) -> np.ndarray:
-    """τ - Φθ on a recording, time last, shape (joints, samples)."""
-    model = torque_of(regressor, kinematics, theta)
-    return np.subtract(kinematics.tau, model, out=model)
 
 
 def filtered(signal: np.ndarray, filters: Sequence[Prefilter]) -> np.ndarray:

@@ -18,14 +18,15 @@ import numpy as np
 from pivident.estimation.answer import answer, loop_warnings
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.decimated import DecimatedRecord, decimate_record
-from pivident.estimation.full_rate import FullRateRecord, records_with_instruments, torque_of
+from pivident.estimation.full_rate import FullRateRecord, records_with_instruments
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import Pass, Say, Signals, Simulated, Steps, initial_pass
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
+from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill
-from pivident.estimation.whitening import Prefilters
+from pivident.estimation.torque_residual import torque_of
 
 
 def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:

@@ -27,6 +27,7 @@ from pivident.estimation.identification import Iteration
 from pivident.estimation.kinematics import Kinematics, estimate_kinematics
 from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.motion import SimulatedMotion, with_inner
+from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import (
     JointSums,
     Solution,
@@ -34,7 +35,6 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
-from pivident.estimation.whitening import Prefilters
 from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity
 

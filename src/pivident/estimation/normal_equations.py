@@ -25,6 +25,7 @@ import numpy as np
 from numba import njit
 
 from pivident.errors import IdentificationError, RankDeficientRegressor
+from pivident.estimation.covariance.white_noise import white_noise_covariance
 from pivident.estimation.covariance.windows import Share
 
 #: Rows that are multiplied with each other at a time.
@@ -250,19 +251,19 @@ def solve(
                 "short; lower the mask, take a longer record, or freeze the joint"
             )
     size = len(names)
-    zf, zz, ff = np.zeros((size, size)), np.zeros((size, size)), np.zeros((size, size))
+    zf, ff = np.zeros((size, size)), np.zeros((size, size))
     zt = np.zeros(size)
     for joint, lam in zip(sums, variance, strict=True):
         grid = np.ix_(joint.columns, joint.columns)
         zf[grid] += joint.zf / lam**weight_power
         zt[joint.columns] += joint.zt / lam**weight_power
-        zz[grid] += joint.zz / lam
         ff[grid] += joint.ff / lam
     scale = _scales(ff)
     outer = np.outer(scale, scale)
     condition, weakest = _check_rank(ff / outer, np.flatnonzero(np.diag(ff) <= 0), names)
     theta = np.linalg.solve(zf / outer, zt / scale) / scale
-    return Solution(theta, np.linalg.inv(zz / outer) / outer, condition, weakest)
+    squares = [(joint.columns, joint.zz) for joint in sums]
+    return Solution(theta, white_noise_covariance(squares, variance, outer), condition, weakest)
 
 
 def joint_variances(sums: Sequence[JointSums], theta: np.ndarray) -> np.ndarray:

@@ -40,9 +40,9 @@ from pivident.estimation.iteration import (
     solve,
 )
 from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.normal_equations import weighted_solution
 from pivident.estimation.problem import Problem
-from pivident.estimation.whitening import Prefilters, Whitening
 
 #: Estimates before the one that may be the last: noise models come from the residuals of both.
 MIN_ESTIMATES = 2

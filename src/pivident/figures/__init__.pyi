@@ -1,9 +1,9 @@
 from .convergence import figure_of_convergence as figure_of_convergence
-from .correlations import figure_of_correlations as figure_of_correlations
 from .friction import figure_of_friction as figure_of_friction
 from .intervals import figure_of_intervals as figure_of_intervals
-from .paper import FigureError as FigureError
-from .paper import save_figure as save_figure
+from .paper_style import FigureError as FigureError
+from .paper_style import save_figure as save_figure
+from .parameter_correlations import figure_of_correlations as figure_of_correlations
 from .prefilter import figure_of_prefilters as figure_of_prefilters
 from .residual_spectra import figure_of_residual_spectra as figure_of_residual_spectra
 from .torques import figure_of_torques as figure_of_torques

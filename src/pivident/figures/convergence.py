@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.figures.paper import FigureError, line_style, new_figure, paper_style
+from pivident.figures.paper_style import FigureError, line_style, new_figure, paper_style
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -13,7 +13,7 @@ from pivident.comparison.groups import difference_of_geometry
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import method_labels
 from pivident.figures.joint_panels import chosen_joints, joint_panels, legend_above
-from pivident.figures.paper import FigureError, line_style, paper_style, plain
+from pivident.figures.paper_style import FigureError, line_style, paper_style, plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

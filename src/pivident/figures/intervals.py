@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import aligned_rows, method_labels
-from pivident.figures.paper import (
+from pivident.figures.paper_style import (
     MAX_HEIGHT,
     FigureError,
     line_style,

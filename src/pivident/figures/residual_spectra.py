@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from pivident.estimation.identification import Identification
 from pivident.figures.joint_panels import chosen_signals, joint_panels, legend_above
-from pivident.figures.paper import FigureError, line_style, paper_style, plain
+from pivident.figures.paper_style import FigureError, line_style, paper_style, plain
 from pivident.validation.residuals.residual_spectrum import residual_spectra
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pivident.estimation.identification import Identification
 from pivident.figures.joint_panels import chosen_signals, draw_trace, legend_above
-from pivident.figures.paper import (
+from pivident.figures.paper_style import (
     MEASURED,
     FigureError,
     line_style,

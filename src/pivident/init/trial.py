@@ -15,7 +15,7 @@ from pivident.errors import (
     PividentError,
     SaturatedSignal,
 )
-from pivident.errors.stretches import written
+from pivident.errors.recordings import written
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.problem import Problem

@@ -19,7 +19,6 @@ from pivident.estimation.full_rate import (
     filtered,
     records_with_instruments,
     records_without_instruments,
-    torque_of,
 )
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import (
@@ -29,10 +28,11 @@ from pivident.estimation.methods import (
     RandomWalk,
 )
 from pivident.estimation.motion import with_inner
+from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill
-from pivident.estimation.whitening import Prefilters, Whitening
+from pivident.estimation.torque_residual import torque_of
 from pivident.signals.prefilter import Prefilter
 
 

@@ -19,8 +19,7 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.recording.recording import Recording
-from pivident.signals.lagged_sums import lagged_products
-from pivident.signals.noise_models import unmasked_stretches
+from pivident.signals.noise_models import lagged_products, unmasked_stretches
 
 #: Largest difference of two repetitions of a reference, as a share of its range …
 SAME_REFERENCE = 1e-3

@@ -19,14 +19,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError
 from pivident.estimation.identification import Identification
 from pivident.simulation.joint_loop import JointFeedback, JointLoop, joint_feedbacks
-
-#: Postures of the record at which the inertia is taken.
-POSTURES = 300
+from pivident.validation.joint_inertia import InertiaRange, _standard_error, inertia_ranges
 
 #: The low-pass of the positions at so many bandwidths, and what the decimation keeps.
 LOWPASS_FACTOR, DECIMATION_FACTOR = 5.0, 2.0
@@ -39,18 +36,6 @@ _INERTIAS = 9
 
 #: Parameters that make the viscous friction of a joint.
 _VISCOUS = ("fv", "fvm")
-
-
-@dataclass(frozen=True, eq=False)
-class InertiaRange:
-    """Inertia of one joint over the postures of a record, M_jj."""
-
-    lowest: float  # smallest [kg m² or kg]
-    mean: float  # mean over the postures
-    highest: float  # largest
-    #: Standard error of each of the three, from the covariance of the estimate, shape (3,).
-    std: np.ndarray
-    slope: np.ndarray  # ∂(mean)/∂θ, shape (parameters,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,30 +140,6 @@ def identified_loop(identification: Identification) -> IdentifiedLoop | None:
     return IdentifiedLoop(joints, rate, delay, notes=_notes(identification))
 
 
-def inertia_ranges(identification: Identification) -> tuple[InertiaRange, ...]:
-    """M_jj of every joint over the postures of the fitted recordings, with standard errors."""
-    postures = np.concatenate([r.q for r in identification.recordings])
-    chosen = np.linspace(0, len(postures) - 1, min(POSTURES, len(postures))).round().astype(int)
-    postures = np.ascontiguousarray(postures[chosen])
-    robot, parameters = identification.robot, identification.parameters
-    slopes = np.zeros((len(parameters), len(postures), robot.size))
-    for k, p in enumerate(parameters):
-        if p.is_inertial or p.stem in ("ia", "iam"):
-            mass = mass_matrix(robot, (p,), np.ones(1), postures)
-            slopes[k] = np.diagonal(mass, axis1=1, axis2=2)
-    inertia = np.einsum("k,ksj->sj", identification.theta, slopes)
-    ranges = []
-    for j in range(robot.size):
-        own = inertia[:, j]
-        mean = slopes[:, :, j].mean(axis=1)
-        gradients = [slopes[:, own.argmin(), j], mean, slopes[:, own.argmax(), j]]
-        std = np.array([_deviation(identification, g) for g in gradients])
-        ranges.append(
-            InertiaRange(float(own.min()), float(own.mean()), float(own.max()), std, mean)
-        )
-    return tuple(ranges)
-
-
 def _viscous_slopes(identification: Identification) -> np.ndarray:
     """∂F_v/∂θ of every joint, from the torque at unit speed, shape (joints, parameters)."""
     robot, parameters = identification.robot, identification.parameters
@@ -205,7 +166,7 @@ def _joint(
     joint = identification.robot.joints[j]
     unit = "kg m²" if joint.kind == "revolute" else "kg"
     viscous = max(float(viscous_slope @ identification.theta), 0.0)
-    viscous_std = _deviation(identification, viscous_slope)
+    viscous_std = _standard_error(identification, viscous_slope)
     if not inertia.mean > 0.0:
         reason = f"the identified inertia, {inertia.mean:.3g} {unit} in the mean, is not positive"
         return IdentifiedJointLoop(
@@ -231,7 +192,7 @@ def _joint(
         viscous,
         viscous_std,
         loop,
-        _deviation(identification, slope),
+        _standard_error(identification, slope),
         slowest=_with_inertia(loop, highest).bandwidth,
         fastest=_with_inertia(loop, lowest).bandwidth,
     )
@@ -246,11 +207,6 @@ def _widened(inertia: InertiaRange) -> tuple[float, float]:
 
 def _with_inertia(loop: JointLoop, inertia: float) -> JointLoop:
     return JointLoop(inertia, loop.viscous, loop.feedback, loop.drive_gain, loop.delay)
-
-
-def _deviation(identification: Identification, slope: np.ndarray) -> float:
-    """√(gᵀ P g)."""
-    return float(np.sqrt(max(slope @ identification.covariance @ slope, 0.0)))
 
 
 def _notes(identification: Identification) -> tuple[str, ...]:

@@ -6,8 +6,7 @@ from statsmodels.stats.diagnostic import acorr_ljungbox
 from statsmodels.stats.stattools import durbin_watson as statsmodels_durbin_watson
 from statsmodels.tsa.stattools import acf
 
-from pivident.signals.lagged_sums import lagged_sums
-from pivident.signals.noise_models import fit_ar, whiten
+from pivident.signals.noise_models import fit_ar, lagged_sums, whiten
 from pivident.validation.residuals.autocorrelation import (
     autocorrelation,
     durbin_watson,
@@ -15,7 +14,7 @@ from pivident.validation.residuals.autocorrelation import (
     upper_tail,
     variance_factor,
 )
-from pivident.validation.residuals.residual import JointResidual
+from pivident.validation.residuals.whitened_residual import JointResidual
 
 
 def ar1(n, a=0.3, seed=0):

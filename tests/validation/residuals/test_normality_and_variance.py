@@ -6,7 +6,7 @@ from statsmodels.stats.diagnostic import het_breuschpagan, het_white
 from statsmodels.stats.stattools import jarque_bera
 from statsmodels.tools import add_constant
 
-from pivident.signals.lagged_sums import lagged_sums
+from pivident.signals.noise_models import lagged_sums
 from pivident.validation.residuals.heteroscedasticity import variance_test
 from pivident.validation.residuals.normality import normality
 

@@ -6,14 +6,14 @@ import pytest
 from scipy.signal import lfilter
 
 import pivident as pv
-from pivident.estimation.full_rate import torque_of
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import PrefilteredIV, RandomWalk
+from pivident.estimation.torque_residual import torque_of
 from pivident.robot.gallery import load_robot
 from pivident.simulation.controllers import PD
 from pivident.validation.residuals.cross_correlation import Stretches, cross_correlation_test
-from pivident.validation.residuals.residual import joint_residuals
 from pivident.validation.residuals.residual_tests import residual_tests
+from pivident.validation.residuals.whitened_residual import joint_residuals
 from tests.planar_log import planar_log, planar_truth
 from tests.synthetic_identification import synthetic_identification
 

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.errors.stretches import Stretches
+from pivident.errors.recordings import Stretches
 
 #: An interval longer than this many median ones lacks samples.
 GAP = 1.5

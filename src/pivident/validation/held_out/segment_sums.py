@@ -8,7 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from pivident.signals.lagged_sums import lagged_products
+from pivident.signals.noise_models import lagged_products
 
 
 @dataclass(frozen=True)

@@ -32,8 +32,8 @@ from functools import lru_cache
 
 import numpy as np
 
-from pivident.signals.lagged_sums import LaggedSums, lagged_sums
-from pivident.validation.residuals.residual import (
+from pivident.signals.noise_models import LaggedSums, lagged_sums
+from pivident.validation.residuals.whitened_residual import (
     MIN_PAIRS,
     SIGNIFICANCE,
     JointResidual,

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pivident.estimation.methods import MOTION_BAND
-from pivident.validation.residuals.residual import SIGNIFICANCE, probability, reading
+from pivident.validation.residuals.whitened_residual import SIGNIFICANCE, probability, reading
 
 if TYPE_CHECKING:
     from pivident.estimation.equations import Equations

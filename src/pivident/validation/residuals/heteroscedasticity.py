@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.signals.lagged_sums import LaggedSums
+from pivident.signals.noise_models import LaggedSums
 from pivident.validation.residuals.autocorrelation import variance_factor
-from pivident.validation.residuals.residual import SIGNIFICANCE, probability, reading
+from pivident.validation.residuals.whitened_residual import SIGNIFICANCE, probability, reading
 
 #: Ratio of variances, between the quarters of the samples where a driver is largest and smallest,
 #: below which it does not matter: standard errors then differ by a third.

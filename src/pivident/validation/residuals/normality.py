@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.signals.lagged_sums import LaggedSums
+from pivident.signals.noise_models import LaggedSums
 from pivident.validation.residuals.autocorrelation import variance_factor
-from pivident.validation.residuals.residual import SIGNIFICANCE, probability, reading
+from pivident.validation.residuals.whitened_residual import SIGNIFICANCE, probability, reading
 
 #: Skewness and excess kurtosis below which a distribution is as good as normal.
 PRACTICAL_SKEWNESS = 0.5

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.estimation.identification import Identification
-from pivident.signals.lagged_sums import lagged_sums
+from pivident.signals.noise_models import lagged_sums
 from pivident.threads import run_in_threads
 from pivident.validation.residuals.autocorrelation import (
     EXTRA_LAGS,
@@ -31,7 +31,7 @@ from pivident.validation.residuals.cross_correlation import (
 )
 from pivident.validation.residuals.heteroscedasticity import VarianceTest, variance_test
 from pivident.validation.residuals.normality import NormalityTest, normality
-from pivident.validation.residuals.residual import (
+from pivident.validation.residuals.whitened_residual import (
     MIN_SAMPLES,
     JointResidual,
     joint_residuals,

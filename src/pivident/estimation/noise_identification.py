@@ -16,7 +16,6 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.full_rate import residual_of
 from pivident.estimation.kinematics import Kinematics, usable_samples
 from pivident.estimation.methods import Arma, PrefilteredIV, Repetition
 from pivident.estimation.problem import Problem
@@ -26,6 +25,7 @@ from pivident.estimation.standstill import (
     slow_samples,
     without_recent,
 )
+from pivident.estimation.torque_residual import residual_of
 from pivident.recording.repeated_motion import repeated_motion
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
