@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pivident.compiled import inner
+from pivident.compiled import inner, kernel
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.robot.description import Robot
 
@@ -252,7 +252,7 @@ def mass_matrix_and_bias(tree, inertia, rotor, q, dq, work, mass, bias):
     )
 
 
-@inner
+@kernel
 def invert_mass_matrix(mass, factor, inverse):
     """M⁻¹ by Cholesky from the lower triangle of M; ``factor`` receives L⁻¹.
 
