@@ -1,5 +1,6 @@
 """Which parameters a record asks for: the eliminations and their tests."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -17,8 +18,9 @@ from pivident.simulation.control_loop import Loop
 from pivident.simulation.virtual_pd import virtual_pd
 from pivident.validation.elimination import EliminationRound, design_effect, torque_sums
 from pivident.validation.essential_parameters import essential_parameters
-from pivident.validation.essential_parameters import essential_parameters as module
 from tests.validation import one_axis as axis
+
+MODULE = sys.modules["pivident.validation.essential_parameters"]  # the front has the function
 
 FULL_RATE = LeastSquares(signals=RandomWalk())
 
@@ -148,7 +150,7 @@ def test_a_loop_that_cannot_be_simulated_begins_with_least_squares(monkeypatch):
             raise MassMatrixNotPositiveDefinite("carriage", 0.5, -1.0)
         return identify(given, method)
 
-    monkeypatch.setattr(module, "identify", fragile)
+    monkeypatch.setattr(MODULE, "identify", fragile)
     result = essential_parameters(problem, METHODS["iv-full-rate"])
     assert result.full.method == "IDIM-WLS"
     assert result.identification.method.startswith("IDIM-IV")
@@ -158,7 +160,7 @@ def test_a_loop_that_cannot_be_simulated_begins_with_least_squares(monkeypatch):
     def hopeless(given, method, progress=None):
         raise MassMatrixNotPositiveDefinite("carriage", 0.5, -1.0)
 
-    monkeypatch.setattr(module, "identify", hopeless)
+    monkeypatch.setattr(MODULE, "identify", hopeless)
     with pytest.raises(MassMatrixNotPositiveDefinite):
         essential_parameters(problem, FULL_RATE)
 

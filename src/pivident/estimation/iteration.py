@@ -39,8 +39,8 @@ from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity
 
 #: Change of an estimate, in standard errors, below which its load has settled; and relative to
-#: its size, for records without noise.
-SETTLED, SETTLED_RELATIVE = 0.01, 1e-12
+#: the largest parameter, for records without noise.
+LOAD_SETTLED, ROUNDING = 0.01, 1e-12
 
 #: Estimates after which a load that does not settle is given up.
 MAX_PASSES = 30
@@ -71,7 +71,8 @@ def estimate_without_load(
 
 def has_settled(theta: np.ndarray, last: np.ndarray, std: np.ndarray) -> bool:
     """Whether an estimate changed so little that its load stands still."""
-    return bool((np.abs(theta - last) <= SETTLED * std + SETTLED_RELATIVE * np.abs(theta)).all())
+    change = np.abs(theta - last)
+    return bool((change <= LOAD_SETTLED * std + ROUNDING * np.abs(theta).max()).all())
 
 
 #: Condition number from which on a motion hardly separates some parameters.

@@ -196,7 +196,7 @@ def _judged(
     ]
     if error * at_edge < 0 and abs(error) > 0.1:
         sentences.append(
-            "by its sign the error comes from above the antiresonance, where the load does not "
+            "by its sign the error comes from beyond the antiresonance, where the load does not "
             "follow: ripple of gear or torque, or noise of the encoder"
         )
     if bandwidth is not None and bandwidth > REACH * antiresonance:
