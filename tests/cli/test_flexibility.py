@@ -33,7 +33,7 @@ def test_both_encoders_and_resonance_come_out_in_text_and_files(tmp_path, capsys
     for part in ("both encoders, two masses", "motor encoder alone", "rigid model:", "N/m"):
         assert part in text
     # This motion excites the resonance, and only two of the three ways can tell the stiffness.
-    assert "above" not in text and "unexplained, more than 50 %, so that nothing" in text
+    assert "above" not in text and "unexplained, more than 50 %, so nothing" in text
     content = json.loads((tmp_path / "out" / "flexibility.json").read_text())
     joint = content["joints"][0]
     assert joint["compliance"]["stiffness"]["low"] is None
