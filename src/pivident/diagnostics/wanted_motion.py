@@ -104,7 +104,7 @@ def motion_for(
         joints = [parameter.coupling.motor, parameter.coupling.joint]
     elif not parameter.is_inertial:
         joints = [parameter.joint]
-    # an offset has a constant column: what tells it from Coulomb friction are both directions
+    # an offset has a constant column: motion in both directions separates it from Coulomb friction
     quantity = 1 if parameter.stem == "off" else int(np.argmax(parts))
     room = [j for j in joints if limits.used[j, quantity] < LITTLE] or [parameter.joint]
     if parameter.friction is not None and parameter.friction.depends_on_position:

@@ -235,7 +235,7 @@ class PrefilteredIV:
             bursts; ``auto``: stationary on simulated records, where the residual is noise,
             sandwich on measured ones; or the paper's ``formula`` (P-31).
         as_printed: the paper to the letter: irwsm of order 2 applied twice, torque not aligned,
-            deviations by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
+            standard errors by (P-31), and (P-22), (P-28) with λ⁻¹ on both sides. AR orders go up to
             the noise model's ``p_max``; CAPTAIN's ``aic`` stops at 32 by default.
         start: what the first simulation is made with: ``least-squares`` on the record, or the
             problem's ``initial`` values, as the paper does.

@@ -38,7 +38,7 @@ def validated(content: dict[str, Any]) -> ExperimentFile:
 
 
 def refuse_robot_file(content: dict[str, Any]) -> None:
-    """Tell a robot's description, which is TOML too, from an experiment."""
+    """Distinguish a robot's description, which is TOML too, from an experiment."""
     if "joints" in content and "recording" not in content:
         raise ExperimentError(
             "this is a robot description, not an experiment file; name it as robot = in one"

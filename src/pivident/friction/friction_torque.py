@@ -37,7 +37,7 @@ STANDARD_ERROR_SAMPLES = 500
 class FrictionTorque:
     """Friction torque of one joint with its states, at the full rate; arrays (samples,).
 
-    Recordings follow each other; ``record`` tells them apart.
+    Recordings follow each other; ``record`` separates them.
     """
 
     name: str  # name of the joint

@@ -167,8 +167,8 @@ def counterbalance(ratio: float, angle: float) -> tuple[FrictionTerm, FrictionTe
         l = b √(1 + ρ² - 2ρ cos(q - φ)),    torque = (F0 + k l) dl/dq
           = cbf sin(q - φ)/√(1 + ρ² - 2ρ cos(q - φ)) + cbk sin(q - φ)
 
-    cbf = F0 a and cbk = k a b [N m]. A spring of no preload, cbk alone, cannot be told from the
-    weight of an arm; the first term can.
+    cbf = F0 a and cbk = k a b [N m]. A spring of no preload, cbk alone, cannot be separated from
+    the weight of an arm; the first term can.
 
     Args:
         ratio: ρ = a/b, between 0 and 1 (exchange the ends where it is larger).

@@ -1,7 +1,7 @@
 """Essential parameters: the smallest set that explains the torques as well as all of them.
 
 Backward elimination (Janot, Vandanjon and Gautier 2014). The parameter with the largest relative
-deviation is left out if zero is compatible with it, by the Wald form
+standard error is left out if zero is compatible with it, by the Wald form
 
     W = θ_i² / σ_i²  against  F(1, ν),                                        (single)
     W = θ₂ᵀ (d P₂₂)⁻¹ θ₂ / k  against  F(k, r/d - b),                          (all k left out)

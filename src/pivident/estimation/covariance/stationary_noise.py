@@ -5,8 +5,8 @@ With γ_j the autocovariance of joint j's residual, filtered as the equations ar
     P = G⁻¹ V G⁻ᵀ,   G = Σ_j Z_jᵀ Φ_j,   V = Σ_j Σ_t Σ_s z_j(t) γ_j(t - s) z_j(s)ᵀ
 
 Instruments are free of noise, so γ is all that has to be estimated, from the whole record; the
-deviations are then twice as certain as those of the sandwich over windows, which has to find the
-variance at each place of the record from that place alone.
+standard errors are then twice as certain as those of the sandwich over windows, which has to find
+the variance at each place of the record from that place alone.
 
 γ is estimated over pairs of samples that are both used. Gaps, at standstill, would
 otherwise spread the noise of high frequencies over the low ones, where the residual of a closed

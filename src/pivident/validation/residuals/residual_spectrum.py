@@ -10,9 +10,9 @@ half-overlapping stretches and n neighbouring frequencies of Hann's window are w
 
     ν = 2 K²/(K + (K - 1)/18) · n²/(n + 2 (n - 1) (2/3)² + 2 (n - 2) (1/6)²)
 
-degrees of freedom (Percival and Walden 1993), from which the band follows. Samples that did not
-vote are gaps: stretches lie between them, and are shorter where gaps are close. Where gaps are so
-close that hardly anything lies between them, as after decimation, they are filled with zeros and
+degrees of freedom (Percival and Walden 1993), from which the band follows. Excluded
+samples are gaps: stretches lie between them, and are shorter where gaps are close. Where gaps are
+so close that hardly anything lies between them, as after decimation, they are filled with zeros and
 Σw² counts the other samples: right for white noise, and blurred for other.
 """
 

@@ -1,7 +1,7 @@
 """All tests on the residuals of an identification, joint by joint.
 
 What is tested is the residual of the equation that was solved: prefiltered, scaled, on the rows
-that voted. With 200,000 samples everything is significant, so each test also has a practical size,
+in use. With 200,000 samples everything is significant, so each test also has a practical size,
 and its sentence gives both.
 """
 
