@@ -6,6 +6,7 @@ body once more, and anew for every literal number, read-only array or memory lay
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,9 @@ inner = njit(**_OPTIONS, **_NOT_FOR_PYTHON)
 #: … of small ones among them, that become part of their callers …
 inlined = njit(**_OPTIONS, **_NOT_FOR_PYTHON, forceinline=True)
 
+#: … of those with a single caller, that are compiled only as a part of it, with its options …
+section = njit(**_OPTIONS, **_NOT_FOR_PYTHON, inline="always")
+
 #: … and of such that Python calls, too.
 shared = njit(**_OPTIONS, forceinline=True)
 
@@ -37,3 +41,11 @@ def read_only(array: np.ndarray) -> np.ndarray:
     view = array.view()
     view.flags.writeable = False
     return view
+
+
+def is_compiled(kernel: Any) -> bool:
+    """Whether a compiled function lies in its cache; also where nothing is compiled at all."""
+    if not hasattr(kernel, "stats"):
+        return True
+    folder, name = Path(kernel.stats.cache_path), kernel.py_func.__name__
+    return any(folder.glob(f"*.{name}-*.nbi"))

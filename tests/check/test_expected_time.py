@@ -1,11 +1,10 @@
 """The expected time grows with what it depends on, and says what compiling adds."""
 
-from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from pivident.check.expected_time import expected_time, is_compiled
+from pivident.check.expected_time import expected_time
 from pivident.check.plan import in_words
 from pivident.estimation.methods import METHODS
 
@@ -40,18 +39,6 @@ def test_folds_methods_and_law_cost_time():
     assert seconds(30000, 6, 40, FOUR, True, folds=0) < 0.7 * whole
     assert seconds(30000, 6, 40, ("ls",), True) < 0.8 * whole
     assert seconds(30000, 6, 40, FOUR, False) < whole
-
-
-def test_a_kernel_is_compiled_where_its_cache_has_it(tmp_path):
-    kernel = SimpleNamespace(
-        stats=SimpleNamespace(cache_path=str(tmp_path)), py_func=SimpleNamespace(__name__="run")
-    )
-    assert not is_compiled(kernel)
-    Path(tmp_path, "loop.runs-3.py311.nbi").touch()
-    assert not is_compiled(kernel)
-    Path(tmp_path, "loop.run-3.py311.nbi").touch()
-    assert is_compiled(kernel)
-    assert is_compiled(len)  # nothing is compiled at all
 
 
 def test_times_in_words():

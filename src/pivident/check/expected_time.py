@@ -20,9 +20,8 @@ machine of 2.5 GHz, of `pivident identify` with the report, caches filled:
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
-from typing import Any
 
+from pivident.compiled import is_compiled
 from pivident.estimation.methods import LeastSquares, Method
 from pivident.estimation.problem import Problem
 
@@ -45,7 +44,7 @@ TESTS = (4.0, 3e-7)
 REPORT = (1.0, 0.26)
 
 #: Processor time to compile what least squares needs, and what the simulated loop needs too [s].
-COMPILING = (25.0, 60.0)
+COMPILING = (12.0, 25.0)
 
 
 def expected_time(
@@ -75,11 +74,3 @@ def first_run(methods: Iterable[Method]) -> float:
     simulated = any(not isinstance(method, LeastSquares) for method in methods)
     missing = 0.0 if is_compiled(observe) else COMPILING[0]
     return missing + (COMPILING[1] if simulated and not is_compiled(run_loop) else 0.0)
-
-
-def is_compiled(kernel: Any) -> bool:
-    """Whether a compiled function lies in its cache; also where nothing is compiled at all."""
-    if not hasattr(kernel, "stats"):
-        return True
-    folder, name = Path(kernel.stats.cache_path), kernel.py_func.__name__
-    return any(folder.glob(f"*.{name}-*.nbi"))

@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pivident.cli.compile_ahead import ESTIMATORS, LOOP, compile_ahead
+from pivident.cli.compile_ahead import compile_ahead
 from pivident.cli.console import Progress, error_line, note
 from pivident.consistency.consistent_estimate import (
     ConsistentEstimate,
@@ -80,7 +80,7 @@ def run_experiment(
         options = experiment.consistency()
         folder = out or experiment.output or Path(f"{path.stem}-results")
         check_output(folder)
-        compile_ahead(LOOP)
+        compile_ahead()
         problem, validation = experiment.problem(progress.say), experiment.content.validation
         unseen = experiment.unseen_recordings()
         essential, shaped = None, None
@@ -135,7 +135,7 @@ def run_demo(out: Path, seed: int = 0) -> bool:
     from pivident.experiment.simulated_tx40 import tx40_fine
 
     check_output(out)
-    compile_ahead(ESTIMATORS)
+    compile_ahead()
     with Progress() as progress:
         progress.say("simulating the closed loop of a TX40 (the first run compiles, be patient)")
         problem, truth = tx40_fine(seed)

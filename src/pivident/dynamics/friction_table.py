@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inlined as _inline
-from pivident.compiled import rows, shared
+from pivident.compiled import kernel, rows, shared
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction_kernels import (
@@ -197,7 +197,7 @@ def _constants(column: int, shape: tuple[float, ...]) -> tuple[float, ...]:
     return first, second, third, fourth
 
 
-@shared
+@kernel
 def friction_torque(
     linear, term_index, term_value, pair_index, pair_value, vectors, speed, out, slopes, row
 ):

@@ -21,7 +21,7 @@ from typing import NamedTuple
 from numba import njit
 
 from pivident.compiled import inlined as _inline
-from pivident.compiled import inner
+from pivident.compiled import section
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import INERTIAS, INNER, MOMENTS, EntryPlan
 from pivident.dynamics.joint_rows import TILE, joint_row
@@ -34,7 +34,7 @@ _ROTATION, _ORIGIN, _FIXED = 7, 16, 19
 _A, _G, _LINK = 6, 9, 18
 
 
-@_inline
+@section
 def _load_joint(tile, signals, joints, i, prismatic):
     """Turn, slide and their rates of joint i into the rows of the joint at work."""
     if prismatic:
@@ -58,7 +58,7 @@ def _load_joint(tile, signals, joints, i, prismatic):
             tile[_DDSLIDE, s] = 0.0
 
 
-@_inline
+@section
 def _pose(tile, rotation, translation, i):
     """Orientation and origin of link i in its parent."""
     for k in range(3):
@@ -81,7 +81,7 @@ def _rotated(tile, s, x, y, z):
     )
 
 
-@_inline
+@section
 def _move(tile, parent, link):
     """ω, dω, a and G of the link at row ``link`` from those of its parent."""
     up, own = parent + _G, link + _G
@@ -116,7 +116,7 @@ def _move(tile, parent, link):
         tile[own + 6, s], tile[own + 7, s], tile[own + 8, s] = xz - ey, yz + ex, -xx - yy
 
 
-@_inline
+@section
 def _carry(tile, source, target):
     """Carry a screw (v, w) from the parent's frame into the link's: Rᵀ(v + w × p), Rᵀw."""
     for s in range(TILE):
@@ -134,7 +134,7 @@ def _carry(tile, source, target):
         tile[target + 3, s], tile[target + 4, s], tile[target + 5, s] = wx, wy, wz
 
 
-@_inline
+@section
 def _inertia_columns(tile, link, screw, out):
     """Columns of ``xx xy xz yy yz zz``: w·(I dω) + u·(I ω) with u = w × ω."""
     for s in range(TILE):
@@ -150,7 +150,7 @@ def _inertia_columns(tile, link, screw, out):
         tile[out + 5, s] = wz * ez + uz * oz
 
 
-@_inline
+@section
 def _moment_columns(tile, link, screw, out):
     """Columns of ``mx my mz m``: Gᵀv + a × w and v·a."""
     g = link + _G
@@ -176,7 +176,7 @@ class _Rows(NamedTuple):
     columns: int
 
 
-@inner
+@section
 def _layout(plan):
     """Where the links, screws, signals and columns are in the tile."""
     joints, depth = plan.work.shape
@@ -192,7 +192,7 @@ def tile_rows(plan: EntryPlan) -> int:
     return _FIXED + (joints + 1) * _LINK + joints * depth * 6 + 3 * joints + plan.columns
 
 
-@inner
+@section
 def _prepare(plan, tile):
     """Write the rows of the tile that do not depend on the sample."""
     joints, depth = plan.work.shape
@@ -207,7 +207,7 @@ def _prepare(plan, tile):
     return rows
 
 
-@inner
+@section
 def _fill(plan, tile, rows, q, dq, ddq, inner, start, count):
     """Compute all columns of the ``count`` samples from ``start`` on."""
     joints, depth = plan.work.shape

@@ -22,6 +22,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from pivident.compiled import section
+
 #: Largest relative rounding of a sum of squares that does not matter: coefficients are estimates
 #: with errors of 1/√N, a thousand times as large.
 _ROUNDING = 1e-6
@@ -79,7 +81,7 @@ def by_lattice(v, stops, order):
     return reflections
 
 
-@njit(cache=True, nogil=True)
+@section
 def _products(f, b):
     """Σ f b and Σ (f² + b²), in eight interleaved sums, which vectorise."""
     cross, energy = np.zeros(8), np.zeros(8)
@@ -95,7 +97,7 @@ def _products(f, b):
     return cross.sum(), energy.sum()
 
 
-@njit(cache=True, nogil=True)
+@section
 def _reflect(f, b, k):
     """One order of the lattice in place: f ← f + k b, b ← b + k f."""
     for i in range(f.size):

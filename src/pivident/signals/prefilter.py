@@ -21,6 +21,7 @@ from itertools import pairwise
 import numpy as np
 from numba import njit
 
+from pivident.compiled import section
 from pivident.errors import IdentificationError
 
 #: Taps that the compiled filter adds up in one pass over a tile; filters are padded to it.
@@ -212,7 +213,7 @@ def _aligned(size):
     return memory[begin : begin + size]
 
 
-@njit(cache=True, nogil=True)
+@section
 def _recursive(y, numerator, denominator, state, side):
     """Direct form II transposed of N/D, D monic, in place on rows side by side.
 

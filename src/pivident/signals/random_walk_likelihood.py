@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 
+from pivident.compiled import section
 from pivident.signals.random_walk_model import difference_coefficients, nvr_from_f50
 
 #: Smallest NVR at which the smoothed acceleration keeps about three digits, by order.
@@ -197,7 +198,7 @@ def _likelihood(head, c, f0):
     return variance, -0.5 * (c.size * (math.log(2 * math.pi * variance) + 1) + log_det)
 
 
-@njit(cache=True, nogil=True)
+@section
 def _triangularise(y, d, root, factor, rhs):
     """R and Qᵀ(y, 0) of the stacked matrix (Dᵀ; √NVR·I), rows of Dᵀ entering one by one.
 
@@ -232,7 +233,7 @@ def _triangularise(y, d, root, factor, rhs):
             value = cosine * lower - sine * upper
 
 
-@njit(cache=True, nogil=True)
+@section
 def _filter_rest(w, scale, theta, start, c):
     """c_j = w_j / √f0 - Σ θ_t c_{j-t} from j = start ≥ 4 on, after the rows of the head."""
     _, t1, t2, t3, t4 = theta
@@ -244,7 +245,7 @@ def _filter_rest(w, scale, theta, start, c):
         c4, c3, c2, c1 = c3, c2, c1, now
 
 
-@njit(cache=True, nogil=True)
+@section
 def _substitute(d, head, root_f0, theta, c, level):
     """Solve R z = c backwards and subtract Dᵀz from ``level``, which enters as y.
 

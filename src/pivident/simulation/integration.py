@@ -25,7 +25,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.compiled import inlined as _inline
-from pivident.compiled import inner, rows
+from pivident.compiled import inner, rows, section
 from pivident.dynamics.friction_table import (
     AHEAD,
     MIDWAY,
@@ -107,7 +107,7 @@ def _has_moved(vectors, clock):
     return False
 
 
-@_inline
+@section
 def evaluate(
     parent, prismatic, rotation, translation, gravity, inertia, rotor,
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
@@ -215,7 +215,7 @@ def subtract_product(matrices, vectors, x, scale, base, out):
             vectors[out, i] -= matrices[MIDDLE, j, i] * factor
 
 
-@_inline
+@section
 def freeze_at_middle(vectors, matrices, clock, h):
     """Extrapolate h and M⁻¹ to the middle of the step of length ``h`` [s]."""
     n = vectors.shape[1]
@@ -231,7 +231,7 @@ def freeze_at_middle(vectors, matrices, clock, h):
     clock[LAST_STEP] = h
 
 
-@_inline
+@section
 def advance(
     linear, term_index, term_value, pair_index, pair_value,
     vectors, matrices, slopes, clock, torque, h,
@@ -276,7 +276,7 @@ def advance(
     clock[FRICTION_KNOWN] = 1.0
 
 
-@_inline
+@section
 def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     """Change of speed _Y and of position _X from dy/dt = a - M⁻¹ D y, over ``h`` [s].
 
@@ -307,7 +307,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
             subtract_product(matrices, vectors, _Z, 1.0, _A0, _A)
 
 
-@inner
+@section
 def _nonlinear_step(
     linear, term_index, term_value, pair_index, pair_value, vectors, matrices, slopes, torque, h
 ):
