@@ -1,7 +1,7 @@
 """How well the parameters of one result predict the torque of the record of another.
 
-The sums G, g, t of a result over its own record (`pivident.estimation.equations`) give the error
-of any parameters on that record,
+The sums G, g, t of a result over its own record (`pivident.estimation.solved_equations`) give the
+error of any parameters on that record,
 
     ‖τ - Φβ‖/‖τ‖ = √((t - 2 gᵀβ + βᵀGβ)/t),      ‖Φ(β_b - β_a)‖/‖τ‖ = √((β_b - β_a)ᵀG(β_b - β_a)/t)
 

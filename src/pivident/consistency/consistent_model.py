@@ -32,8 +32,8 @@ from pivident.consistency.significance import NOTABLE_COST, cost_notes, is_far, 
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError, NoConsistentModelNear
-from pivident.estimation.equations import TorqueSums
 from pivident.estimation.identification import Identification
+from pivident.estimation.solved_equations import TorqueSums
 from pivident.estimation.torque_sums import torque_sums
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest

@@ -23,8 +23,8 @@ import numpy as np
 
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.errors import IdentificationError
-from pivident.estimation.equations import TorqueSums
 from pivident.estimation.identification import Identification
+from pivident.estimation.solved_equations import TorqueSums
 from pivident.estimation.torque_sums import estimated_in_base, estimated_indices
 
 #: Smallest variance of a direction over that of white errors, relative to the median, below which

@@ -1,4 +1,4 @@
-"""Forward dynamics: mass matrix, bias torques and acceleration from linear parameters.
+"""Forward dynamics: mass matrix, bias torques and acceleration from linear parameters; (P-5).
 
     M(q) ddq + h(q, dq) + friction(dq, q, z, load) = tau
 

@@ -1,4 +1,4 @@
-"""Compiled rigid-body recursions for one sample at a time, generic over the robot.
+"""Compiled rigid-body recursions for one sample at a time, for any robot; M and N of (P-1).
 
 The simulation computes one sample after the other; loops over many samples at once are in
 ``regressor_kernels``.

@@ -1,4 +1,4 @@
-"""The standard parameters of a robot: names, order, units.
+"""The standard parameters of a robot: names, order, units; (P-2).
 
 Order: for each link ``xx xy xz yy yz zz mx my mz m``, its rotor inertia ``ia`` and the terms of
 its friction law (``fv fc off`` …), then for each declared coupling ``iam fvm fcm``. On a serial

@@ -1,4 +1,4 @@
-"""Observation matrix Φ(q, dq, ddq), with tau = Φ θ, linear in the parameters.
+"""Observation matrix Φ(q, dq, ddq), with tau = Φ θ, linear in the parameters; (P-3).
 
 Inside, the matrix is *packed*: only the structurally non-zero entries are computed, one row per
 entry, time last, sorted by joint. On the TX40 that is about a third of the dense matrix. The

@@ -9,7 +9,6 @@ import numpy as np
 
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.covariance.stationary_noise import stationary_covariance
-from pivident.estimation.equations import Equations
 from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
@@ -17,6 +16,7 @@ from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import JointSums, relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.signs import sign_warnings
+from pivident.estimation.solved_equations import Equations
 from pivident.logs.torque_scale import scale_sentences
 from pivident.simulation.control_loop import Loop
 from pivident.text.finding import Finding, Quantity

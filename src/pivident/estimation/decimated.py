@@ -1,4 +1,4 @@
-"""Equations after parallel decimation: columns and torque through the same filter, then thinned."""
+"""Equations after parallel decimation: columns and torque through one filter, thinned; (P-18)."""
 
 from __future__ import annotations
 

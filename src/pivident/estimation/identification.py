@@ -11,8 +11,8 @@ from scipy.special import ndtri
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import FittedRecording
-from pivident.estimation.equations import Equations, TorqueSums
 from pivident.estimation.methods import Bandpass, Method
+from pivident.estimation.solved_equations import Equations, TorqueSums
 from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop

@@ -1,4 +1,4 @@
-"""IDIM-LS: ordinary and weighted least squares on the inverse dynamic model."""
+"""IDIM-LS: ordinary and weighted least squares on the inverse dynamic model, (P-19)."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Prefilters of IDIM-PIV: noise models from the residual, and the samples they can be used on.
 
-An AR model of the residual behind the inverse controller whitens it, (P-29). On simulated
+An AR model of the residual behind the inverse controller whitens it, (P-25), (P-29). On simulated
 records a joint's standstill is excluded where it is much noisier than the motion, and with it
 the samples after it that are filtered with standstill in memory. On measured records the mask
 has done that, for the sake of the friction model, and the samples after it are worth more than

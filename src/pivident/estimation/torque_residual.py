@@ -1,4 +1,4 @@
-"""Residual of the torque, τ - Φθ: (P-24), and (P-30) in the iteration."""
+"""Residual of the torque, τ - Φθ: v of (P-4), (P-24), and (P-30) in the iteration."""
 
 from __future__ import annotations
 

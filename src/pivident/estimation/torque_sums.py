@@ -7,8 +7,8 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import FittedRecording
-from pivident.estimation.equations import TorqueSums
 from pivident.estimation.identification import Identification
+from pivident.estimation.solved_equations import TorqueSums
 
 #: Samples that are worked on at a time.
 BLOCK = 4096

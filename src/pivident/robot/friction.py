@@ -60,7 +60,7 @@ def power_viscous(
 
 
 def coulomb(smoothing: Smoothing = "atan", gamma: float | None = None) -> FrictionTerm:
-    """Friction fc s(dq), fc in [N m] or [N]; γ = 150 s/rad in the paper, (P-4).
+    """Friction fc s(dq), fc in [N m] or [N]; γ = 150 s/rad in the paper.
 
     Args:
         smoothing: of the sign s: ``"atan"``, ``"tanh"`` or ``"sign"``.

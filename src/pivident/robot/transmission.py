@@ -1,4 +1,4 @@
-"""Between motor side and joint side: reduction matrix, signs and drive gains.
+"""Between motor side and joint side: reduction matrix, signs and drive gains, (P-7).
 
 With N the reduction matrix (motor per joint, couplings off its diagonal),
 

@@ -1,6 +1,6 @@
 """Autoregressive noise models by Burg's method, and whether a residual is white.
 
-A residual v is modelled as filtered white noise (the noise model of (P-28)),
+A residual v is modelled as filtered white noise (the noise model of (P-29)),
 
     v_k = e_k / A(z⁻¹),     A = 1 + a_1 z⁻¹ + … + a_p z⁻ᵖ,     var e = λ
 

@@ -1,4 +1,4 @@
-"""Sampled control laws of joint position loops.
+"""Sampled control laws of joint position loops, (P-6).
 
 All laws here share one discrete form, joint by joint, with q the *measured* position,
 

@@ -1,4 +1,4 @@
-"""Noise of simulated records: encoders (white, coloured, counted) and torque sensors.
+"""Noise of simulated records: encoders (white, coloured, counted), (P-8), and torque sensors.
 
 Every stream of random numbers has its own seed, (run, stream, study): a run's numbers depend on
 nothing but that, whoever computes it and after whatever.

@@ -28,8 +28,8 @@ from pivident.estimation.covariance.windows import WINDOWS
 from pivident.validation.instruments.moment_sums import kept_equations
 
 if TYPE_CHECKING:
-    from pivident.estimation.equations import Block
     from pivident.estimation.identification import Identification
+    from pivident.estimation.solved_equations import Block
 
 Taper = Literal["flat", "raised cosine"]
 

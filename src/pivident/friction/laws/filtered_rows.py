@@ -15,12 +15,12 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord, accumulate
-from pivident.estimation.equations import Equations
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Bandpass, Method
 from pivident.estimation.motion import Motion
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.estimation.solved_equations import Equations
 from pivident.signals.decimation import parallel_decimation
 
 

@@ -21,9 +21,9 @@ from pivident.estimation.motion import central_differences
 if TYPE_CHECKING:
     from pivident.dynamics.regressor import Regressor
     from pivident.estimation.equation_record import EquationRecord
-    from pivident.estimation.equations import Equations
     from pivident.estimation.identification import Identification
     from pivident.estimation.motion import Motion
+    from pivident.estimation.solved_equations import Equations
 
 ExtraInstruments = Literal["reference", "delayed"]
 

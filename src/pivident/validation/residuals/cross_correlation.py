@@ -25,7 +25,7 @@ from pivident.estimation.methods import MOTION_BAND
 from pivident.validation.residuals.whitened_residual import SIGNIFICANCE, probability, reading
 
 if TYPE_CHECKING:
-    from pivident.estimation.equations import Equations
+    from pivident.estimation.solved_equations import Equations
 
 #: Shifts of the instruments in the test, in stretches.
 SHIFTS = (-1, 1)
