@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from pivident.many.study.summary import NOMINAL_COVERAGE, Summary
+from pivident.text.plain_table import plain_table
 
 HEADINGS = (
     "method", "runs", "covered", "interval", "median error", "predicted/found", "efficiency",
@@ -14,7 +15,7 @@ HEADINGS = (
 
 def summary_text(summary: Summary) -> str:
     """A table with one line per method, errors, and a note on the intervals."""
-    rows = [HEADINGS]
+    rows = []
     for name, m in summary.methods.items():
         low, high = m.coverage_interval
         rows.append(
@@ -30,14 +31,10 @@ def summary_text(summary: Summary) -> str:
                 "–" if math.isnan(m.seconds) else f"{m.seconds:.2f} s",
             )
         )
-    widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
-    lines = [
-        "  ".join(
-            cell.ljust(w) if k == 0 else cell.rjust(w)
-            for k, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
+    table = [
+        (heading, ">" if k else "<", [row[k] for row in rows]) for k, heading in enumerate(HEADINGS)
     ]
+    lines = [plain_table(table)]
     for name, m in summary.methods.items():
         for error, count in m.errors.items():
             lines.append(f"{name}: {count} run(s) ended with {error}: {m.messages[error]}")
