@@ -108,9 +108,7 @@ def _plain_lines(lines: Iterable[str], header: Dialect, last: int | None) -> Ite
         if header.blanks:
             line = separator.join(line.split())
         if '"' in line:
-            while line.count('"') % 2 and len(line) < MAX_LINE and (more := next(rows, None)):
-                line += more[1]  # a cell of several lines
-            cells = cells_of(line, separator)
+            cells = cells_of(_with_the_rest(line, rows), separator)
             line = separator.join(" ".join(cell.replace(separator, " ").split()) for cell in cells)
         if header.decimal_comma:
             line = line.replace(",", ".")
@@ -122,6 +120,15 @@ def _plain_lines(lines: Iterable[str], header: Dialect, last: int | None) -> Ite
             raise ValueError("a line has too many cells")
         else:
             yield line
+
+
+def _with_the_rest(line: str, rows: Iterator[tuple[int, str]]) -> str:
+    """A line with those on which its quoted cells go on."""
+    parts, quotes, length = [line], line.count('"'), len(line)
+    while quotes % 2 and length < MAX_LINE and (more := next(rows, None)):
+        parts.append(more[1])
+        quotes, length = quotes + more[1].count('"'), length + len(more[1])
+    return "".join(parts)
 
 
 def _last_sample(path: Path, header: Dialect, places: Sequence[int]) -> int:
