@@ -136,20 +136,20 @@ def test_inputs_are_not_overwritten(result, capsys, name):
     target = result / name
     before = digest(target)
     assert run("export", result, "--to", "urdf", "--out", target) == 1
-    assert "made from, which stays as it is" in capsys.readouterr().err
+    assert "made from, which must not change" in capsys.readouterr().err
     assert digest(target) == before
 
 
 def test_link_to_an_input_is_an_input(result, tmp_path, capsys):
     (tmp_path / "link.urdf").symlink_to(result.parent / "arm.urdf")
     assert run("export", result, "--to", "urdf", "--out", tmp_path / "link.urdf") == 1
-    assert "stays as it is" in capsys.readouterr().err
+    assert "must not change" in capsys.readouterr().err
 
 
 def test_header_that_would_replace_an_input_is_refused(result, tmp_path, capsys):
     (tmp_path / "arm.h").symlink_to(result / "identification.json")
     assert run("export", result, "--to", "c", "--out", tmp_path / "arm.c") == 1
-    assert "stays as it is" in capsys.readouterr().err
+    assert "must not change" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("name", ["arm.h", "ARM.H"])
@@ -171,7 +171,7 @@ def test_what_cannot_be_is_refused_in_one_line(result, tmp_path, capsys):
         ((result, "--to", "word", "--out", tmp_path / "a"), 2, "word"),
         ((result, "--to", "json", "--out", tmp_path), 1, "is a folder; name a file"),
         ((tmp_path, "--to", "json", "--out", tmp_path / "a"), 1, "cannot be read"),
-        ((result / "verdict.json", "--to", "json", "--out", tmp_path / "a"), 1, "no identific"),
+        ((result / "verdict.json", "--to", "json", "--out", tmp_path / "a"), 1, "not an identific"),
         ((result, "--to", "json", "--out", result / "verdict.json" / "a"), 1, "is a file; choose"),
     ]
     for tokens, code, message in cases:
@@ -202,5 +202,5 @@ def test_file_that_says_something_else_is_not_written(result, tmp_path, capsys, 
     wrong = Verification("an engine", largest=1.0, relative=0.1, states=5)
     monkeypatch.setattr(formats, "verify_export", lambda *a, **k: (wrong,))
     assert run("export", result, "--to", "json", "--out", tmp_path / "m.json") == 1
-    assert "does not say what the model says" in refused(capsys)
+    assert "does not match the model" in refused(capsys)
     assert list(tmp_path.iterdir()) == []

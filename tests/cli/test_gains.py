@@ -175,4 +175,4 @@ def test_a_folder_that_cannot_be_written_is_told_before_the_work(folder, capsys)
     (folder / "file").write_text("")
     assert run(folder, HEAD, "--out", folder / "file" / "gains.toml") == 1
     errors = capsys.readouterr().err
-    assert "file" in errors and "smoothing" not in errors and "mistake in pivident" not in errors
+    assert "file" in errors and "smoothing" not in errors and "bug in pivident" not in errors

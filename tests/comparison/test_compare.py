@@ -293,7 +293,7 @@ def test_wrong_arguments_in_python(days, tmp_path):
     with pytest.raises(ComparisonError, match="pivident fleet"):
         compare([days[0]] * 30)
     (tmp_path / "identification.json").write_text("{}")
-    with pytest.raises(IdentificationFileError, match="no identification"):
+    with pytest.raises(IdentificationFileError, match="not an identification"):
         compare([tmp_path, days[0]])
     with pytest.raises(ComparisonError):
         compare([])

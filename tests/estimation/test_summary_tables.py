@@ -105,7 +105,7 @@ def test_tables_say_which_rows_an_error_is_taken_over():
     text = comparison_table([decimated, synthetic_identification()])
     assert "IDIM-WLS 3.4 % (filtered rows, 1000 Hz)" in text
     assert "IDIM-PIV 3.4 % (all samples, 1000 Hz)" in text
-    assert "compare these errors among the same rows" in text
+    assert "compare only errors over the same rows" in text
     assert "same rows" not in comparison_table([decimated, decimated])
 
 

@@ -27,17 +27,17 @@ CHAPTERS = {
 HEAD = """\
 # What went wrong?
 
-`pivident check my_robot.toml` looks at an experiment file, its robot and its logs before anything
-is estimated, and says what is wrong, where, and what to change. Below is what it says to {number}
-mistakes, sorted by where they are made; each of them is a test. Numbers are those of a small arm of
-two joints, `shoulder` and `elbow`.
+`pivident check my_robot.toml` examines an experiment file, its robot and its logs before anything
+is estimated, and reports what is wrong, where, and what to change. Below are its answers
+to {number} mistakes, sorted by where they are made; each of them is a test. Numbers are those of a
+small arm with two joints, `shoulder` and `elbow`.
 
 The exit code is 0 without errors, 1 if an identification would stop, 4 if it would run with wrong
 results. `--robot NAME` checks with another robot, `--json` prints everything for programs. The
-check also prints what it has looked at, and which parameters would be estimated from what, with
-which methods, in about what time (to a factor of two, of one processor; compiling is listed apart).
-A log with gaps is looked at between them, and the plan is that for the stretches that are left. In
-Python: `pivident.check.check_experiment("my_robot.toml")`.
+check also prints what it has examined, and which parameters would be estimated from what, with
+which methods, in about what time (to a factor of two, on one processor; compiling is listed
+separately). A log with gaps is examined between them, and the plan covers the stretches that are
+left. In Python: `pivident.check.check_experiment("my_robot.toml")`.
 """
 
 

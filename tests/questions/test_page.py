@@ -18,7 +18,7 @@ def test_every_case_is_on_the_page_with_its_answer():
             assert len(found) == 1, f"{case.question}: run python -m tests.questions.page"
             assert answered(found, tuple(map(cell, case.answer))), found[0]
             number += 1
-    assert number >= 200 and f"says to {number}" in text
+    assert number >= 200 and f"to {number} mistakes" in text
     assert len(rows) == number + 1  # and the heading of the tables
 
 

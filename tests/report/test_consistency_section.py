@@ -160,6 +160,6 @@ def test_verdict_on_near_and_far_cheap_dear_and_unknown(diagnostics):
         (False, "unknown"): "warning",
     }
     for (_, cost), s in told.items():
-        assert ("not known" in s.message) == (cost == "unknown")
+        assert ("cost in torque is unknown" in s.message) == (cost == "unknown")
         assert ("predict as well" in s.message) <= (cost == "cheap")
         assert "least distance 2.5 σ" in s.basis and "2.8 σ" in s.basis

@@ -78,7 +78,7 @@ def test_the_loop_section_has_bandwidths_and_disagreements(page, results):
     assert "Low-pass of the positions: 5 bandwidths are" in text
     assert "for elbow, the fastest joint; used were 50.0 Hz, clearly lower" in text
     slow = too_slow_smoothers(loop, [joint.f50 for joint in results[-1].joints], 3)
-    assert f"Smoother: takes {'more' if slow else 'less'} than a thousandth" in text
+    assert f"Smoother: removes {'more' if slow else 'less'} than a thousandth" in text
     assert all(f"{name} (" in text for name, *_ in slow)
 
 
@@ -101,7 +101,7 @@ def test_a_joint_without_a_loop_leaves_the_others(results):
     law = PD([0.0, 2500.0], [0.0, 60.0])
     odd = replace(results[1], loop=replace(results[1].loop, controller=law))
     text = words(render_report([odd]), "closed-loop")
-    assert "the law does not hold the joint to its reference" in text
+    assert "the law does not keep the joint on its reference" in text
     assert "nan" not in text.lower()
 
 

@@ -59,7 +59,7 @@ def test_remarks_on_parameters():
     )
     assert "1 of 13 parameters are not significantly different from zero, which their ±2σ" in text
     assert "includes: zz2." in text
-    assert "Negative, as no friction or rotor inertia can be: fv1." in text
+    assert "Negative, which friction and rotor inertia cannot be: fv1." in text
     assert "13 of 13 parameters the robust" in said(findings(good()))
 
 

@@ -53,7 +53,7 @@ def test_simulated_arm_keeps_the_true_set(arm):
     assert 0.3 < result.design_effect < 3.0  # PIV's residual is nearly white
     assert result.largest_change < 0.5
     text = str(result)
-    assert "not compatible with zero" in text and result.dropped[0] in text
+    assert "differs significantly from zero" in text and result.dropped[0] in text
     assert "independent equations" in text
 
 

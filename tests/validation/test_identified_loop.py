@@ -96,9 +96,9 @@ def test_what_cannot_be_drawn_says_why(iv):
     none = in_loop(iv, controller=python)
     assert not none.joints and "Python function" in none.reason and none.fastest is None
     beside = in_loop(iv, controller=replace(python, linear=LAW))
-    assert "linear law that stands beside it" in beside.notes[0]
+    assert "the loop drawn is that of its linear law" in beside.notes[0]
     limited = in_loop(iv, limit=np.array([100.0, np.inf]))
-    assert "below its limit" in limited.notes[0]
+    assert "below the limit" in limited.notes[0]
     assert "virtual" in in_loop(iv, reference="smoothed").notes[0]
     wild = in_loop(iv, controller=PID([6e7, 2500.0], [180.0, 60.0]))
     assert "not stable" in wild.joints[0].reason and np.isnan(wild.joints[0].bandwidth)

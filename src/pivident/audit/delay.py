@@ -161,11 +161,11 @@ def _findings(
         step = f"Set delay = {total:.3g} under [recording]."
         if total < 0:
             step += (
-                f" If the log holds the command and the drive answers late, set "
-                f"drive_delay = {-total:.3g} instead: the simulated loop then waits as long."
+                f" If the log holds the command and the drive responds late, set "
+                f"drive_delay = {-total:.3g} instead: the simulated loop then has the same delay."
             )
         if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
-            step += ' Half a sample is what torque_timing = "sampled" would explain too.'
+            step += ' torque_timing = "sampled" would also explain half a sample.'
     kind, evidence = "late" if mean > 0 else "early", _evidence(mean, standard_error, period)
     findings = [Finding(severity, "delay", kind, text, next_step=step, evidence=evidence)]
     for j in np.flatnonzero(sharp):

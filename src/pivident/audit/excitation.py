@@ -222,8 +222,9 @@ def _findings(
                 "warning" if open_torque[k] > WEAK else "ok",
                 "excitation",
                 "weak",
-                f"{names[k]} is poorly excited: alone it leaves {share:.3g} % of the torque of "
-                f"full motion open; the log has {100 * used[k]:.2g} % of its column there.",
+                f"{names[k]} is poorly excited: it alone leaves {share:.3g} % of the torque of "
+                f"full motion undetermined; its column in the log is {100 * used[k]:.2g} % of that "
+                "in full motion.",
                 names[k],
                 _motion(model, parameters[k], parts[k], ranges),
                 evidence={"open torque": Quantity(share, "%", bound=100 * WEAK)},
@@ -257,7 +258,7 @@ def _motion(
     if parameter.friction is not None and parameter.friction.depends_on_position:
         return f"Move {names} slowly through more of its range."
     return {
-        "posture": f"Let {names} hold and slowly change more postures against gravity.",
-        "speed": f"Move {names} faster and in both directions, the joints before it meanwhile.",
+        "posture": f"Let {names} hold more postures against gravity, with slow moves between them.",
+        "speed": f"Move {names} faster, in both directions, together with the preceding joints.",
         "acceleration": f"Accelerate {names} harder, in different postures.",
     }[QUANTITIES[quantity]]

@@ -42,7 +42,7 @@ def check_order(model: InverseModel) -> Order:
     gain = float(np.sum(cost[moved, moved] - cost[moved, best[moved]]))
     names = model.robot.joint_names
     if not moved.size or gain < moved.size * np.log(BETTER):
-        text = "Each torque fits the joint beside it better than any other order of the columns."
+        text = "Each torque fits its own joint better than in any other order of the columns."
         if joints == 1:
             return Order((), errors, (0,))
         return Order((Finding("ok", "order", "order", text),), errors, tuple(range(joints)))

@@ -85,7 +85,7 @@ def mechanical_power(log: Log) -> list[Finding]:
         parts = np.array([part.sum() for part in np.array_split(work[:, j], BLOCKS)])
         total, standard_error = float(parts.sum()), float(np.std(parts) * np.sqrt(BLOCKS))
         if total + CLEAR * standard_error < 0 and total < -0.05 * turnover[j]:
-            text = f"{name} gives {abs(total):.3g} J instead of taking energy from its drive."
+            text = f"{name} supplies {abs(total):.3g} J instead of taking energy from its drive."
             step = "Torque or position may have the wrong sign; --robot makes it certain."
             evidence = {
                 "energy": Quantity(
@@ -140,13 +140,14 @@ def _power_finding(
         # Of a torque that the model hardly explains, a fraction proves nothing.
         severity = "error" if model.relative_errors[j] < EXPLAINED else "warning"
         step = (
-            f"Flip tau or q of {name}: a list under units with -1.0 in place of N m, N, rad or m."
+            f"Reverse the sign of tau or q of {name}: a list under units with -1.0 in place of N "
+            "m, N, rad or m."
         )
         if len(negative) == model.robot.size and len(negative) > 1:
-            step = "All joints give power: flip tau as a whole, units = {tau = -1.0}."
+            step = "All joints supply power: reverse the sign of tau, units = {tau = -1.0}."
     size, spread = with_spread(power, 2 * standard_error)
-    text = f"Friction of {name} takes {size} ± {spread} W"
-    text += "." if power >= 0 else ", that is, it would give energy."
+    text = f"Friction of {name} dissipates {size} ± {spread} W"
+    text += "." if power >= 0 else ", that is, it would supply energy."
     if not clear:
         text += " The motion does not determine its sign."
     evidence = {

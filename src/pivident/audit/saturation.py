@@ -93,10 +93,10 @@ def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Findi
     first = int(place[spikes[0] + 2])
     largest = float(height[spikes].max())
     text = (
-        f"{name} has {len(spikes)} single sample(s) that stick out, by up to {largest:.4g}; "
+        f"{name} has {len(spikes)} isolated outlier(s), of up to {largest:.4g}; "
         f"the first is sample {first}."
     )
-    step = "Remove them (bandpass = {median = 3} under [identify] does), and ask the logger why."
+    step = "Remove them (bandpass = {median = 3} under [identify] does), and check the logger."
     evidence = {
         "height": Quantity(largest, "unit of the file", bound=SPIKE * usual),
         **at_sample(first, log.time_of(first)),
@@ -116,7 +116,7 @@ def _clipped(
     first, value = int(place[clipped[0]]), float(tau[clipped[0]])
     severity: Severity = "error" if share > TOLERATED_CLIPPING else "warning"
     text = (
-        f"{name} is cut off at {value:.6g} during {clipped.size} samples "
+        f"{name} is cut off at {value:.6g} for {clipped.size} samples "
         f"({100 * share:.2g} %), first at sample {first}."
     )
     step = "Cut these parts, or repeat the motion more slowly."
@@ -140,7 +140,7 @@ def _one_value(name: str, tau: np.ndarray, q: np.ndarray) -> list[Finding]:
         f"{name} is exactly {values[counts.argmax()]:.4g} during {100 * share:.3g} % of the "
         "motion of its joint."
     )
-    step = "The channel does not measure this joint; leave the joint out, or log it otherwise."
+    step = "The channel does not measure this joint; leave the joint out, or log it in another way."
     evidence = {"share": Quantity(100 * share, "%", bound=100 * ONE_VALUE)}
     return [Finding("error", "channels", "stuck", text, name, step, evidence)]
 

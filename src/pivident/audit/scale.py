@@ -110,9 +110,9 @@ def _load_finding(robot: Robot, load: FlangeLoad) -> Finding:
     half = 2 * load.standard_error
     low, high = load.mass - half, load.mass + half
     text = (
-        f"The torques show a body of {plus_minus(load.mass, half)} kg (2σ of the "
+        f"The torques indicate a body of {plus_minus(load.mass, half)} kg (2σ of the "
         f"fit, if the masses of the description are exact) on the link of {last} that the "
-        "description lacks; beside it their scale is right."
+        "description lacks; with it their scale is right."
     )
     step = (
         f"A tool or a payload? Add its mass, centre of mass and inertia to the link of {last} in "
@@ -291,7 +291,7 @@ def _gain_findings(
                 f"{joint.name} was logged as a drive command without a gain; the description "
                 f"suggests {1 / a:.4g} {unit} per unit (between {low:.3g} and {high:.3g})."
             )
-            step = f"Write gain = {1 / a:.4g} beside the unit of tau if that is so."
+            step = f"If that is right, write gain = {1 / a:.4g} beside the unit of tau."
         evidence = {
             "factor": Quantity(
                 a, bound=WARNING if severity != "error" else ERROR, interval=interval

@@ -82,7 +82,7 @@ def _finding(
         step = "It was filtered before it was logged; use the derivative of the position instead."
     text = (
         f"{name} is {factor:.4g} times the derivative of {channel}, {1e3 * lag:.3g} ms "
-        f"({samples:.3g} samples) later; {100 * error:.3g} % of it are something else."
+        f"({samples:.3g} samples) later; {100 * error:.3g} % of it is not explained."
     )
     evidence = {"factor": Quantity(factor, bound=1 + WARNING)}
     return Finding(severity, "speed", "derivative", text, name, step, evidence)

@@ -142,7 +142,7 @@ def _one_clock(
     late = int(place[min(int(np.argmax(np.abs(ratio - 1.0))), len(place) - 1)])
     text = f"The clock ticks every {1e3 * period:.6g} ms; "
     text += (
-        "all intervals are alike."
+        "all intervals are equal."
         if largest < ROUNDING
         else f"single intervals differ by up to {100 * largest:.3g} % (standard deviation "
         f"{100 * spread:.2g} %)."
@@ -150,7 +150,7 @@ def _one_clock(
     jitter = Quantity(100 * largest, "%", bound=100 * JITTER_TOLERANCE)
     harmless = Finding("ok", "timing", "jitter", text, name, evidence={"jitter": jitter})
     if largest > JITTER_TOLERANCE and log.resample:
-        text += " New samples are made at equal intervals, as resample = true asks."
+        text += " New samples are made at equal intervals, as requested by resample = true."
         findings.append(replace(harmless, message=text))
         regular = False
     elif largest > JITTER_TOLERANCE:
@@ -164,7 +164,7 @@ def _one_clock(
         findings.append(harmless)
     rate = round_rate((len(finite) - 1) / (finite[-1] - finite[0])) if regular else 1.0 / period
     if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
-        text = f"The stamps advance at {rate:.4g} Hz, which no robot's log does."
+        text = f"The stamps advance at {rate:.4g} Hz, unlike any robot's log."
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
         findings.append(finding("error", "rate", text, 0, step, rate=Quantity(rate, "Hz")))
     return steps, rate, regular, findings
@@ -201,10 +201,10 @@ def _against_clock(name: str, t: np.ndarray, other: str, u: np.ndarray) -> list[
     if jump[k] > GAP * period:
         where = int(both[k + 1])
         text = (
-            f"The clocks {name} and {other} move by {1e3 * jump[k]:.4g} ms against each other "
+            f"The clocks {name} and {other} shift by {1e3 * jump[k]:.4g} ms relative to each other "
             f"at sample {where}."
         )
-        step = "One of the two writers was late there; do not mix channels of both clocks."
+        step = "One of the two loggers was late there; do not mix channels of both clocks."
         evidence = {
             "jump": Quantity(1e3 * float(jump[k]), "ms", bound=1e3 * GAP * period),
             **at_sample(where, float(t[where])),
@@ -280,7 +280,7 @@ def _step_findings(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
         (
             steps[:, 1] >= 1,
             "lost",
-            "In {n} place(s) all joints step over {m} sample(s) that are not in the log",
+            "In {n} place(s) all joints skip {m} sample(s) that are missing from the log",
             "The logger dropped samples{s}; cut the recording there, or log with time stamps.",
         ),
         (

@@ -106,7 +106,7 @@ def _another_quantity(channel: str, names: Sequence[str], table: Place) -> Itera
             f"The column {column!r} is taken for {channel} ({CALLED[channel]}), but its name "
             f"reads like {kind} ({CALLED.get(kind, kind)}).",
             column,
-            "Columns may be swapped; check which is which.",
+            "The columns may be swapped; check which is which.",
             place=(*table, "columns", channel),
         )
 

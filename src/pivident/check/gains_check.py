@@ -145,14 +145,14 @@ def _compared(
         product = "The gain" if key == "drive_gain" else product
         cause = cause or (
             f"check {key}, drive_gain, and the units of tau and q; with "
-            'controller = "identify" the law is found from the log'
+            'controller = "identify" the law is identified from the log'
         )
         yield Remark(
             "error" if not 1 / 3 < ratio < 3 else "warning",
             "controller",
             "gain",
             f"{product} of {name}, drive gain included, is {said:.5g} in the file; reference, "
-            f"position and torque of the log say {seen:.5g}.",
+            f"position and torque of the log give {seen:.5g}.",
             name,
             cause[:1].upper() + cause[1:] + ".",
             place=("controller", key),

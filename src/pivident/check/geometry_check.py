@@ -59,7 +59,7 @@ def check_geometry(log: Log, timing: Timing, model: InverseModel, table: Place) 
     explanations.sort(key=lambda pair: -pair[0])
     (most, best), *others = explanations
     alike = [remark for gain, remark in others if gain > most - ALIKE][:2]
-    step = " Or as well: ".join([best.next_step, *(f"{r.message} {r.next_step}" for r in alike)])
+    step = " Or also: ".join([best.next_step, *(f"{r.message} {r.next_step}" for r in alike)])
     return [replace(best, next_step=step)]
 
 
@@ -107,7 +107,7 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
         turned = {kind: np.array(values) for kind, values in log.channels.items()}
         for values in turned.values():
             values[:, j] *= -1.0
-        text = f"{joint.name} seems to turn the other way than in the description"
+        text = f"{joint.name} seems to turn in the opposite direction to the description"
         step = (
             "Reverse its axis in the description, or the signs of both its position and its "
             "torque in the log."
@@ -129,7 +129,7 @@ def _candidates(log: Log, robot: Robot, table: Place) -> Iterator[tuple[Log, Rem
                     "error",
                     "geometry",
                     "zero",
-                    f"The zero of {joint.name} seems to lie {abs(degrees)}° elsewhere than in the "
+                    f"The zero of {joint.name} seems to be {abs(degrees)}° away from that in the "
                     "description",
                     joint.name,
                     f"Set position_offset to {np.radians(degrees):.4f} rad for it (radians, as "

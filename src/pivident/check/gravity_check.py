@@ -49,12 +49,12 @@ def check_gravity(log: Log, timing: Timing, entry: ControllerEntry) -> list[Rema
         f"Error and speed explain {100 * without:.3g} % of the torque of {name}, with gravity "
         f"at the measured position {100 * with_gravity:.4g} %: the controller of "
         f"{', '.join(own[0] for own in found)} compensates gravity, which the file does not "
-        "say."
+        "state."
     )
     step = (
-        'Set feed_forward = "gravity_measured" ("gravity" at the reference) where the '
-        'controller has the masses of the description; with controller = "identify" law and '
-        "gravity model are found from the log."
+        'Set feed_forward = "gravity_measured" ("gravity" at the reference) if the '
+        'controller uses the masses of the description; with controller = "identify" law and '
+        "gravity model are identified from the log."
     )
     return [Remark("warning", "controller", "gravity", text, name, step, place=("controller",))]
 

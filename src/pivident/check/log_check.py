@@ -206,7 +206,7 @@ def _long_delay(delay: float, place: Place) -> Remark:
 
 def _no_rate(rate: float, place: Place) -> Remark:
     """A declared rate that no log has."""
-    text = f"The rate is {rate:g} Hz, which no robot's log has."
+    text = f"The rate is {rate:g} Hz, unlike any robot's log."
     step = "It may be a period in seconds, or a rate in kHz; rate is in Hz."
     return Remark("error", "timing", "rate", text, next_step=step, place=(*place, "rate"))
 

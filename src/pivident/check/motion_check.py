@@ -83,7 +83,7 @@ def _length(log: Log, rate: float, parameters: int, table: Place) -> Iterator[Re
     elif seconds < SHORTEST:
         text = f"The record is short: {seconds:.3g} s of motion."
         step = (
-            "Ten seconds and more, with moves of all joints, are far better: log for longer, "
+            "Ten seconds or more, with moves of all joints, are far better: log for longer, "
             "or check part and the rate."
         )
         yield Remark(
@@ -103,7 +103,7 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
                     "error",
                     "columns",
                     f"torque is {channel}",
-                    f"The torque of {joint} is its {channel}, but for a factor.",
+                    f"The torque of {joint} is its {channel} times a factor.",
                     joint,
                     "Another column was named for tau; name that of the torque.",
                     place=(*place, "tau"),
@@ -114,7 +114,7 @@ def _something_else(log: Log, q: np.ndarray, tau: np.ndarray, table: Place) -> I
             moves = _correlation(np.gradient(column), q[:, j])
             if moves > SAME and abs(_correlation(column, q[:, j])) < 0.9:
                 text = (
-                    f"The position of {joint} is the derivative of the column {name!r}, that is "
+                    f"The position of {joint} is the derivative of the column {name!r}, so it is "
                     "a speed."
                 )
                 step = f"Positions and speeds seem swapped; name {name!r} for q."
@@ -170,7 +170,7 @@ def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -
         yield Remark("error", "timing", "control rate", text, next_step=step, place=place)
     elif n > 1 and abs(declared * n / rate - 1) > 0.05:
         text = (
-            f"The torque changes only at every {n}. sample: the control loop seems to run at "
+            f"The torque changes only once every {n} samples: the control loop seems to run at "
             f"{rate / n:.5g} Hz, not at {declared:.5g} Hz."
         )
         step = f"Set control_rate = {rate / n:.5g} under [recording] if that is so."
@@ -197,10 +197,10 @@ def _held(log: Log, q: np.ndarray, tau: np.ndarray, rate: float, table: Place) -
             "warning",
             "timing",
             "held position",
-            f"The position of {log.joint_names[slow[0]]} changes only at every {n}. sample: it "
+            f"The position of {log.joint_names[slow[0]]} changes only once every {n} samples: it "
             f"was measured at {rate / n:.5g} Hz and repeated.",
             log.joint_names[slow[0]],
-            "Log at the rate of the measurement; repeated positions have wrong accelerations.",
+            "Log at the rate of the measurement; repeated positions give wrong accelerations.",
             place=(*table, "columns", "q"),
         )
 

@@ -25,8 +25,8 @@ def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Rema
             step = "It counts twice, and all intervals come out too narrow; remove one of them."
             if place[0] == "validation" != other[0]:
                 step = (
-                    "Motion that was fitted says nothing about motion that was not; name another "
-                    "file, or another part of this one."
+                    "Fitted motion cannot validate the estimate; name another file, or "
+                    "another part of this one."
                 )
             elif purpose is not None and place[0] != other[0]:
                 step = f"The record {purpose} must be another run; name its file."
@@ -51,7 +51,7 @@ def check_recordings(recordings: Sequence[tuple[Place, Recording]]) -> list[Rema
                 "recordings",
                 "rates",
                 f"The recordings have different rates: {listed}.",
-                next_step="That is possible; check that all come from the same loop.",
+                next_step="This is allowed; check that all come from the same loop.",
                 place=(*recordings[-1][0], "rate"),
             )
         )

@@ -62,9 +62,9 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
                 "reference",
                 "offset",
                 f"The reference of {names[j]} lies {np.mean(q_ref - q, axis=0)[j]:.4g} rad (or "
-                "m) away from the position all the time.",
+                "m) away from the position throughout.",
                 names[j],
-                "The two have another zero; correct one of them in the log.",
+                "Their zeros differ; correct one of them in the log.",
                 evidence={"offset": Quantity(float(np.mean(q_ref - q, axis=0)[j]), "rad (or m)")},
                 place=place,
             )
@@ -74,7 +74,7 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
     swapped = [j for j in far if best[j] != j and fit[j, best[j]] ** 2 > ALIKE]
     if swapped:
         pairs = ", ".join(f"{names[j]} follows the reference of {names[best[j]]}" for j in swapped)
-        text = f"The columns of q and q_ref are in different order: {pairs}."
+        text = f"The columns of q and q_ref are in different orders: {pairs}."
         advice = "List both in the order of the robot's joints."
         yield Remark("error", "reference", "order", text, names[swapped[0]], advice, place=place)
         return
@@ -84,7 +84,7 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
         if signed**2 > ALIKE:
             cause, step = f"{factor:.4g} times the position", "Check the units of q and q_ref."
             if signed < 0:
-                step = "One of the two has a reversed sign; correct it in the log."
+                step = "One of the two has the wrong sign; correct it in the log."
             elif 0.9 < factor * np.pi / 180 < 1.1:
                 step = 'It seems to be in degrees: set units = {q_ref = "deg"}.'
             elif 0.9 < factor * 180 / np.pi < 1.1:
@@ -107,8 +107,8 @@ def _reference(log: Log, q: np.ndarray, q_ref: np.ndarray, place: Place) -> Iter
             "warning",
             "reference",
             "far",
-            f"{names[j]} does not follow its reference: they are {100 * distance[j]:.3g} % of the "
-            "motion apart.",
+            f"{names[j]} does not follow its reference: they differ by {100 * distance[j]:.3g} % "
+            "of the motion.",
             names[j],
             "Another column, another joint, or a reference in another frame; IV and PIV simulate "
             "the loop along it.",

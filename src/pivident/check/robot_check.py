@@ -51,10 +51,10 @@ def check_robot(robot: Robot, model: str) -> list[Remark]:
         remarks.append(_robot_remark("warning", "no masses", text, step))
     unrated = [j.name for j in robot.joints if j.rated_speed is None]
     if unrated:
-        message = f"No rated speed is known of {', '.join(unrated)}."
+        message = f"The description has no rated speed of {', '.join(unrated)}."
         step = (
-            "The fastest motion of the record and 5 rad/s take its place in the mask and in "
-            "the friction law; give velocity under <limit> of the URDF, or rated_speed."
+            "The mask uses the fastest motion of the record instead, the friction law "
+            "5 rad/s; give velocity under <limit> of the URDF, or rated_speed."
         )
         remarks.append(_robot_remark("warning", "rated speed", message, step))
     return remarks
@@ -79,8 +79,8 @@ def _gravity(robot: Robot) -> Iterator[Remark]:
     if size == 0.0:
         text = "Gravity is zero in the description."
         step = (
-            "That is right only if no joint feels its weight; say gravity = [0, 0, -9.81] "
-            "(m/s², in the base frame) otherwise."
+            "That is right only if no joint carries weight; otherwise set gravity = [0, 0, -9.81] "
+            "(m/s², in the base frame)."
         )
         yield _robot_remark("warning", "no gravity", text, step, key="gravity")
     elif abs(size - EARTH) > TOLERANCE:

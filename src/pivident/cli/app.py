@@ -98,9 +98,9 @@ def identify(
     experiment
         The experiment file.
     method
-        ols, ls, wls, iv, iv-full-rate, piv, didim or piv-as-printed; with pc- in front also made
-        physically consistent (pc-piv); several with commas or by repetition. Default: those of the
-        file.
+        ols, ls, wls, iv, iv-full-rate, piv, didim or piv-as-printed; with the prefix pc- also made
+        physically consistent (pc-piv); several separated by commas or repeated. Default: those of
+        the file.
     folds
         Blocks of the motion that are held out in turn to judge the methods; 0: none. Default: that
         of the file, or else 5.
@@ -129,7 +129,7 @@ def audit(
     experiment: Path | None = None,
     out: Path | None = None,
 ) -> int:
-    """Say what is wrong with a log before anything is identified from it.
+    """Report what is wrong with a log before anything is identified from it.
 
     Parameters
     ----------
@@ -138,7 +138,7 @@ def audit(
     robot
         Robot of a log without experiment file: name in the gallery, .toml or .urdf.
     experiment
-        Experiment file that says what the log's columns are.
+        Experiment file that describes the log's columns.
     out
         Folder for audit.json and audit.html. Default: NAME-audit for NAME.csv.
     """
@@ -156,7 +156,7 @@ def init(
     yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
-    """Write a first experiment file for a log, every assumption in it with its reason.
+    """Write a first experiment file for a log, with a reason for every assumption in it.
 
     Parameters
     ----------
@@ -167,7 +167,7 @@ def init(
     out
         The experiment file.
     joints
-        Joints of a URDF to identify, with commas. Default: all that move and have a torque.
+        Joints of a URDF to identify, separated by commas. Default: all that move and have a torque.
     yes
         Ask nothing; write the best assumption and mark it.
     force
@@ -250,7 +250,7 @@ def completion(shell: Shell, /) -> int:
     Parameters
     ----------
     shell
-        The shell that is to read it.
+        The shell that will read it.
     """
     print(completion_script(app, shell))
     return DONE
@@ -294,7 +294,7 @@ def main(tokens: Sequence[str] | None = None) -> int:
         note(error_line(error))
         return WRONG_USAGE
     except KeyboardInterrupt:
-        note("interrupted; nothing is half written")
+        note("interrupted; no file is left half written")
         if tokens is None:
             # Python ends itself by the signal if code that it generates was interrupted; scripts
             # are promised an exit code. Nothing is left to be cleaned up.

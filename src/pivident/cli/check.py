@@ -26,7 +26,7 @@ def check(
     robot: str | None = None,
     as_json: Annotated[bool, Parameter(name="--json", negative=(), show_default=False)] = False,
 ) -> int:
-    """Say what is wrong with an experiment file, its robot and its logs; nothing is estimated.
+    """Report what is wrong with an experiment file, its robot and its logs; nothing is estimated.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ def compare(
     level: float = 0.05,
     out: Path | None = None,
 ) -> int:
-    """Put results side by side, and say which parameters differ significantly from the first.
+    """Put results side by side, and list the parameters that differ significantly from the first.
 
     Parameters
     ----------
@@ -22,7 +22,7 @@ def compare(
         Folders that `pivident identify` wrote, or the files identification.json, consistent.json
         or model.json in them; a folder of several methods stands for all of them.
     names
-        Names of the results, with commas between them. Default: the methods, or parts of the paths.
+        Names of the results, separated by commas. Default: the methods, or parts of the paths.
     level
         Probability of one false mark or more.
     out

@@ -40,13 +40,13 @@ def consistent(
         nominal bodies, or none: the one farthest from all limits. Default: entropic.
     bounds
         TOML file with a table [consistency]: what is known of masses and centres of mass. An
-        experiment file will do.
+        experiment file also works.
     reference
         Robot with the nominal bodies: name in the gallery, .toml or .urdf. Default: the robot's
         own.
     accept_far
-        Take the nearest consistent parameters even where the estimate is too poor for them to mean
-        much.
+        Accept the nearest consistent parameters even where the estimate is too poor for them to
+        mean much.
     out
         Folder for the two files. Default: that of the identification.
     """

@@ -35,7 +35,7 @@ def error_line(error: BaseException) -> str:
         )
     return (
         f"error: unexpected {type(error).__name__}: {text or 'no message'}{notes}; this is a "
-        "mistake in pivident, PIVIDENT_DEBUG=1 shows where"
+        "bug in pivident, PIVIDENT_DEBUG=1 shows where"
     )
 
 

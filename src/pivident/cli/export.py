@@ -34,14 +34,14 @@ def export(
     to
         The format.
     out
-        File to write. Beside a C file stands its header.
+        File to write. The header of a C file is written beside it.
     robot
         URDF to put the parameters into. Default: the one that was identified.
     free
-        Export the free estimate, lifted to standard parameters of the same torques, in place of
-        the physically consistent parameters.
+        Export the free estimate, converted to standard parameters with the same torques, in place
+        of the physically consistent parameters.
     check
-        Load the file back where there is a program for it, and compare torques.
+        Load the file back where a program for it is installed, and compare torques.
     """
     from pivident.cli.workflow import check_output
     from pivident.errors import ExportError
@@ -71,9 +71,9 @@ def export(
             found = verify_export(exported, model, to, frozen=frozen)
         if wrong := [v for v in found if not v.skipped and not v.agrees]:
             raise ExportError(
-                f"{out} was not written, since it does not say what the model says: {wrong[0]}; "
-                "this is a mistake in pivident or in that program. --no-check writes it all the "
-                "same"
+                f"{out} was not written, since it does not match the model: {wrong[0]}; "
+                "this is a bug in pivident or in that program. --no-check writes it "
+                "anyway"
             )
         written = write_export(exported, out)
     print(export_text(exported, model, written, FORMATS[to].title))
@@ -108,7 +108,7 @@ def check_targets(
         for source in inputs:
             if target.exists() and (is_log or target.samefile(source)):
                 raise ExportError(
-                    f"{target} is a file that the export is made from, which stays as it is; "
+                    f"{target} is a file that the export is made from, which must not change; "
                     "choose another name with --out"
                 )
 
@@ -139,6 +139,6 @@ def export_text(
         *(f"  · {note}" for note in model.notes),
     ]
     if exported.differences:
-        lines.append(f"What {title} does not say, or says in another way:")
+        lines.append(f"What {title} cannot represent, or represents differently:")
         lines += [f"  · {sentence}" for sentence in exported.differences]
     return "\n".join(lines)

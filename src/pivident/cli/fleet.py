@@ -28,9 +28,9 @@ def fleet(
     dask: Annotated[bool, Parameter(negative=())] = False,
     scheduler: str | None = None,
 ) -> int:
-    """Identify many robots, or many days of one, and say which parameters have changed.
+    """Identify many robots, or many days of one, and report which parameters have changed.
 
-    Logs that are in the results already are kept: the same command goes on where it was stopped,
+    Logs that are in the results already are kept: the same command continues where it was stopped,
     and does only what is new or has changed.
 
     Parameters
@@ -42,8 +42,8 @@ def fleet(
     out
         Folder for the results. Default: NAME-fleet for the folder NAME.
     level
-        Probability of one false alarm or more in the whole fleet and period. Default: as the file
-        says, or else 0.05.
+        Probability of one false alarm or more in the whole fleet and period. Default: that of the
+        file, or else 0.05.
     workers
         Processes on this machine. Default: one for each core.
     dask
@@ -59,8 +59,8 @@ def fleet(
 
     if level is not None and not 0.0 < level < 1.0:
         raise ExperimentError(
-            f"--level {level:g} is no probability of a false alarm; give one between 0 and 1, such "
-            "as 0.05"
+            f"--level {level:g} is not a probability of a false alarm; give one between 0 and 1, "
+            "such as 0.05"
         )
     template = template_of(folder, experiment)
     if level is not None:
@@ -72,13 +72,13 @@ def fleet(
         try:
             found = identify_fleet(folder, template, place, pool=pool, say=progress.say)
         except KeyboardInterrupt:
-            note(f"the logs that have finished are in {place}; the same command goes on there")
+            note(f"the logs that have finished are in {place}; the same command continues there")
             raise
         judgement = conclude_fleet(found, progress.say)
     _print(judgement, place)
     if len(found.failures) < len(found.logs):
         return 0
-    note("error: no log gave an estimate; the table says why")
+    note("error: no log gave an estimate; the table shows why")
     return 1
 
 

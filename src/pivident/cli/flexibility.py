@@ -11,7 +11,7 @@ from pivident.errors import ExperimentError
 def flexibility(
     experiment: Path, /, *, bandwidth: float | None = None, out: Path | None = None
 ) -> int:
-    """Say how flexible the joints of a log are, and whether a rigid model of them is valid.
+    """Report how flexible the joints of a log are, and whether a rigid model of them is valid.
 
     Both encoders (columns q and q_link) give stiffness, hysteresis and transmission error; the
     motor's encoder and the reference give the resonance, if the reference excites it.

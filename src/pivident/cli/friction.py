@@ -33,7 +33,7 @@ def friction(
         Estimate whose rigid part is subtracted from the torque. Default: iv-full-rate where the
         file has a controller, else ls.
     standstill
-        Share of the rated speed that passes for standstill, 0 to 1. Default: 0.01.
+        Share of the rated speed that counts as standstill, 0 to 1. Default: 0.01.
     ripple
         Also search for lines that repeat with the position (some seconds per joint).
     out

@@ -24,7 +24,7 @@ def gains(
     in_log_units: bool = False,
     least_squares: bool = False,
 ) -> int:
-    """Find drive gains from a known payload or a trusted number, or ratios of gains without.
+    """Find drive gains from a known payload or a trusted number, or ratios of gains without one.
 
     Parameters
     ----------
@@ -149,8 +149,8 @@ def least_squares_text(found: GainsOfExperiment) -> str:
     units = [f"{t}/{d.base_unit}" for t, d in zip(found.torque_units, found.declared, strict=True)]
     columns.append(("unit", "<", units))
     return (
-        "Gains by least squares with the commands as regressors, ±2σ of their own formula, which "
-        f"holds for white noise only:\n{plain_table(columns)}"
+        "Gains by least squares with the commands as regressors, ±2σ by their own formula, which "
+        f"is valid for white noise only:\n{plain_table(columns)}"
     )
 
 
@@ -191,8 +191,8 @@ def _sentences(found: GainsOfExperiment) -> list[str]:
     if worse:
         said.append(
             f"The rows do not agree well on common parameters: {', '.join(worse)}. Intervals do "
-            "not hold such model error in full; look for a wrong geometry, a load-dependent "
-            "friction or a payload that is not what it is said to be."
+            "not contain such model error in full; look for a "
+            "wrong geometry, load-dependent friction or a payload other than declared."
         )
     said += result.warnings
     said.append(f"Estimated by {result.method}; intervals allow for correlated residuals.")
@@ -264,5 +264,5 @@ def log_units_text(row: MotorInLogUnits) -> str:
             ("unit", "<", list(row.units)),
         ]
     )
-    left = f"\nnot separate in this row: {', '.join(row.left_out)}" if row.left_out else ""
+    left = f"\nnot separable in this row: {', '.join(row.left_out)}" if row.left_out else ""
     return f"{table}\nresidual {100 * row.relative_error:.1f} %{left}"

@@ -27,10 +27,10 @@ def laws(
     blocks: int = 10,
     depth: int = 3,
 ) -> int:
-    """Try friction laws on each joint of a record and say which one predicts best.
+    """Try friction laws on each joint of a record and report which one predicts best.
 
     The experiment's own laws come first; each other one is a change of the best so far. Laws are
-    judged on blocks of the motion that they were not fitted to. The chosen ones are printed as
+    judged on blocks of the motion to which they were not fitted. The chosen ones are printed as
     lines for the experiment file, after a check of the whole robot with and without them.
 
     Parameters
@@ -41,11 +41,11 @@ def laws(
         Estimator on whose equations laws are compared: ls, iv, iv-full-rate or piv. Default: least
         squares at the full rate.
     joint
-        Names of the joints; several with commas or by repetition. Default: all.
+        Names of the joints; several separated by commas or repeated. Default: all.
     blocks
         Blocks of the motion that are held out in turn.
     depth
-        How many terms a law may be changed by, at most.
+        Largest number of terms by which a law may be changed.
     """
     from pivident.experiment.experiment import load_experiment
     from pivident.friction.laws.law_choice import choose_laws
@@ -73,7 +73,7 @@ def laws(
         note("no law predicts better than the present ones")
     else:
         note(
-            f"[robot.joint_friction] belongs into {experiment.name}; where that says "
+            f"[robot.joint_friction] belongs in {experiment.name}; where that says "
             'robot = "NAME", write [robot] with model = "NAME" below it'
         )
     return 0

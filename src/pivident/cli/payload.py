@@ -17,7 +17,7 @@ def payload(
     robot: str | None = None,
     out: Path | None = None,
 ) -> int:
-    """Identify the load that a robot carries, from a record without and one with it.
+    """Identify the load that a robot carries, from one record without it and one with it.
 
     Parameters
     ----------

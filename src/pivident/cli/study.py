@@ -30,14 +30,14 @@ def study(
 ) -> int:
     """Simulate many runs of a scenario and judge the estimates against the truth.
 
-    Runs that are in the folder already are kept: the same command goes on where it was stopped.
+    Runs that are in the folder already are kept: the same command continues where it was stopped.
 
     Parameters
     ----------
     scenario
         fine, loop, coloured, coarse, birdy, or a scenario file (.toml).
     runs
-        How many runs there are to be in all. Default: as the scenario says.
+        Total number of runs. Default: that of the scenario.
     out
         Folder for the results. Default: NAME-study.
     workers
@@ -63,7 +63,7 @@ def study(
     summaries = _compute(chosen, conditions, folder, pool)
     if any(m.runs for summary in summaries.values() for m in summary.methods.values()):
         return 0
-    note("error: no run gave an estimate; the table says why")
+    note("error: no run gave an estimate; the table shows why")
     return 1
 
 
@@ -83,7 +83,7 @@ def _compute(
             try:
                 run_study(one, place, pool=pool, say=progress.say)
             except KeyboardInterrupt:
-                note(f"the runs that have finished are in {place}; the same command goes on there")
+                note(f"the finished runs are in {place}; the same command continues there")
                 raise
             summaries[one.condition] = conclude_study(one, place, progress.say)
         if varied:

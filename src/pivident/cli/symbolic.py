@@ -33,7 +33,7 @@ def symbolic(
 ) -> int:
     """Write the model of a robot as Python, C, LaTeX or SymPy, and count its operations.
 
-    Without --to and --out the numbers of operations are printed, and with --what base the groups
+    Without --to and --out the numbers of operations are printed, or with --what base the groups
     of the base parameters. With --to alone the text goes to standard output.
 
     Parameters
@@ -41,16 +41,16 @@ def symbolic(
     robot
         Name in the gallery, or a robot file (.toml, .urdf, .urdf.gz).
     what
-        inverse, regressor, mass, gravity, coriolis, base; several with commas or by repetition.
+        inverse, regressor, mass, gravity, coriolis, base; several separated by commas or repeated.
         Default: all of them.
     to
-        python, c, latex, sympy; several with commas where there is --out. Default: all of them.
+        python, c, latex, sympy; several separated by commas with --out. Default: all of them.
     out
         Folder for the files, named after the robot.
     parameters
         Parameters of the models: the base ones, or all standard ones.
     values
-        Put the nominal (CAD) values of the robot file in the place of parameters.
+        Replace parameters by the nominal (CAD) values of the robot file.
     """
     from pivident.cli.workflow import check_output
     from pivident.files import atomic_folder

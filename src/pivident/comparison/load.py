@@ -142,7 +142,7 @@ def _consistent(model: RunnableModel, content: dict[str, Any], label: str, sourc
     if unknown:
         raise IdentificationFileError(
             str(source.path),
-            f"{unknown[0]!r} is no base parameter of its robot; make it again with "
+            f"{unknown[0]!r} is not a base parameter of its robot; make it again with "
             "`pivident consistent`",
         )
     values = dict(zip(every.names, every.values(model.values).tolist(), strict=True))

@@ -174,7 +174,7 @@ def _rows(comparison: ComparedResults) -> Iterator[str]:
         filtered = [label for label, thinned in decimated.items() if thinned]
         yield (
             f"The relative errors of {listed(filtered)} are over filtered rows, which have lost "
-            "most of the noise that all samples still have; compare them among themselves."
+            "most of the noise that all samples still have; compare them only with each other."
         )
 
 

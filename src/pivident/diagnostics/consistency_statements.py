@@ -28,7 +28,7 @@ def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     model, prediction = found.model, found.prediction
     cost = model.torque_cost if prediction is None else prediction.cost
     if model.was_consistent:
-        text = "A real machine can have exactly these parameters."
+        text = "These parameters are physically possible."
         basis = f"{found.label} has the same torques"
         yield Finding("ok", "physics", "consistent", text, basis=basis)
         return
@@ -54,7 +54,7 @@ def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         where = "within" if near else "outside"
         text = (
             f"Parameters that a real machine can have lie {where} the intervals; their cost in "
-            "torque is not known without torque sums or held-out motion: identify again to have "
+            "torque is unknown without torque sums or held-out motion: identify again to get "
             "them."
         )
         severity, kind = ("note" if near else "warning"), "consistent, cost unknown"
@@ -70,7 +70,7 @@ def consistency(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     else:
         text = (
             "The nearest parameters that a real machine can have predict worse than the estimate: "
-            "geometry, friction law or a bound is not the machine's."
+            "geometry, friction law or a bound does not match the machine."
         )
         severity, kind = "warning", "consistent parameters predict worse"
     yield Finding(severity, "physics", kind, text, evidence=evidence, basis=basis)

@@ -31,7 +31,7 @@ def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         why = (
             "it is the only one here"
             if len(diagnostics.identifications) == 1
-            else "it is the last that converged; nothing was held out to compare them on"
+            else "it is the last one that converged; no motion was held out to compare them"
         )
         yield Finding("note", "estimate", "chosen", f"Take that of {result.method}: {why}.")
         return
@@ -94,7 +94,7 @@ def determined(result: Identification) -> Iterator[Finding]:
         return
     parts = [f"{len(well)} of {known}"]
     if middle:
-        parts.append(f"less well {listed(middle)}")
+        parts.append(f"less well known: {listed(middle)}")
     if zero:
         parts.append(f"not significantly different from zero: {listed(zero)}")
     severity: Severity = "warning" if len(zero) > len(rows) // 4 else "note"
@@ -117,7 +117,7 @@ def signs(result: Identification) -> Iterator[Finding]:
         return
     evidence = {p.name: p.quantity for p in negative}
     if certain := [p.name for p in negative if p.is_certain]:
-        text = f"Negative, as no friction or rotor inertia can be: {', '.join(certain)}."
+        text = f"Negative, which friction and rotor inertia cannot be: {', '.join(certain)}."
         basis = "; ".join(map(str, negative))
         yield Finding("error", "physics", "negative", text, evidence=evidence, basis=basis)
     else:

@@ -52,7 +52,7 @@ def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         )
         severity, kind = "note", "biased"
     elif test.rejects:
-        text = "Least squares and instruments differ significantly, but hardly in size."
+        text = "Least squares and instruments differ significantly, but only slightly."
         severity, kind = "note", "hardly biased"
     else:
         text = "Least squares on the same equations would do as well."
@@ -84,7 +84,7 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     more = tests.overidentification
     if more.matters:
         text = (
-            "Further instruments contradict the estimate: the model or the control law is not "
-            "quite the machine's."
+            "Further instruments contradict the estimate: the model or the control law does not "
+            "quite match the machine."
         )
         yield Finding("warning", "instruments", "contradicted", text, basis=str(more))

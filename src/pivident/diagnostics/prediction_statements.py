@@ -26,7 +26,7 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
             "warning",
             "prediction",
             "nothing held out",
-            "Judged on the motion that was fitted only.",
+            "Judged only on the motion that was fitted.",
             next_step="Hold blocks out, or give a second recording.",
             evidence={"torque error": Quantity(misses, "%")},
             basis=f"torque error {percent(misses)}",
@@ -86,21 +86,21 @@ def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
 
 def _why_it_misses(judged: CrossValidation, loop: float, direct: float) -> str:
     """Noise in the torque, which no simulation can know, or a law that is not the machine's."""
-    text = f"The torque of the simulated loop misses {percent(loop)} of the measured one"
+    text = f"The torque error of the simulated loop is {percent(loop)}, "
+    text += f"{'and' if direct > LOOP_MISSES else 'but'} {percent(direct)} on the measured motion: "
     if direct > LOOP_MISSES:
         return (
-            f"{text}, and so does that of the measured motion ({percent(direct)}): most of the "
-            "measured torque is noise, as a loop makes it of its encoder's. Friction may be biased "
-            "by more than its standard errors: move faster, measure better, or filter less."
+            f"{text}most of the measured torque is noise that the loop makes from encoder noise. "
+            "Friction may be biased by more than its standard errors: move faster, measure "
+            "better, or filter less."
         )
     own = judged.identification.loop
     if own is not None and own.reference == "smoothed":
         return (
-            f"{text}, which the measured motion explains to {percent(direct)}: the virtual law "
-            "does not follow the motion. Raise its bandwidth, or give the machine's own law."
+            f"{text}the virtual law does not follow the motion. Raise its bandwidth, or give the "
+            "machine's own law."
         )
     return (
-        f"{text}, which the measured motion explains to {percent(direct)}: gains, reference or "
-        "delay of the loop are not the machine's. Correct them (N m per rad on the joint side), or "
-        'let the law be identified (controller = "identify").'
+        f"{text}gains, reference or delay of the loop do not match the machine. Correct them "
+        '(N m per rad on the joint side), or let the law be identified (controller = "identify").'
     )

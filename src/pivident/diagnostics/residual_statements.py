@@ -43,7 +43,7 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
         yield Finding(severity, "noise", "coloured", text, basis=basis)
     for topic, sentence in (
         ("variance", "The residual's variance changes with the motion on {joints}"),
-        ("motion", "The motion explains part of what the model left on {joints}"),
+        ("motion", "The motion explains part of the residual on {joints}"),
     ):
         matter = tuple(joint for joint, test in tests.of(topic) if test.matters)
         most = tests.worst(topic)
@@ -112,14 +112,14 @@ def friction_law(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     uncertain = bool(signs) and split is not None and split.mostly_model_error
     if uncertain:
         text += (
-            f" It may not be the machine's: {signs}, and most of the error is the model's. Another "
+            f" It may be wrong: {signs}, and most of the error is model error. Another "
             "law may move these values by more than their intervals; `pivident friction` shows "
             "it, `pivident laws` compares several."
         )
     elif signs:
         text += (
-            f" It may not quite be the machine's: {signs}, as with another law or with noise of "
-            "the speed. Look at `pivident friction`."
+            f" It may not be quite right: {signs}, as with another law or with noise in "
+            "the speed. See `pivident friction`."
         )
     severity: Severity = "warning" if uncertain else "note"
     yield Finding(severity, "friction", "assumed law", text)

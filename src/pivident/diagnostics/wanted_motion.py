@@ -26,7 +26,7 @@ LITTLE = 0.5
 SAMPLES = 400
 
 _SENTENCES = (
-    "let {joints} hold and slowly change more postures against gravity",
+    "let {joints} hold more postures against gravity, with slow moves between them",
     "move {joints} faster and in both directions",
     "accelerate {joints} harder, in different postures",
     "move {joints} slowly through more of its range",

@@ -50,7 +50,7 @@ class Stretches:
             number = "both" if len(self.parts) == 2 else f"the {len(first)} longest"
             number = "each" if 2 < len(self.parts) <= LISTED else number
             text += f", or one table [[recording]] for {number}: {listed}"
-        costs = [f"{self.lost:.3g} s are lost inside of the gaps"]
+        costs = [f"{self.lost:.3g} s are lost inside the gaps"]
         if self.short:
             costs.append(f"{self.short:.3g} s in stretches too short for a motion")
         more = f"; {fill} too, which fills the shorter gaps" if fill else ""
@@ -180,7 +180,7 @@ class SaturatedSignal(RecordingError):
         self.channel, self.joint, self.value = channel, joint, value
         self.count, self.samples, self.sample = count, samples, sample
         super().__init__(
-            f"{channel} of joint {joint!r} is cut off at {value:.6g} during {count} of {samples} "
+            f"{channel} of joint {joint!r} is cut off at {value:.6g} for {count} of {samples} "
             f"samples, first at sample {sample}; cut these parts, repeat the motion more slowly, "
             'or accept them with saturation = "allow"'
         )

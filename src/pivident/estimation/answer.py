@@ -92,9 +92,9 @@ def loop_warnings(
     known += warnings
     if problem.loop.reference == "smoothed":
         text = (
-            "The reference was not recorded: the smoothed measurement stands for it, with the "
+            "The reference was not recorded: the smoothed measurement replaces it, with the "
             "declared control law as a virtual one. Instruments then share the noise that the "
-            "smoother let through."
+            "smoother lets through."
         )
         known.append(Finding("warning", "reference", "smoothed", text))
     return known

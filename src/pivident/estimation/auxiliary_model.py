@@ -184,7 +184,7 @@ def loop_signals(
     if loop.reference == "recorded" and recording.q_ref is None:
         raise ExperimentError(
             f"recording {recording.name!r} has no reference q_ref; map its column, or set "
-            'reference = "smoothed" to let the smoothed measurement stand for it'
+            'reference = "smoothed" to use the smoothed measurement in its place'
         )
     if loop.reference == "recorded" and recording.q_ref is not None:
         q_ref, dq_ref = recording.q_ref, recording.dq_ref

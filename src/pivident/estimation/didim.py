@@ -67,8 +67,8 @@ def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identif
     """Iterate simulation, noise models and estimate."""
     if problem.loop is not None and problem.loop.reference == "smoothed":
         raise ExperimentError(
-            f"{method.label} takes the motion from the simulated loop, and with reference = "
-            '"smoothed" that loop is a virtual one; use piv, or give the recorded reference'
+            f"{method.label} takes the motion from the simulated loop, which with reference = "
+            '"smoothed" is a virtual one; use piv, or give the recorded reference'
         )
     say(f"{method.label}: noise of the encoders")
     signals = Signals.of(problem, method)

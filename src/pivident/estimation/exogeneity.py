@@ -36,7 +36,7 @@ class ExogeneityTest:
 
     def __str__(self) -> str:
         verdict = (
-            "the regressors carry noise that the instruments do not, so that least squares would "
+            "the regressors contain noise that the instruments do not, so least squares would "
             "be biased"
             if self.p_value < 0.05
             else "regressors and instruments agree, and least squares would do as well"

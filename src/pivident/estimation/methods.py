@@ -77,7 +77,7 @@ class RandomWalk:
 
     Attributes:
         order: order of integration m; 2 is the paper's, 3 the better prior of a trajectory.
-        passes: how often it is applied (2 with m = 2: the paper's ``irwsm`` twice).
+        passes: number of times it is applied (2 with m = 2: the paper's ``irwsm`` twice).
         f50_max: cap of the half-power frequency [Hz]; None: none.
         align: whether the torque is moved to the instants of the central differences.
         measurement_noise: ``auto``: visible counts and spectral lines of the encoders are searched,
@@ -274,7 +274,9 @@ class PrefilteredIV:
                 f"regressor is {self.regressor!r}; choose 'measured' or 'simulated'"
             )
         if self.as_printed and self.regressor == "simulated":
-            raise ExperimentError("as_printed is the paper to the letter: regressor is 'measured'")
+            raise ExperimentError(
+                "as_printed follows the paper to the letter: regressor 'measured'"
+            )
         if self.as_printed:
             object.__setattr__(self, "signals", RandomWalk(order=2, passes=2, align=False))
             if isinstance(self.noise, Arma):

@@ -120,7 +120,7 @@ def packed_stretch(
     inner = None if motion.inner is None else motion.inner[:, span]
     if inner is None and regressor.inner_entries.size:
         raise ValueError(
-            "a stretch does not know the path before it: give the motion its inner signals "
+            "a stretch does not contain the path before it: give the motion its inner signals "
             "(with_inner) before it is cut into blocks"
         )
     return regressor.packed(*motion.stretch(span), out=out, inner=inner, place=place)

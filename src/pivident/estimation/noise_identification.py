@@ -200,8 +200,8 @@ class Whitening:
             if transient > 0.5 * longest:
                 raise IdentificationError(
                     f"the prefilter of joint {name!r}, the inverse of its control law, takes "
-                    f"{transient / rate:.2g} s to forget its start, but the longest record has "
-                    f"{longest / rate:.2g} s; the gains are that soft (kd/kp). Use "
+                    f"{transient / rate:.2g} s to forget its initial state, but the longest record "
+                    f"has {longest / rate:.2g} s; the gains are too soft (kd/kp). Use "
                     'prefilter = "direct", or check the gains'
                 )
 

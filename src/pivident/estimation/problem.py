@@ -134,7 +134,7 @@ class Problem:
         return float(share or 0.0) * self._rated_speeds(recording)
 
     def low_speeds(self, recording: Recording) -> np.ndarray:
-        """Speed in a recording that passes for standstill [rad/s or m/s], shape (joints,)."""
+        """Speed in a recording that counts as standstill [rad/s or m/s], shape (joints,)."""
         return LOW_SPEED * self._rated_speeds(recording)
 
     def _rated_speeds(self, recording: Recording) -> np.ndarray:

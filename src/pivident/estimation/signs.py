@@ -85,17 +85,18 @@ def sign_warnings(
     joints = reversed_joints(robot, parameters, theta, std)
     found = []
     if joints and len(joints) == robot.size:
-        text = "All signs are reversed: nearly all frictions and rotor inertias are negative."
-        step = "Flip tau: units = {tau = -1.0} where it is in N m or N, otherwise a negative gain."
+        text = "All signs are reversed: nearly all friction terms and rotor inertias are negative."
+        step = "Reverse the sign of tau: units = {tau = -1.0} if in N m or N, else a negative gain."
         found.append(Finding("warning", "signs", "all reversed", text, next_step=step))
     elif joints:
         reversed_names = ", ".join(robot.joints[j].name for j in joints)
         text = (
-            f"The signs of {reversed_names} seem to be reversed: nearly all frictions and rotor "
-            "inertias there are negative."
+            f"The signs of {reversed_names} seem to be reversed: nearly all friction terms "
+            "and rotor inertias there are negative."
         )
         step = (
-            "Flip tau or q of these joints: a list under units, -1.0 in place of N m, N, rad or m."
+            "Reverse the sign of tau or q of these joints: a list under units, -1.0 in place of N "
+            "m, N, rad or m."
         )
         found.append(Finding("warning", "signs", "reversed", text, reversed_names, step))
     return found + [
@@ -112,7 +113,7 @@ def _warning(negative: NegativeParameter) -> Finding:
         f"{negative.name} = {negative.value:.3g} {negative.parameter.unit} is negative; friction "
         f"and rotor inertia cannot be ({below:.1f} standard errors below zero)."
     )
-    step = "Look at the low-speed mask, the signs of the torque and the friction law"
+    step = "Check the low-speed mask, the signs of the torque and the friction law"
     if negative.parameter.friction is not None:
         step += "; a simulated loop takes it as zero"
     evidence = {negative.name: negative.quantity}

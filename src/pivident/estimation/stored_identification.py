@@ -200,7 +200,7 @@ def _content(file: Path, robot: Robot | None) -> FileContent:
     if type(schema) is not int or "covariance" not in content:
         raise IdentificationFileError(
             str(file),
-            "is no identification: it has no schema number and covariance; give the file "
+            "is not an identification: it has no schema number or covariance; give the file "
             "identification.json of a result",
         )
     if schema > SCHEMA:
@@ -283,7 +283,8 @@ def _selection(robot: Robot, names: list[str]) -> tuple[BaseParameters, list[int
     for name in names:
         if name not in known:
             raise ValueError(
-                f"{name!r} is no base parameter of the robot {robot.name!r}; {nearest(name, known)}"
+                f"{name!r} is not a base parameter of the robot {robot.name!r}; "
+                f"{nearest(name, known)}"
             )
     chosen = [known[name] for name in names]
     if sorted(set(chosen)) != chosen:
@@ -308,8 +309,8 @@ def _covariance(key: str, rows: Matrix, size: int) -> np.ndarray:
     if (variance < 0.0).any():
         worst = int(np.argmin(variance))
         raise ValueError(
-            f"{key} has the variance {variance[worst]:.3g} in row {worst + 1}; no variance is "
-            "negative, identify again"
+            f"{key} has the variance {variance[worst]:.3g} in row {worst + 1}; a variance cannot "
+            "be negative, identify again"
         )
     std = np.sqrt(variance)
     if (np.abs(matrix - matrix.T) > ASYMMETRY * np.outer(std, std)).any():
@@ -317,8 +318,8 @@ def _covariance(key: str, rows: Matrix, size: int) -> np.ndarray:
     correlation = matrix / np.where(std > 0.0, std, 1.0) / np.where(std > 0.0, std, 1.0)[:, None]
     if (lowest := float(np.linalg.eigvalsh(correlation)[0])) < -INDEFINITE:
         raise ValueError(
-            f"{key} is no covariance: its correlations have the eigenvalue {lowest:.3g}, and none "
-            "can be negative; identify again"
+            f"{key} is not a covariance: its correlations have the eigenvalue {lowest:.3g}, and "
+            "none may be negative; identify again"
         )
     return matrix
 

@@ -68,7 +68,7 @@ def comparison_table(
     if len(identifications) > 1:
         differences = [largest_difference(rows)[0] for rows in table.values()]
         marks = [f"{format_significant(d, 2)}{' *' * (d > CONTRADICTION)}" for d in differences]
-        columns.append(column("apart [σ]", marks, ".", top="largest"))
+        columns.append(column("diff. [σ]", marks, ".", top="largest"))
     errors = ", ".join(
         f"{label} {percent(100.0 * i.relative_error)} ({error_rows(i)})"
         for label, i in zip(labels, identifications, strict=True)
@@ -77,7 +77,7 @@ def comparison_table(
     if len({i.is_decimated for i in identifications}) > 1:
         parts.append(
             "  filtered rows have lost most of the noise that all samples still have; compare "
-            "these errors among the same rows"
+            "only errors over the same rows"
         )
     parts.append(friction_line(identifications[0]))
     if len(identifications) > 1 and max(differences) > CONTRADICTION:

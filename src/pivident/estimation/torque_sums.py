@@ -63,7 +63,7 @@ def estimated_indices(identification: Identification, base: BaseParameters) -> n
         return np.array([place[p.name] for p in identification.parameters], dtype=np.int64)
     except KeyError as error:
         raise ValueError(
-            f"{error.args[0]!r} is no base parameter of robot {identification.robot.name!r}; "
+            f"{error.args[0]!r} is not a base parameter of robot {identification.robot.name!r}; "
             "identify again with this robot"
         ) from None
 

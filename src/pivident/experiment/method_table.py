@@ -76,7 +76,7 @@ def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
     fixed += [f"noise.{k}" for k in sorted(_NOT_PRINTED & own.noise.model_fields_set)]
     if as_printed and fixed:
         raise ExperimentError(
-            f"{where} as_printed is the paper to the letter and fixes {', '.join(fixed)}; "
+            f"{where} as_printed follows the paper to the letter and fixes {', '.join(fixed)}; "
             "remove one of the two"
         )
     if isinstance(ready, LeastSquares):

@@ -140,7 +140,7 @@ def _asymmetry(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFindin
         brief = f"forwards less backwards {pm(share, std)} % at {_speed(torque, speed)}"
         terms = "offset, or asymmetric Coulomb friction"
         if differs:
-            terms = "viscous friction of its own for each direction, offset"
+            terms = "viscous friction for each direction, offset"
     return _seen("asymmetry", sentence, at_fast, 2.0 * fast_std, "%", clear, brief, terms)
 
 
@@ -214,7 +214,7 @@ def _bend(torque: FrictionTorque, fit: StateDependentFit) -> FrictionFinding:
         )
     else:
         sentence = (
-            f"Viscous friction is straight within the intervals: slopes {pm(*slopes[0])} and "
+            f"Viscous friction is linear within the intervals: slopes {pm(*slopes[0])} and "
             f"{pm(*slopes[1])} {unit} below and above {_speed(torque, middle)}."
         )
     return _seen("bend", sentence, change, 2.0 * std, unit, clear, brief, terms)
@@ -240,7 +240,7 @@ def _load(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> 
         change = "a fall" if words == "shrinks" else "a growth"
         brief, terms = f"{change} of {size} % {upto}", "load-dependent friction"
     elif predicts and gain > PRACTICAL:
-        brief = "a dependence on load that is not one on its size"
+        brief = "a dependence on the load other than on its size"
         terms = "no usual law: presliding, or inertia that the rigid part lacks"
     return _seen("load", sentence, share, 2.0 * spread, "%", bool(brief), brief, terms)
 
@@ -266,7 +266,7 @@ def _position(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut)
     )
     terms = brief = ""
     if clear:
-        brief = f"a part that depends on position, {pm(reach, std)} {unit} from peak to peak"
+        brief = f"a part that depends on position, {pm(reach, std)} {unit} peak to peak"
         terms = "gravity, a spring or a cable that the model lacks"
         period, carried = main_period(p)
         if period < (p.state[-1] - p.state[0]) / MIN_PERIODS and carried > 0.5:
@@ -363,7 +363,7 @@ def pm(value: float, std: float) -> str:
 def _gain(gain: float, std: float) -> str:
     """A gain in percent of the held-out error, or a loss where it is one beyond doubt."""
     if gain < -2.0 * std:
-        return f"nothing, it loses {pm(-gain, std)} % of the held-out error"
+        return f"nothing: it adds {pm(-gain, std)} % to the held-out error"
     return f"{pm(gain, std)} % of the held-out error"
 
 

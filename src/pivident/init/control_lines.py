@@ -20,7 +20,7 @@ def control_lines(found: RecordingLines, findings: Findings) -> list[Assumption]
     law = law_to_try(found, findings)
     example = '"pd"\n# kp = [1000.0, 800.0]\n# kd = [50.0, 40.0]'
     if law == "identify":
-        seen = "nobody said which law it is, but the log has a reference: the law is found from it"
+        seen = "the control law is unknown, but the log has a reference: it is identified from that"
         seen += f"{findings.law_found}"
         lines.append(
             Assumption("controller", "type", law, "likely", seen, "Known gains are better.")

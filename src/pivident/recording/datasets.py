@@ -80,7 +80,7 @@ DATASETS = {
     ),
     "emps": Dataset(
         title="EMPS, 1 axis, 1 kHz, 25 s, with reference and known controller; two runs",
-        licence="MIT and Apache-2.0 of the carrying repositories; benchmark by its authors",
+        licence="MIT and Apache-2.0 (repositories that host it); benchmark by its authors",
         cite="Janot, Gautier, Brunot, Data Set and Reference Models of EMPS, Eindhoven 2019",
         files={
             "estimation": PublicFile(

@@ -59,7 +59,7 @@ def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
     ]
     note = (
         f"Butterworth of order {signals.order} forwards and backwards: -6 dB at "
-        f"{format_significant(signals.cutoff)} Hz, no phase of its own. With the central "
+        f"{format_significant(signals.cutoff)} Hz, no phase of its own. Combined with central "
         "differences it "
         f"is a band-pass, largest at {format_significant(peaks[0])} Hz for dq and "
         f"{format_significant(peaks[1])} Hz for ddq. Grey: ideal derivatives."

@@ -72,7 +72,7 @@ def _about_parameters(identification: Identification) -> Iterator[Finding]:
     certain = [p for p in _negative(identification) if p.is_certain]
     if certain:
         names = listed([p.name for p in certain])
-        text = f"Negative, as no friction or rotor inertia can be: {names}."
+        text = f"Negative, which friction and rotor inertia cannot be: {names}."
         evidence = {p.name: p.quantity for p in certain}
         yield Finding("error", "physics", "negative", text, evidence=evidence)
     narrow = sum(row.robust_std > _TOO_NARROW * row.std for row in rows)

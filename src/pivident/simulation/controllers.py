@@ -315,5 +315,5 @@ def _check_gains(joints: int, **gains: Gains | None) -> None:
         if bad.size:
             raise ExperimentError(
                 f"controller: {name} of joint {bad[0] + 1} is {gain[bad[0]]}; gains "
-                "must be finite and not negative (a reversed axis belongs into the drive gain)"
+                "must be finite and not negative (a reversed axis belongs in the drive gain)"
             )

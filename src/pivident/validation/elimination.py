@@ -118,7 +118,7 @@ class EliminationRound:
         while len(self.steps) < self.most and len(self.kept) > 1:
             candidate = self._weakest()
             if candidate is None:
-                self.stopped = "Only the last friction parameters of their joints are left to go."
+                self.stopped = "Only the last friction parameter of each joint could still go."
                 return
             place, statistic, p_value = candidate
             name = self.found.names[self.kept[place]]
@@ -126,16 +126,16 @@ class EliminationRound:
                 self.stopped = (
                     f"The search ended at {name}: "
                     f"{plus_minus(self.theta[place], 2 * self.std[place])} "
-                    f"{self._parameter(place).unit} (2σ) is not compatible "
-                    f"with zero (p = {p_value:.2g})."
+                    f"{self._parameter(place).unit} (2σ) differs significantly from "
+                    f"zero (p = {p_value:.2g})."
                 )
                 return
             left = [k for k in self.kept if k != self.kept[place]]
             joint, joint_p = self._joint_test(left)
             if joint_p < self.level:
                 self.stopped = (
-                    f"The search ended at {name}: alone it could go (p = {p_value:.2g}), with the "
-                    f"others left out in this round it could not (p = {joint_p:.2g})."
+                    f"The search ended at {name}: it could be left out alone (p = {p_value:.2g}), "
+                    f"but not with the others of this round (p = {joint_p:.2g})."
                 )
                 return
             value, std = float(self.theta[place]), float(self.std[place])

@@ -107,15 +107,15 @@ class EssentialParameters:
             f"Essential parameters by {self.identification.method}: {len(self.names)} of "
             f"{len(self.full.names)}; relative torque error {self.error_before:.2f} % with all, "
             f"{self.error_after:.2f} % with these.",
-            f"The rows are worth {self.effective_samples:.0f} independent equations (variances "
+            f"The rows correspond to {self.effective_samples:.0f} independent equations (variances "
             f"are {format_significant(self.design_effect)} times those of a white residual).",
             self.stopped,
             *self.notes,
         ]
         if self.spared:
             lines.append(
-                f"Kept as the last friction of their joint: {', '.join(self.spared)}; zero is "
-                "compatible with them."
+                f"Kept as the last friction of their joint: {', '.join(self.spared)}, although not "
+                "significantly different from zero."
             )
         return "\n".join(lines)
 

@@ -177,7 +177,7 @@ def _joint(
     if not loop.is_stable:
         reason = "the sampled linear loop is not stable at the mean inertia"
     elif not np.isfinite(loop.bandwidth):
-        reason = "the law does not hold the joint to its reference at any frequency"
+        reason = "the law does not keep the joint on its reference at any frequency"
     if reason:
         return IdentifiedJointLoop(
             joint.name, unit, inertia, viscous, viscous_std, loop, reason=reason
@@ -218,10 +218,10 @@ def _notes(identification: Identification) -> tuple[str, ...]:
     notes = []
     if isinstance(loop.controller, PythonController):
         notes.append(
-            "The controller is a Python function; drawn is the linear law that stands beside it."
+            "The controller is a Python function; the loop drawn is that of its linear law."
         )
     if np.isfinite(np.asarray(loop.limit, float)).any():
-        notes.append("The controller's output is limited; the loop is the one below its limit.")
+        notes.append("The controller's output is limited; the loop drawn is that below the limit.")
     if loop.reference == "smoothed":
         notes.append(
             "The law is a virtual one: this is the loop that was simulated, not the machine's. Its "

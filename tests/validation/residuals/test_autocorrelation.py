@@ -60,7 +60,7 @@ def test_a_large_record_is_significant_without_practical_size():
     x = np.random.default_rng(2).standard_normal(200_001)
     small = ljung_box(JointResidual("a", (x[1:] + 0.03 * x[:-1],)))
     assert small.significant and not small.matters
-    assert "significant, of no practical size" in str(small)
+    assert "significant, but of no practical size" in str(small)
     assert small.predictable == pytest.approx(0.03**2, rel=0.4)
     large = ljung_box(JointResidual("a", (x[1:] + 0.1 * x[:-1],), rate=1000.0))
     assert large.matters and large.largest_lag == 1e-3

@@ -183,18 +183,18 @@ def test_intervals_of_a_share_are_ones_that_a_share_can_have():
         "2.0 0.0 to 8.0",
     ]
     (said,) = split.sentences()[:1]
-    assert "noise makes at most 2.0 % (2σ: 0.0 to 8.0 %) to 100 % (in every block) of" in said
+    assert "accounts for at most 2.0 % (2σ: 0.0 to 8.0 %) to 100 % (in every block) of" in said
 
 
 def test_a_share_that_may_be_anything_is_not_reported():
     (said,) = split_of((0.43, 0.42)).sentences()
     assert said == (
         "Below 20 Hz, the held-out motion does not distinguish noise from model error: noise may "
-        "make 0 to 100 % of the variance (2σ) (errors)."
+        "account for 0 to 100 % of the variance (2σ) (errors)."
     )
     told, untold = split_of((0.43, 0.42), (0.83, 0.107)).sentences()
-    assert "noise makes at most 83 % (2σ: 62 to 100 %) of the error's variance; the" in told
-    assert "on joint_1: noise may make 0 to 100 % of the variance (2σ)." in untold
+    assert "noise accounts for at most 83 % (2σ: 62 to 100 %) of the error's variance; the" in told
+    assert "on joint_1: noise may account for 0 to 100 % of the variance (2σ)." in untold
 
 
 def test_joints_that_tell_nothing_alone_may_tell_something_together():

@@ -50,7 +50,7 @@ def test_sentences_tell_significance_from_practical_size():
     x = rng.standard_normal(200_000)
     small = variance_test(x * (1.0 + 0.1 * drivers[:, 0]), drivers, ["speed"])
     assert small.significant and not small.matters and small.ratio == pytest.approx(1.16, abs=0.03)
-    assert "significant, of no practical size" in str(small)
+    assert "significant, but of no practical size" in str(small)
     large = variance_test(x * (0.5 + drivers[:, 0]), drivers, ["speed"])
     assert large.matters and "where the speed is in its upper quarter" in str(large)
     tails = normality(rng.standard_t(40, 200_000))

@@ -192,7 +192,7 @@ def excitation_figures(audit: Audit) -> list[Figure]:
         return []
     share = 100 * np.minimum(excitation.open_torque, 10.0)
     worst = np.argsort(-share)[:MAX_PARAMETERS]
-    plot = audit_plot("open share of the torque [%]")
+    plot = audit_plot("undetermined torque [%]")
     plot.add_bar(
         x=[excitation.names[k] for k in worst],
         y=share[worst],
@@ -201,7 +201,8 @@ def excitation_figures(audit: Audit) -> list[Figure]:
     plot.update_yaxes(type="log")
     note = (
         f"rank {excitation.rank} of {len(excitation.names)}, condition {excitation.condition:.4g}; "
-        "torque of full motion that each parameter alone leaves open, above 20 % in red"
+        "share of the torque of full motion that the uncertainty of each parameter alone leaves "
+        "undetermined, above 20 % in red"
     )
     first = Figure(plot, 320, "Parameters", f"Excitation: {note}", note)
     ranges = audit_plot("used [%]")

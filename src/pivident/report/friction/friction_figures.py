@@ -46,7 +46,7 @@ def speed_figure(joint: JointFriction) -> Figure:
     note = (
         f"lines: functions of speed with their 2σ bands; points: means over {_bins(joint)} bins, "
         f"2σ by passes; grey: the law of the estimate. Slower than {joint.torque.standstill:.2g} "
-        f"{per} passes for standstill."
+        f"{per} counts as standstill."
     )
     label = (
         f"Friction of {joint.name} against the motion from {low:.3g} to {high:.3g} {per}; "
@@ -67,8 +67,8 @@ def position_figure(joint: JointFriction) -> Figure:
     for words, colour in (("forwards", FORWARDS), ("backwards", BACKWARDS)):
         _points(plot, joint.maps[f"position, {words}"], colour, words)
     note = (
-        "less the other functions. Where both directions agree it is no friction but gravity, a "
-        "spring or cogging; where they lie apart, friction depends on position."
+        "less the other functions. Where both directions agree it is not friction but gravity, "
+        "a spring or cogging; where they differ, friction depends on position."
     )
     return Figure(_within(plot), 300, "Position", _sentence(joint, "position"), note)
 

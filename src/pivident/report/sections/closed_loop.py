@@ -102,7 +102,7 @@ def _band_pass_remarks(
             "cutoff",
             recipe.cutoff,
             LOWPASS_FACTOR,
-            "it may damp the fast part of the motion, which biases inertias",
+            "it may attenuate the fast part of the motion, which biases inertias",
             "more noise than necessary passes into the accelerations",
         ),
         (
@@ -110,7 +110,7 @@ def _band_pass_remarks(
             "bandwidth",
             kept,
             DECIMATION_FACTOR,
-            "it throws part of the motion away, which costs accuracy",
+            "it discards part of the motion, which costs accuracy",
             "it keeps frequencies in which there is noise and little motion",
         ),
     )
@@ -143,7 +143,7 @@ def _smoother_remark(own: IdentifiedLoop, f50: Sequence[float], order: int) -> t
     slow = too_slow_smoothers(own, f50, order)
     if not slow:
         return True, (
-            "Smoother: takes less than a thousandth of the motion up to the bandwidth on every "
+            "Smoother: removes less than a thousandth of the motion up to the bandwidth on every "
             "joint."
         )
     listed = ", ".join(
@@ -151,7 +151,7 @@ def _smoother_remark(own: IdentifiedLoop, f50: Sequence[float], order: int) -> t
         for name, used, wanted in slow
     )
     return False, (
-        f"Smoother: takes more than a thousandth of the motion at the bandwidth on {listed}. That "
-        "does no harm where the motion itself is slower. Where f50_max is set, raise it and see "
-        "whether the estimate moves."
+        f"Smoother: removes more than a thousandth of the motion at the bandwidth on {listed}. "
+        "That does no harm where the motion itself is slower. Where f50_max is set, raise it and "
+        "see whether the estimate moves."
     )

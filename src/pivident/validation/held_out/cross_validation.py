@@ -314,7 +314,7 @@ def _replay_notes(problem: Problem) -> tuple[str, ...]:
     if problem.loop is not None and problem.loop.reference == "smoothed":
         return (
             "The replayed loop is virtual: its reference is the measured motion itself, so its "
-            "position error says nothing about the estimate, and its torque error little.",
+            "position error says nothing about the estimate, and its torque error says little.",
         )
     return ()
 
@@ -325,8 +325,8 @@ def _repetition_notes(problem: Problem) -> tuple[str, ...]:
     if repeated is None:
         return ()
     return (
-        f"The motion repeats ({repeated.description}): what a block holds out is fitted elsewhere, "
-        "so these errors are those of a repetition, not of a new motion. Judge on a different "
+        f"The motion repeats ({repeated.description}): what a block leaves out is fitted "
+        "elsewhere, so these are errors on a repetition, not on new motion. Judge on a different "
         "recording.",
     )
 

@@ -70,7 +70,7 @@ def contiguous_folds(
     if count < 2:
         raise ExperimentError(f"folds is {count}; at least 2 are needed")
     if not (np.isfinite(gap) and gap >= 0.0):
-        raise ExperimentError(f"gap is {gap!r} s; it must be a number that is not negative")
+        raise ExperimentError(f"gap is {gap!r} s; it must not be negative")
     lengths = [stop - start for start, stop in moving]
     borders = np.linspace(0, sum(lengths), count + 1).round().astype(int)
     offsets = np.r_[0, np.cumsum(lengths)]

@@ -156,13 +156,13 @@ class OutOfSample:
                 lines.append(
                     f"{piv} and {iv} show no difference within {self.piv_over_iv.range} (95 %, "
                     f"from the scatter of the held-out blocks): take the estimate of {taken}, "
-                    "whose intervals are the better founded."
+                    "whose intervals are better founded."
                     + (f" {self.apart} More motion or more folds would decide." * bool(self.apart))
                 )
             else:
                 lines.append(
                     f"{piv} predicts as well as {iv} to within {100 * (TOLERATED - 1):.0f} % or "
-                    f"better: take the estimate of {taken}, whose intervals are the better founded."
+                    f"better: take the estimate of {taken}, whose intervals are better founded."
                 )
         elif self.best == self.recommended:
             lines.append(f"Smallest held-out torque error: {taken}.")
@@ -282,7 +282,7 @@ def likely_causes(piv: CrossValidation, iv: CrossValidation) -> list[str]:
     if split.mostly_model_error:
         causes.append(
             f"Likely cause: at most {100 * split.noise_share:.0f} % of the error variance in the "
-            "motion's band is noise, the rest is model error; a prefilter that takes it for noise "
+            "motion's band is noise, the rest is model error; a prefilter that treats it as noise "
             "gives weight to the samples and frequencies where the model is wrong."
         )
     if found.options.get("mask") in (None, 0, 0.0):

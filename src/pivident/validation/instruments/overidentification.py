@@ -95,7 +95,7 @@ class DurbinWuHausmanTest(ShiftTest):
             f"Exogeneity (Durbin-Wu-Hausman, robust): F = {self.statistic:.3g} on "
             f"{_degrees(self.degrees)} degrees of freedom, p = {self.p_value:.2g}: {verdict}. "
             f"The largest shift is that of {self.names[k]}, {abs(self.shift[k]):.2g} standard "
-            f"deviations ({100 * abs(self.relative[k]):.2g} %)."
+            f"errors ({100 * abs(self.relative[k]):.2g} %)."
         )
 
 
@@ -128,7 +128,7 @@ class OveridentificationTest(ShiftTest):
             f"Over-identification (Hansen, robust) with {FURTHER.get(self.further, self.further)}: "
             f"F = {self.statistic:.3g} on {_degrees(self.degrees)} degrees of freedom, p = "
             f"{self.p_value:.2g}: {verdict}. With them the estimate would change by at most "
-            f"{abs(self.shift[k]):.2g} standard deviations ({self.names[k]}, "
+            f"{abs(self.shift[k]):.2g} standard errors ({self.names[k]}, "
             f"{100 * abs(self.relative[k]):.2g} %)."
         )
 
@@ -171,7 +171,7 @@ def overidentification_test(sums: MomentSums, names: Sequence[str]) -> Overident
 
     if not sums.extra:
         raise IdentificationError(
-            "there are as many instruments as parameters, so J is zero whatever they are worth; "
+            "there are as many instruments as parameters, so J is zero however good they are; "
             "give further ones (extra='reference' or extra='delayed')"
         )
     scaled, length = sums.scaled()

@@ -151,7 +151,7 @@ class DurbinWatsonTest:
             f"{self.correlation:.2g}"
         )
         if math.isnan(self.p_value):
-            return f"{text}; behind a noise model no test, see Ljung-Box."
+            return f"{text}; not a test after a noise model, see Ljung-Box."
         return f"{text}, {probability(self.p_value)}: {reading(self.significant, self.matters)}."
 
 

@@ -113,7 +113,7 @@ class ModelError:
         shares = [100.0 * j.noise_share_all for j in self.joints]
         if not np.isnan(shares).any():
             most = "" if len(shares) == 1 else f" to {max(shares):.0f}"
-            lines.append(f"Over all frequencies noise makes {min(shares):.0f}{most} %.")
+            lines.append(f"Over all frequencies noise accounts for {min(shares):.0f}{most} %.")
         if self.repeatability is not None:
             total = self.identification.robust_std
             ratio = np.exp(np.mean(np.log(total / np.maximum(self.repeatability, 1e-300))))
@@ -121,7 +121,7 @@ class ModelError:
                 "Repeatability: if this record were taken again, the estimates would differ by the "
                 f"standard errors from noise alone. They are {format_significant(float(ratio), 2)} "
                 "times "
-                "smaller than those that contain the model error, and do not say how near the "
+                "smaller than those that include the model error, and do not show how close the "
                 "estimates are to the truth."
             )
         if self.mostly_model_error:
@@ -136,11 +136,11 @@ class ModelError:
         makes = _share(low) if low is high else f"{_share(low)} to {_share(high)}"
         most, whole, rest = "", "residual", "repeats with the motion: it is model error"
         if self.source == "held-out blocks":
-            most, whole, rest = "at most ", "error", "is model error, and the estimate's own error"
-        where = "" if low is high else ", from joint to joint"
+            most, whole, rest = "at most ", "error", "is model error and the estimate's own error"
+        where = "" if low is high else ", depending on the joint"
         return (
-            f"Below {self.band:g} Hz, noise makes {most}{makes} of the {whole}'s variance{where}; "
-            f"the rest {rest} ({self.description})."
+            f"Below {self.band:g} Hz, noise accounts for {most}{makes} of the {whole}'s "
+            f"variance{where}; the rest {rest} ({self.description})."
         )
 
     def _unclear(self, joints: Sequence[JointModelError]) -> str:
@@ -153,7 +153,8 @@ class ModelError:
         basis = "" if some else f" ({self.description})"
         return (
             f"Below {self.band:g} Hz, the {motion} motion does not distinguish noise from model "
-            f"error{where}: noise may make {low:.0f} to {high:.0f} % of the variance (2σ){basis}."
+            f"error{where}: noise may account for {low:.0f} to {high:.0f} % of the variance "
+            f"(2σ){basis}."
         )
 
     def joint_table(self) -> str:
@@ -241,7 +242,7 @@ def model_error_by_held_out_blocks(validation: CrossValidation) -> ModelError:
     return ModelError(
         validation.method,
         "held-out blocks",
-        f"errors on {seen}, beside the noise level just above {band:g} Hz",
+        f"errors on {seen}, compared with the noise level just above {band:g} Hz",
         band,
         tuple(joints),
         validation.identification,

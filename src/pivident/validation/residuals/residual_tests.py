@@ -48,7 +48,7 @@ _FINDINGS = {
     "neighbours": "Neighbouring residuals are correlated",
     "normality": "The residual is far from a normal distribution",
     "variance": "The residual's variance changes with the motion",
-    "motion": "The motion explains part of what the model left",
+    "motion": "The motion explains part of the residual",
 }
 
 

@@ -80,4 +80,4 @@ def reading(significant: bool, matters: bool) -> str:
     """Significance and practical size, in words."""
     if not significant:
         return "not significant"
-    return "significant and of practical size" if matters else "significant, of no practical size"
+    return f"significant{' and of' if matters else ', but of no'} practical size"
