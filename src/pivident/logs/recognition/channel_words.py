@@ -44,7 +44,7 @@ FOREIGN = set(
     "tcp tool pose cartesian cart ee flange temperature temperatures temp temps voltage error"
     " errors err following ext external std min max limit limits status mode digital analog"
     " accelerometer diff deviation variance covariance wrench friction gravity coriolis momentum"
-    " payload power io quat orientation euler imu odom odometry safety scaling elbow".split()
+    " payload power io quat orientation euler imu odom odometry safety scaling".split()
 )
 
 #: Words that say nothing about quantity or joint. The first line wherever they stand.
