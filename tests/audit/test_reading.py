@@ -10,13 +10,35 @@ from pivident.audit.audit_file import audit_file
 from pivident.errors import ExperimentError, FileFormatError, RecordingError, UnknownColumn
 from pivident.logs.bare_log import bare_log
 from pivident.logs.described_log import described_log
-from pivident.logs.recognition.column_names import channel_of, recognise_columns
+from pivident.logs.recognition.channel_words import plain_channel
+from pivident.logs.recognition.column_series import column_series
 from pivident.robot.gallery import load_robot
 from tests.audit.logs import delayed, planar, serious
 from tests.planar_log import EXPERIMENT, write_experiment
 
 
-def test_names_of_columns():
+def channel_of(name):
+    """Channel and joint of a single column."""
+    (series,) = column_series([name])
+    assert series.channel == plain_channel(name)
+    (key,) = series.columns
+    return series.channel and (series.channel, " ".join((*series.reading.strange, key)))
+
+
+def recognise_columns(folder, names, robot=None):
+    """Columns of each channel, one per joint, and the joints, as a bare log has them."""
+    table = np.random.default_rng(0).normal(size=(40, len(names)))
+    path = folder / "log.csv"
+    np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(names), comments="")
+    log = bare_log(path, robot)
+    found = {
+        kind: [names[int(np.flatnonzero((table.T == own).all(axis=1))[0])] for own in values.T]
+        for kind, values in log.logged.items()
+    }
+    return found, list(log.joint_names)
+
+
+def test_names_of_columns(tmp_path):
     assert channel_of("q1") == ("q", "1")
     assert channel_of("r2") == ("q_ref", "2")
     assert channel_of("tau[:, 3]") == ("tau", "3")
@@ -24,15 +46,15 @@ def test_names_of_columns():
     assert channel_of("position_ref_4") == ("q_ref", "4")
     assert channel_of("joint2_velocity") == ("dq", "2")
     assert channel_of("temperature") is None
-    channels, joints = recognise_columns(["tau2", "tau1", "q1", "q2", "r1", "note"])
+    channels, joints = recognise_columns(tmp_path, ["tau2", "tau1", "q1", "q2", "r1", "note"])
     assert channels == {"q": ["q1", "q2"], "tau": ["tau1", "tau2"]}
     assert joints == ["joint_1", "joint_2"]
 
 
-def test_columns_of_recorders_are_told_by_what_they_differ_in():
+def test_columns_of_recorders_are_told_by_what_they_differ_in(tmp_path):
     signals = ("target_q", "actual_q", "actual_qd", "actual_current", "actual_TCP_pose")
     names = ["timestamp", *(f"{signal}_{j}" for signal in signals for j in range(6))]
-    channels, joints = recognise_columns(names)
+    channels, joints = recognise_columns(tmp_path, names)
     assert channels["q"] == [f"actual_q_{j}" for j in range(6)]
     assert channels["tau"] == [f"actual_current_{j}" for j in range(6)]
     assert channels["dq"] == [f"actual_qd_{j}" for j in range(6)]
@@ -42,7 +64,19 @@ def test_columns_of_recorders_are_told_by_what_they_differ_in():
     two = [
         f"{arm}_{kind}_{j}" for arm in ("left", "right") for kind in ("q", "tau") for j in (1, 2)
     ]
-    assert recognise_columns(two) == ({}, [])
+    assert recognise_columns(tmp_path, two) == ({}, [])
+
+
+def test_joints_in_words_of_their_own_and_of_one_arm(tmp_path):
+    hips = ["q_hip", "q_knee", "tau_hip", "tau_knee"]
+    channels, joints = recognise_columns(tmp_path, hips, load_robot("planar_2r"))
+    assert channels == {"q": hips[:2], "tau": hips[2:]} and joints == ["shoulder", "elbow"]
+    # Of two arms the one that has torques too.
+    left = ["left_q_1", "left_q_2", "left_tau_1", "left_tau_2"]
+    channels, _ = recognise_columns(tmp_path, ["right_q_1", "right_q_2", *left])
+    assert channels == {"q": left[:2], "tau": left[2:]}
+    # Columns of whatever are no positions, even beside torques.
+    assert recognise_columns(tmp_path, ["gas_1", "gas_2", "tau_1", "tau_2"]) == ({}, [])
 
 
 def test_bare_csv_with_a_robot(tmp_path):

@@ -7,8 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from pivident.check.remark import Place, Remark
-from pivident.logs.recognition.channel_words import PLAIN_QUANTITIES, UNIT_WORDS
-from pivident.logs.recognition.column_names import channel_of
+from pivident.logs.recognition.channel_words import (
+    PLAIN_QUANTITIES,
+    UNIT_WORDS,
+    plain_channel,
+    words_of,
+)
 from pivident.robot.description import Robot
 from pivident.text.finding import Severity
 
@@ -37,8 +41,6 @@ _SI = {"angle": "rad", "speed": "rad/s", "torque": "N m", "time": "s"}
 _ALIKE = {"Nm": "N m", "m": "rad", "m/s": "rad/s", "N": "N m"}
 
 _ACCELERATION = set(PLAIN_QUANTITIES["ddq"].split())
-
-_WORD = re.compile(r"[a-zA-Z]+")
 
 #: Words that may be units: the letter before a number is that of an axis, ``A1``.
 _UNIT_WORD = re.compile(r"[a-zA-Zµ]{2,}|[a-zA-Z](?![a-zA-Z\d])")
@@ -90,11 +92,7 @@ def _used_twice(named: Mapping[str, Sequence[str]], table: Place) -> Iterator[Re
 
 def _another_quantity(channel: str, names: Sequence[str], table: Place) -> Iterator[Remark]:
     for column in names:
-        words = [w.lower() for w in _WORD.findall(column)]
-        reading = channel_of(column)
-        kind = "ddq" if _ACCELERATION & set(words) else reading[0] if reading else None
-        if kind == "dq_ref" and "acc" in words:
-            kind = "ddq_ref"
+        kind = "ddq" if _ACCELERATION & set(words_of(column.lower())) else plain_channel(column)
         if kind is None or kind == channel or channel not in CALLED:
             continue
         if f"{kind}_ref" == channel and kind != "q":

@@ -8,10 +8,10 @@ from typing import Any
 
 from pivident.init.assumption import Assumption, Question
 from pivident.init.clock_lines import clock_place
-from pivident.init.joint_columns import JointMap
 from pivident.init.kept_joints import KeptJoints
 from pivident.init.torque_unit import TorqueUnit
 from pivident.logs.bags.bag_table import OwnClock
+from pivident.logs.recognition.joint_columns import JointMap
 from pivident.logs.recognition.log_clock import LogClock
 from pivident.logs.recognition.position_units import AssumedUnits
 

@@ -12,10 +12,11 @@ import numpy as np
 from pivident.init.assumption import Answers, Assumption, DraftError, Question
 from pivident.init.control_lines import control_lines
 from pivident.init.experiment_text import HEADING, experiment_text
-from pivident.init.log_files import Run, read_runs
+from pivident.init.log_files import read_runs
 from pivident.init.recording_lines import RecordingLines, recording_lines
 from pivident.init.robot_file import RobotFile, robot_file
 from pivident.init.trial import Findings, try_out
+from pivident.logs.recognition.log_file import Run
 from pivident.robot.naming import nearest
 
 

@@ -8,9 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.init.assumption import DraftError
-from pivident.init.joint_columns import STILL, JointMap, is_informative
-from pivident.init.log_files import Run
 from pivident.init.robot_file import RobotFile
+from pivident.logs.recognition.joint_columns import JointMap
+from pivident.logs.recognition.log_file import Run
+
+#: Share of samples with one and the same value from which on a torque is no signal.
+MOSTLY_ONE_VALUE = 0.7
+
+#: Motion that is none, as share of the largest motion of a joint in the log.
+STILL = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,3 +85,17 @@ def _reason(
         return "it does not move"
     useful, why = is_informative(tau.values(run, [name])[:, 0])
     return "" if useful else f"its torque is {why}"
+
+
+def is_informative(tau: np.ndarray) -> tuple[bool, str]:
+    """Whether a torque column holds a signal, or why not; tau (samples,)."""
+    finite = tau[np.isfinite(tau)]
+    if not finite.size:
+        return False, "no number in it"
+    values, counts = np.unique(finite, return_counts=True)
+    share = counts.max() / len(tau)
+    if len(values) == 1:
+        return False, f"always {values[0]:.4g}"
+    if share > MOSTLY_ONE_VALUE:
+        return False, f"exactly {values[counts.argmax()]:.4g} in {100 * share:.0f} % of the rows"
+    return True, ""

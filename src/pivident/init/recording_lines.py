@@ -11,16 +11,17 @@ import numpy as np
 from pivident.init.assumption import Answers, Assumption, DraftError
 from pivident.init.clock_lines import clock_lines
 from pivident.init.column_lines import MARGIN, column_lines, side_line, unit_lines, window_line
-from pivident.init.joint_columns import JointMap, joint_map
 from pivident.init.kept_joints import KeptJoints, kept_joints
-from pivident.init.log_files import Run
 from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
 from pivident.init.torque_unit import Comparison, compare, torque_unit
+from pivident.logs.recognition.joint_columns import JointMap, joint_map
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
+from pivident.logs.recognition.log_file import Run
 from pivident.logs.recognition.position_units import AssumedUnits, following_unit, position_unit
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
+from pivident.robot.naming import nearest
 
 #: Standstill at the ends that is worth cutting off [s].
 WORTH_CUTTING = 1.0
@@ -50,6 +51,9 @@ def recording_lines(
 ) -> RecordingLines:
     """Everything that is assumed about one log."""
     joints = joint_map(run, machine.joint_names)
+    for kind, called in (("q", "position"), ("tau", "torque")):
+        if kind not in joints.channels:
+            raise DraftError(_not_found(called, run))
     kept = kept_joints(run, joints, machine, wanted)
     clock = _clock(run, joints, kept, answers)
     q = joints.channels["q"]
@@ -100,6 +104,19 @@ def recording_lines(
         "q_ref" in references,
         clock.rate,
         found,
+    )
+
+
+def _not_found(what: str, run: Run) -> str:
+    """That no column seems to hold a channel, and what columns there are."""
+    names = [name for file in run.files for name in file.columns]
+    listed = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
+    near = nearest(what, names)
+    hint = f"; {near}" if near.startswith("did you mean") else ""
+    return (
+        f"no column of {', '.join(file.shown for file in run.files)} seems to hold {what}s of "
+        f"joints; there are {listed}{hint}. Rename the columns (q_1, tau_1 …), or write the "
+        "experiment file by hand"
     )
 
 

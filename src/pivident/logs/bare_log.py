@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Container
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from pivident.errors import FileFormatError
-from pivident.logs.bags.bag_channels import joint_fields
-from pivident.logs.bags.joint_topics import TopicTable
-from pivident.logs.bags.read_bag import Bag, is_bag, open_bag
+from pivident.logs.bags.read_bag import is_bag, open_bag
 from pivident.logs.described_log import described_log
-from pivident.logs.file_columns import read_columns
 from pivident.logs.log import Log
-from pivident.logs.recognition.column_names import recognise_columns
+from pivident.logs.recognition.joint_columns import JointMap, joint_map
+from pivident.logs.recognition.log_file import Run, read_log_file
 from pivident.logs.recognition.time_columns import clocks_in, is_clock
-from pivident.logs.source_files import SourceFile, printable_name
+from pivident.logs.source_files import SourceFile
 from pivident.robot.description import Robot
 from pivident.text.printable import escaped
 
@@ -42,81 +40,72 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         FileFormatError: the file cannot be read at all, or a bag has no topic with positions and
             torques of these joints.
     """
-    path = Path(path)
-    if is_bag(path):
-        return _bag_log(path, robot)
-    columns = read_columns(path)
-    clocks, unit, notes = clocks_in({n: v for n, v in columns.items() if is_clock(n, v)}, None)
-    names, joints = recognise_columns(
-        [n for n in columns if n not in clocks], robot.joint_names if robot else ()
-    )
-    logged = {kind: np.column_stack([columns[n] for n in own]) for kind, own in names.items()}
+    file = read_log_file(Path(path), robot.joint_names if robot else ())
+    run = Run((file,))
+    found = joint_map(run, file.joint_names)
+    if is_bag(file.path):
+        return _bag_log(run, found, robot)
+    stamps = {n: v for n, v in file.columns.items() if is_clock(n, v)}
+    clocks, unit, notes = clocks_in(stamps, None)
+    joints = _joints(found, robot)
+    doubtful = {kind for kind, own in found.channels.items() if own.contested}
+    if doubtful & {"q", "tau"}:
+        joints = []
+    names = _columns(found, joints, doubtful)
+    logged = {k: np.column_stack([file.columns[n] for n in own]) for k, own in names.items()}
     if logged:
         taken = "; ".join(f"{kind} = {', '.join(own)}" for kind, own in names.items())
         notes.append(TAKEN.format(source="their names", taken=taken))
     claimed = {n for own in names.values() for n in own}
     return Log(
-        printable_name(path),
+        file.shown,
         tuple(joints),
-        {n: v for n, v in columns.items() if n not in claimed},
+        {n: v for n, v in file.columns.items() if n not in claimed},
         clocks,
         logged=logged,
         channels={kind: np.array(values) for kind, values in logged.items()},
         robot=robot,
-        sources=(SourceFile.of(path),),
+        sources=(SourceFile.of(file.path),),
         notes=tuple(notes),
         clock_unit=unit,
     )
 
 
-def _bag_log(path: Path, robot: Robot | None) -> Log:
-    """The arm of a bag, found by the types of its messages."""
-    fields, joints, notes = _arm(open_bag(path), path, robot)
-    columns = {
-        kind: [own[joint] for joint in joints]
-        for kind, own in fields.items()
-        if set(joints) <= set(own)
+def _joints(found: JointMap, robot: Robot | None) -> list[str]:
+    """The robot's joints, or those that the log has; none where a position is missing."""
+    own = {kind: list(channel.columns) for kind, channel in found.channels.items()}
+    if robot:
+        return list(robot.joint_names) if set(robot.joint_names) <= set(own.get("q", ())) else []
+    return [j for j in own.get("q", ()) if j in own.get("tau", ())] or own.get("q", [])
+
+
+def _columns(found: JointMap, joints: list[str], without: Container[str]) -> dict[str, list[str]]:
+    """The columns of the channels that all joints have."""
+    return {
+        kind: [own.columns[joint] for joint in joints]
+        for kind, own in found.channels.items()
+        if joints and set(joints) <= set(own.columns) and kind not in without
     }
-    log = described_log(path, columns, robot=robot, joint_names=joints)
-    taken = "; ".join(f"{kind} = {fields[kind][joints[0]]} …" for kind in columns)
-    notes.append(TAKEN.format(source="the types of the messages", taken=escaped(taken)))
-    return replace(log, notes=(*notes, *log.notes))
 
 
-def _arm(
-    bag: Bag, path: Path, robot: Robot | None
-) -> tuple[dict[str, dict[str, str]], list[str], list[str]]:
-    """Columns by channel and joint from the fullest topic, the joints, and what was left aside."""
-    tables = list(bag.topics.values())
-    held = {table.name: joint_fields(table) for table in tables}
-
-    def joints_of(fields: dict[str, dict[str, str]]) -> list[str]:
-        both = [j for j in fields.get("q", {}) if j in fields.get("tau", {})]
-        return [j for j in robot.joint_names if j in both] if robot else both
-
-    best = max(tables, key=lambda table: len(joints_of(held[table.name])))
-    fields, joints = held[best.name], joints_of(held[best.name])
-    if not joints:
-        fields = _together(held, tables)
-        joints = joints_of(fields)
-    if not joints or (robot and len(joints) < robot.size):
-        names = ", ".join(bag.names()[:6])
+def _bag_log(run: Run, found: JointMap, robot: Robot | None) -> Log:
+    """The arm of a bag, found by the types of its messages."""
+    (file,) = run.files
+    # Another topic's reference would bring all channels to one clock, perhaps a slower one.
+    later = {k for k, own in found.channels.items() if k not in ("q", "tau") and own.own_clock(run)}
+    joints = _joints(found, robot)
+    columns = _columns(found, joints, later)
+    if not {"q", "tau"} <= set(columns):
         wanted = f" for {', '.join(robot.joint_names[:6])}" if robot else ""
+        topics = escaped(", ".join(open_bag(file.path).names()[:6]))
         raise FileFormatError(
-            f"{printable_name(path)} has no topic with positions and torques{wanted}; it has "
-            f"{escaped(names)} …; name them in an experiment file"
+            f"{file.shown} has no topic with positions and torques{wanted}; it has {topics} …; "
+            "name them in an experiment file"
         )
-    others = [t.name for t in tables if t is not best and held[t.name].get("q")]
-    notes = [f"Other topics with positions: {escaped(', '.join(others[:5]))}."] if others else []
-    return fields, joints, notes
-
-
-def _together(
-    held: Mapping[str, dict[str, dict[str, str]]], tables: Sequence[TopicTable]
-) -> dict[str, dict[str, str]]:
-    """Each channel from the first topic that has it."""
-    found: dict[str, dict[str, str]] = {}
-    for table in tables:
-        for kind, own in held[table.name].items():
-            found.setdefault(kind, own)
-    return found
+    log = described_log(file.path, columns, robot=robot, joint_names=joints)
+    taken = "; ".join(f"{kind} = {own[0]} …" for kind, own in columns.items())
+    notes = [TAKEN.format(source="the types of the messages", taken=escaped(taken))]
+    if file.aside:
+        listed = escaped(", ".join(file.aside[:5]))
+        notes.insert(0, f"Other topics with positions: {listed}.")
+    return replace(log, notes=(*notes, *log.notes))

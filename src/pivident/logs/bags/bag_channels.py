@@ -18,16 +18,6 @@ from pivident.logs.bags.read_bag import RECEIVED, STAMP, Bag
 from pivident.logs.clocks.clock_alignment import ClockedChannel, in_order, onto_sparsest
 from pivident.robot.naming import near_names
 
-#: What the fields of messages hold, by the channel that a robot's record has for it.
-FIELDS: dict[str, tuple[str, ...]] = {
-    "q": ("position", "actual/positions", "feedback/positions"),
-    "dq": ("velocity", "actual/velocities", "feedback/velocities"),
-    "tau": ("effort", "actual/effort", "feedback/effort", "output/effort"),
-    "q_ref": ("desired/positions", "reference/positions"),
-    "dq_ref": ("desired/velocities", "reference/velocities"),
-    "ddq_ref": ("desired/accelerations", "reference/accelerations"),
-}
-
 
 def bag_channel(
     bag: Bag,
@@ -82,22 +72,6 @@ def full_names(
         f"{path.name}: {field} holds no joint {', '.join(missing[:3])}; its joints are "
         f"{', '.join(labels[:12])}; name one column for each joint of the robot, in its order"
     )
-
-
-def joint_fields(table: TopicTable) -> dict[str, dict[str, str]]:
-    """What a topic holds: columns by joint for each of `FIELDS`, as far as it has them."""
-    found: dict[str, dict[str, str]] = {}
-    for channel, fields in FIELDS.items():
-        for field in fields:
-            own = {
-                name[len(field) + 1 :]: f"{table.name}/{name}"
-                for name, values in table.columns.items()
-                if name.startswith(f"{field}/") and np.isfinite(values).any()
-            }
-            if own:
-                found[channel] = own
-                break
-    return found
 
 
 def _one_name(

@@ -17,6 +17,7 @@ from pivident.logs.bags.joint_topics import TopicTable
 from pivident.logs.bags.read_bag import RECEIVED, STAMP, Bag, open_bag
 from pivident.logs.clocks.clock_alignment import ONE_CLOCK, ClockedChannel, resampled
 from pivident.logs.clocks.gaps import bridged_interval
+from pivident.logs.recognition.channel_words import read_words, words_of
 from pivident.logs.recognition.column_series import Series, column_series
 
 #: What is looked for in other topics, and what each stands for beside the positions.
@@ -39,11 +40,20 @@ class OwnClock:
     rate: float  # of its messages [Hz]
 
 
-def bag_table(
-    path: Path, joint_names: tuple[str, ...]
-) -> tuple[dict[str, np.ndarray], dict[str, OwnClock]]:
-    """Columns of a bag at the instants of its positions, each (messages,), and other clocks."""
+@dataclass(frozen=True, eq=False)
+class BagTable:
+    """The arm of a bag."""
+
+    columns: dict[str, np.ndarray]  # at the instants of the positions, shape (messages,)
+    own_clocks: dict[str, OwnClock]  # of the columns of other topics, by name
+    joint_names: tuple[str, ...]  # of the robot, or as the messages call them
+    aside: tuple[str, ...]  # other topics with positions
+
+
+def bag_table(path: Path, joint_names: tuple[str, ...] = ()) -> BagTable:
+    """Choose the topic with the joints' positions, and take from others what it lacks."""
     bag = open_bag(path)
+    joint_names = joint_names or _labels(bag)
     held = {
         table.name: [s for s in column_series(_names(table), joint_names) if s.channel in KINDS]
         for table in bag.topics.values()
@@ -70,7 +80,16 @@ def bag_table(
             clock = OwnClock(channel.clock, channel.rate)
             for j, name in enumerate(series.columns.values()):
                 columns[name], own[name] = values[:, j], clock
-    return columns, own
+    others = [table.name for table in bag.topics.values() if table is not main]
+    aside = tuple(name for name in others if any(s.channel == "q" for s in held[name]))
+    return BagTable(columns, own, joint_names, aside)
+
+
+def _labels(bag: Bag) -> tuple[str, ...]:
+    """Names of joints in the messages: what stands behind the name of a field of joints."""
+    names = [n.rpartition("/") for table in bag.topics.values() for n in table.columns]
+    fields = {field: read_words(words_of(field)).channel for field, _, _ in names}
+    return tuple(dict.fromkeys(j for f, _, j in names if fields[f] and not j.isdecimal()))
 
 
 def _names(table: TopicTable) -> list[str]:

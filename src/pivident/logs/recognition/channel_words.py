@@ -44,7 +44,7 @@ FOREIGN = set(
     "tcp tool pose cartesian cart ee flange temperature temperatures temp temps voltage error"
     " errors err following ext external std min max limit limits status mode digital analog"
     " accelerometer diff deviation variance covariance wrench friction gravity coriolis momentum"
-    " payload power io quat orientation euler imu odom odometry safety scaling elbow".split()
+    " payload power io quat orientation euler imu odom odometry safety scaling".split()
 )
 
 #: Words that say nothing about quantity or joint. The first line wherever they stand.
@@ -111,6 +111,7 @@ _CHANNELS = {
     for key, words in quantities.items()
     for word in words.split()
 }
+_MEANT = REFERENCE | MEASURED | FILLING | BARE_UNITS | set(_CHANNELS) | {"dot"}
 _BRACKETS = re.compile(
     r"[(\[{<]\s*([^\W\d_][^()\[\]{}<>]{0,8}|°[^()\[\]{}<>]{0,4}|1/min)\s*[)\]}>]"
 )
@@ -126,6 +127,7 @@ class Reading:
     unit: str | None  # unit written beside the name, or None
     measured: int = 0  # 1: called a measurement, 0: not, -1: has unknown words
     foreign: bool = False  # whether it is something else than a joint signal
+    strange: tuple[str, ...] = ()  # words of no known meaning, such as that of one of two arms
 
 
 def words_of(name: str) -> list[str]:
@@ -142,6 +144,23 @@ def without_unit(name: str) -> tuple[str, str | None, str | None]:
     return name, None, None
 
 
+def plain_channel(name: str) -> str | None:
+    """The channel of a single column by plain words alone, None for none or several.
+
+    A current stands for a torque, and a word for a reference alone means positions.
+    """
+    words = set(words_of(name.lower()))
+    named = {
+        {"current": "tau"}.get(quantity, quantity)
+        for quantity, own in PLAIN_QUANTITIES.items()
+        if words & set(own.split())
+    }
+    (channel,) = named if len(named) == 1 else {"q"} if not named and "r" in words else {None}
+    if channel is None or not words & PLAIN_REFERENCE:
+        return channel
+    return None if channel == "tau" else f"{channel}_ref"
+
+
 def read_words(
     words: Sequence[str], unit: str | None = None, betrayed: str | None = None
 ) -> Reading:
@@ -151,6 +170,7 @@ def read_words(
         if unit is None and word in BARE_UNITS:
             unit, betrayed = UNITS[word]
     foreign = bool(FOREIGN & set(known))
+    strange = tuple(word for word in known if word not in _MEANT)
     named = [_CHANNELS[word] for word in known if word in _CHANNELS]
     if "dot" in known and named and named[-1] == "q":
         named.append("dq")
@@ -161,10 +181,6 @@ def read_words(
     if channel is None and reference:
         channel = "q"
     if foreign or channel is None:
-        return Reading(None, unit, foreign=foreign)
-    if set(known) & MEASURED:
-        measured = 1
-    else:
-        strange = set(known) - REFERENCE - FILLING - BARE_UNITS - set(_CHANNELS) - {"dot"}
-        measured = -1 if strange else 0
-    return Reading(f"{channel}_ref" if reference else channel, unit, measured)
+        return Reading(None, unit, foreign=foreign, strange=strange)
+    measured = 1 if set(known) & MEASURED else -1 if strange else 0
+    return Reading(f"{channel}_ref" if reference else channel, unit, measured, strange=strange)

@@ -113,10 +113,9 @@ def joint_in(
     words: Sequence[str], phrases: Mapping[tuple[str, ...], str]
 ) -> tuple[str, int, int] | None:
     """The joint that a name names, and where in its words; of two the longer one."""
-    best: tuple[str, int, int] | None = None
-    for phrase, joint in phrases.items():
-        for first in range(len(words) - len(phrase) + 1):
-            if tuple(words[first : first + len(phrase)]) == phrase:
-                if best is None or len(phrase) >= best[2] - best[1]:
-                    best = (joint, first, first + len(phrase))
-    return best
+    for size in sorted(set(map(len, phrases)), reverse=True):
+        for first in reversed(range(len(words) - size + 1)):
+            joint = phrases.get(tuple(words[first : first + size]))
+            if joint is not None:
+                return joint, first, first + size
+    return None

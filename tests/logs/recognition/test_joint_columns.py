@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pivident.init.joint_columns import joint_map
-from pivident.init.log_files import LogFile, Run
 from pivident.logs.recognition.column_series import column_series
+from pivident.logs.recognition.joint_columns import joint_map
+from pivident.logs.recognition.log_file import LogFile, Run
 
 
 def mapped(names, joints):

@@ -1,0 +1,78 @@
+"""A file of a log as columns, and those that belong together; the files of one run."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from pivident.logs.bags.bag_table import OwnClock, bag_table
+from pivident.logs.bags.read_bag import is_bag
+from pivident.logs.file_columns import read_columns
+from pivident.logs.recognition.channel_words import Reading, read_words, words_of
+from pivident.logs.recognition.column_series import JOINT, Series, column_series
+from pivident.logs.recognition.time_columns import is_clock
+from pivident.logs.source_files import printable_name
+
+#: Endings that say nothing about a log.
+ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
+
+
+@dataclass(frozen=True, eq=False)
+class LogFile:
+    """One file."""
+
+    path: Path  # where it is
+    columns: dict[str, np.ndarray]  # numeric, shape (samples,), in the units of the file
+    series: tuple[Series, ...]  # columns that belong together
+    # clocks of the columns that have one of their own, by name; these columns are taken at the
+    # instants of the others, NaN where they say nothing
+    own_clocks: Mapping[str, OwnClock] = field(default_factory=dict)
+    joint_names: tuple[str, ...] = ()  # of the robot, or as the messages of a bag call them
+    aside: tuple[str, ...] = ()  # other topics of a bag with positions
+
+    @property
+    def samples(self) -> int:
+        """Number of rows."""
+        return len(next(iter(self.columns.values())))
+
+    @property
+    def shown(self) -> str:
+        """Its name as it can be printed."""
+        return printable_name(self.path)
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """One run of the robot: its files side by side."""
+
+    files: tuple[LogFile, ...]
+
+
+def read_log_file(path: Path, joint_names: Sequence[str] = ()) -> LogFile:
+    """The columns of a file, of a bag those of its arm; see `joint_columns` for the next step."""
+    if is_bag(path):
+        arm = bag_table(path, tuple(joint_names))
+        series = column_series(list(arm.columns), arm.joint_names)
+        return LogFile(path, arm.columns, tuple(series), arm.own_clocks, arm.joint_names, arm.aside)
+    columns = read_columns(path)
+    names = [name for name, values in columns.items() if not is_clock(name, values)]
+    own = file_reading(path)
+    series = []
+    for found in column_series(names, joint_names):
+        bare = found.channel is None and not found.reading.foreign and JOINT in found.words
+        if bare and own.channel is not None:
+            # Only the file's name says what columns called after joints hold.
+            found = replace(found, reading=replace(own, unit=found.reading.unit))
+        series.append(found)
+    return LogFile(path, columns, tuple(series), joint_names=tuple(joint_names))
+
+
+def file_reading(path: Path) -> Reading:
+    """What the name of a file says about its columns: ``arm_effort.csv``."""
+    name = path.name
+    for ending in ENDINGS:
+        name = name.removesuffix(ending)
+    return read_words([word for word in words_of(name) if len(word) > 2 or word in ("q", "dq")])
