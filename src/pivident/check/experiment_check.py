@@ -115,7 +115,6 @@ class _Check:
         self.experiment, self.say = experiment, say
         self.content = experiment.content
         self.folder = experiment.path.parent
-        self.plain = self.content.model_dump(exclude_unset=True, by_alias=True, warnings=False)
         self.remarks: list[Remark] = []
         self.looked_at: list[str] = []
         self.plan: Plan | None = None
@@ -134,7 +133,7 @@ class _Check:
         if len(self.recordings) > 1:
             self.looked_at.append("recordings against one another")
         self.say("looking at controller, methods and parameters")
-        rest = ProblemCheck(self.experiment, robot, self.recordings, self.plain)
+        rest = ProblemCheck(self.experiment, robot, self.recordings)
         self.remarks += rest.remarks
         self.plan = rest.plan
         if robot is not None:
@@ -145,7 +144,7 @@ class _Check:
         try:
             robot = self.experiment.robot
         except PividentError as error:
-            self.remarks.append(of_error(error, "robot", ("robot",), self.plain))
+            self.remarks.append(of_error(error, "robot", ("robot",)))
             return None
         self.remarks += check_robot(robot, self.content.robot.model)
         self.looked_at.append(
@@ -168,7 +167,7 @@ class _Check:
     def _log(self, place: Place, entry: RecordingEntry, robot: Robot | None) -> None:
         """Everything about one log."""
         controller = self.content.controller
-        found = check_log(entry, place, robot, self.folder, controller, self.plain)
+        found = check_log(entry, place, robot, self.folder, controller)
         self.remarks += found.remarks
         self.recordings += [(place, recording) for recording in found.recordings]
         if found.audit is not None and found.audit.model is not None and place[0] == "recording":
