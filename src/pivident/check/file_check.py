@@ -36,7 +36,7 @@ def file_problems(
     for problem in problems:
         kind = "unknown key" if problem.unknown else "value"
         seen, step = split_advice(problem.sentence)
-        place = (*_place(problem.location, content), *problem.keys)
+        place = _place(problem.location, content)
         remarks.append(
             Remark("error", "file", kind, seen, next_step=step, place=place, refused=True)
         )

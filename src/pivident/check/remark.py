@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 from pivident.errors import PividentError
 from pivident.text.finding import SEVERITIES, Finding
@@ -61,7 +62,8 @@ class Remark(Finding):
     def heading(self) -> str:
         """The place as people write it: ``line 7, [recording] units.q``."""
         parts = [str(p) for p in self.place if not isinstance(p, int)]
-        number = next((p for p in self.place if isinstance(p, int)), 0)
+        follows = dict(pairwise(self.place)).get("recording", 0)
+        number = follows if isinstance(follows, int) else 0
         named = "" if not parts else f"[{parts[0]}]" + (f" {number + 1}" if number else "")
         if len(parts) > 1:
             named += f" {'.'.join(parts[1:])}"

@@ -56,10 +56,16 @@ class FileFormatError(RecordingError):
 class ExperimentError(PividentError, ValueError):
     """An experiment file with unknown keys, bad values or contradictory options."""
 
-    def headed(self, heading: str, *table: str) -> Self:
+    def headed(self, heading: str) -> Self:
         """The error with a file or a table in front of its message; its place stays."""
         made = type(self)(f"{heading} {self}")
-        made._sentence, made.table, made.place = self.sentence, self.table or table, self.place
+        made._sentence, made.table, made.place = self.sentence, self.table, self.place
+        return made
+
+    def within(self, table: str, *keys: str) -> Self:
+        """The error about keys of this table, such as ``identify.piv``, with its name in front."""
+        made = self.headed(f"[{table}]").about(*keys)
+        made.table = tuple(table.split("."))
         return made
 
 

@@ -197,25 +197,17 @@ class Experiment:
         """Refuse a method that simulates the loop where controller or reference are missing."""
         controller = self.content.controller
         if controller is None:
-            raise (
-                ExperimentError(
-                    f"the method {method!r} simulates the control loop, but there is no "
-                    'table [controller]; add it (type = "virtual_pd" if the law is not known), or '
-                    'keep to "ls"'
-                )
-                .about("methods")
-                .headed("[identify]", "identify")
-            )
+            raise ExperimentError(
+                f"the method {method!r} simulates the control loop, but there is no "
+                'table [controller]; add it (type = "virtual_pd" if the law is not known), or '
+                'keep to "ls"'
+            ).within("identify", "methods")
         without = [r for r in self.content.recording if r.columns and r.columns.q_ref is None]
         if controller.source == "recorded" and without:
-            raise (
-                ExperimentError(
-                    'the reference is "recorded", but no column is named for q_ref; '
-                    'name it under columns, or set reference = "reconstruct" or "smoothed"'
-                )
-                .about("reference")
-                .headed("[controller]", "controller")
-            )
+            raise ExperimentError(
+                'the reference is "recorded", but no column is named for q_ref; '
+                'name it under columns, or set reference = "reconstruct" or "smoothed"'
+            ).within("controller", "reference")
 
 
 def problem_of(

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -32,12 +31,10 @@ MEANT = {
 Root = TypeVar("Root", bound=BaseModel)
 
 
-@dataclass(frozen=True)
-class Problem:
+class Problem(NamedTuple):
     """One thing that the schema finds wrong with a file's content."""
 
-    location: tuple[int | str, ...]  # tables and keys of the value
-    keys: tuple[str, ...]  # keys below it that are at fault, where the value is a table
+    location: tuple[int | str, ...]  # tables and keys of the value at fault
     sentence: str  # what is wrong, in words
     unknown: bool  # whether its last key is not known
 
@@ -74,8 +71,7 @@ def every_problem(plain: dict[str, Any], root: type[BaseModel] = ExperimentFile)
     except ValidationError as error:
         return [
             Problem(
-                details["loc"],
-                getattr(details.get("ctx", {}).get("error"), "place", ()),
+                (*details["loc"], *getattr(details.get("ctx", {}).get("error"), "place", ())),
                 explained(details, plain, root)[1],
                 details["type"] == "extra_forbidden",
             )

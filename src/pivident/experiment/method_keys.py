@@ -63,9 +63,8 @@ class BandpassEntry(Entry):
                 "decimation and bandwidth are both given; the factor follows from one"
             ).about("decimation")
         if self.median is not None and self.median % 2 == 0:
-            raise ExperimentError(f"median = {self.median} must be an odd number of samples").about(
-                "median"
-            )
+            message = f"median = {self.median} must be an odd number of samples"
+            raise ExperimentError(message).about("median")
         return self
 
 

@@ -39,7 +39,7 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
     try:
         _check_keys(name, ready, own)
     except ExperimentError as error:
-        raise error.headed(f"[identify.{name}]", "identify", name) from error
+        raise error.within(f"identify.{name}") from error
     if isinstance(ready, LeastSquares):
         if own.signals == "random_walk":
             return replace(ready, signals=_random_walk(entry, own))

@@ -148,8 +148,11 @@ def _recording(
     _check_sizes(len(joint_names), robot, said.transmission)
     with concerning("side"):
         sides = _checked_sides(said, logged)
-    units = {key: unit for key, unit in said.units.items() if key != "t" or not clocked}
-    _to_si(logged, units, sides, robot, said.transmission)
+    others = ("inputs", "t") if clocked else ("inputs",)
+    units = {key: unit for key, unit in said.units.items() if key not in others}
+    units |= {f"inputs.{key}": unit for key, unit in said.units.get("inputs", {}).items()}
+    for channel, unit in units.items():
+        _to_si(logged, channel, unit, sides, robot, said.transmission)
     for channel, values in logged.items():
         if channel != "t":
             own = clocked[channel].t if channel in clocked else logged["q"]
@@ -236,27 +239,13 @@ def _checked_sides(said: Description, logged: Mapping[str, np.ndarray]) -> dict[
 
 def _to_si(
     logged: dict[str, np.ndarray],
-    units: Mapping[str, Any],
-    sides: Mapping[str, Side],
-    robot: Robot | None,
-    transmission: Transmission | None,
-) -> None:
-    """Turn every channel with a unit into SI units, on the side it was logged on."""
-    specs = {key: spec for key, spec in units.items() if key != "inputs"}
-    specs |= {f"inputs.{key}": spec for key, spec in units.get("inputs", {}).items()}
-    for channel, spec in specs.items():
-        _channel_to_si(logged, channel, spec, sides, robot, transmission)
-
-
-def _channel_to_si(
-    logged: dict[str, np.ndarray],
     channel: str,
     spec: Any,
     sides: Mapping[str, Side],
     robot: Robot | None,
     transmission: Transmission | None,
 ) -> None:
-    """Turn one channel into SI units."""
+    """Turn a channel into SI units, on the side it was logged on."""
     with concerning("units", *channel.split(".")):
         if channel not in logged:
             raise RecordingError(f"a unit is given for {channel}, which has no columns")
