@@ -8,7 +8,7 @@ can still be looked at.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from pivident.check.log_check import check_log
 from pivident.check.plan import Plan
 from pivident.check.problem_check import ProblemCheck
 from pivident.check.recordings_check import check_recordings
-from pivident.check.remark import Place, Remark, gravest_first, of_error, of_finding, with_line
+from pivident.check.remark import Place, Remark, gravest_first, of_error, of_finding
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
 from pivident.errors import PividentError
@@ -100,7 +100,8 @@ def check_experiment(
     lines = TomlLines(text)
     unique = {(r.message, r.subject): r for r in reversed(remarks)}
     placed = [
-        with_line(remark, lines.line(remark.place)) for remark in merged(reversed(unique.values()))
+        replace(remark, line=lines.line(remark.place))
+        for remark in merged(reversed(unique.values()))
     ]
     stops = any(remark.refused and remark.kind != "gap" for remark in placed)
     return ExperimentCheck(

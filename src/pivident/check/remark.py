@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 from pivident.errors import PividentError
@@ -117,8 +117,3 @@ _NAMES = {"q", "dq", "tau", "t", "kp", "kd", "ki", "kv", "rate", "mask", "delay"
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:
     """Remarks in order of severity, those that stop an identification first of all."""
     return sorted(remarks, key=lambda r: (-SEVERITIES.index(r.severity), not r.refused))
-
-
-def with_line(remark: Remark, line: int | None) -> Remark:
-    """The remark with its line."""
-    return replace(remark, line=line)

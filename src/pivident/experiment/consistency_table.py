@@ -24,10 +24,9 @@ FRAME_TOLERANCE = 1e-4
 
 def consistency_of(entry: ConsistencyEntry, robot: Robot, folder: Path) -> ConsistencyOptions:
     """Options with everything checked against the robot."""
-    reference = None
-    if entry.reference is not None:
-        with concerning("reference"):
-            reference = reference_of(entry.reference, robot, folder)
+    name = entry.reference
+    with concerning("reference"):
+        reference = None if name is None else reference_of(name, robot, folder)
     with concerning("bounds"):
         bounds = bounds_of(entry, robot)
     return ConsistencyOptions(

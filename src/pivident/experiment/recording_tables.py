@@ -80,10 +80,8 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
             simulated=entry.simulated,
             **set_here,
         )
-    if entry.part is None:
-        return recording
     with concerning("part"):
-        return recording.slice(*entry.part)
+        return recording if entry.part is None else recording.slice(*entry.part)
 
 
 def log_of(
@@ -99,10 +97,8 @@ def log_of(
         log = described_log(
             _instead(_files(entry, folder), other), **_description(entry), robot=robot, **set_here
         )
-    if entry.part is None:
-        return log
     with concerning("part"):
-        return log.between(*entry.part)
+        return log if entry.part is None else log.between(*entry.part)
 
 
 def loop_of(
