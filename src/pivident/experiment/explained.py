@@ -97,7 +97,8 @@ def explained(
 ) -> tuple[str, str]:
     """One problem that pydantic has found, in words, after the heading of its table."""
     table, key = _place(details["loc"], content)
-    return table, _sentence(details, table, key, root)
+    unknown_table = details["type"] == "extra_forbidden" and len(details["loc"]) == 1
+    return "" if unknown_table else table, _sentence(details, table, key, root)
 
 
 def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
