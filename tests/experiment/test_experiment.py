@@ -244,7 +244,7 @@ def test_output_is_beside_the_file(tmp_path):
 
 BAD = {
     "no TOML": ("robot = ", ("is not TOML", "correct this line")),
-    "unknown table": (EXPERIMENT + "[outptu]\n", ("unknown table 'outptu'", "'output'")),
+    "unknown table": (EXPERIMENT + "[outptu]\n", ("FILE: unknown table 'outptu'", "'output'")),
     "unknown key": (changed("kp =", "pk ="), ("[controller] unknown key 'pk'", "'kp'")),
     "unknown key of a method": (
         with_identify("piv = {as_print = true}"),

@@ -8,7 +8,7 @@ can still be looked at.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ from pivident.check.log_check import check_log
 from pivident.check.plan import Plan
 from pivident.check.problem_check import ProblemCheck
 from pivident.check.recordings_check import check_recordings
-from pivident.check.remark import Place, Remark, gravest_first, of_error, of_finding, with_line
+from pivident.check.remark import Place, Remark, gravest_first, of_error, of_finding
 from pivident.check.robot_check import check_robot
 from pivident.check.toml_lines import TomlLines
 from pivident.errors import PividentError
@@ -100,7 +100,8 @@ def check_experiment(
     lines = TomlLines(text)
     unique = {(r.message, r.subject): r for r in reversed(remarks)}
     placed = [
-        with_line(remark, lines.line(remark.place)) for remark in merged(reversed(unique.values()))
+        replace(remark, line=lines.line(remark.place))
+        for remark in merged(reversed(unique.values()))
     ]
     stops = any(remark.refused and remark.kind != "gap" for remark in placed)
     return ExperimentCheck(
@@ -115,7 +116,6 @@ class _Check:
         self.experiment, self.say = experiment, say
         self.content = experiment.content
         self.folder = experiment.path.parent
-        self.plain = self.content.model_dump(exclude_unset=True, by_alias=True, warnings=False)
         self.remarks: list[Remark] = []
         self.looked_at: list[str] = []
         self.plan: Plan | None = None
@@ -134,7 +134,7 @@ class _Check:
         if len(self.recordings) > 1:
             self.looked_at.append("recordings against one another")
         self.say("looking at controller, methods and parameters")
-        rest = ProblemCheck(self.experiment, robot, self.recordings, self.plain)
+        rest = ProblemCheck(self.experiment, robot, self.recordings)
         self.remarks += rest.remarks
         self.plan = rest.plan
         if robot is not None:
@@ -145,7 +145,7 @@ class _Check:
         try:
             robot = self.experiment.robot
         except PividentError as error:
-            self.remarks.append(of_error(error, "robot", ("robot",), self.plain))
+            self.remarks.append(of_error(error, "robot", ("robot",)))
             return None
         self.remarks += check_robot(robot, self.content.robot.model)
         self.looked_at.append(
@@ -168,7 +168,7 @@ class _Check:
     def _log(self, place: Place, entry: RecordingEntry, robot: Robot | None) -> None:
         """Everything about one log."""
         controller = self.content.controller
-        found = check_log(entry, place, robot, self.folder, controller, self.plain)
+        found = check_log(entry, place, robot, self.folder, controller)
         self.remarks += found.remarks
         self.recordings += [(place, recording) for recording in found.recordings]
         if found.audit is not None and found.audit.model is not None and place[0] == "recording":

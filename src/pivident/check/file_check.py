@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pivident.check.remark import Place, Remark, of_error, split_advice, with_key, without_table
+from pivident.check.remark import Place, Remark, of_error, split_advice
 from pivident.errors import ExperimentError, PividentError
 from pivident.estimation.methods import METHODS
 from pivident.experiment.experiment import Experiment, with_every_run
@@ -33,22 +33,22 @@ def file_problems(
     plain = plain_form(content)
     remarks = []
     problems = every_problem(plain)
-    for loc, sentence, unknown in problems:
-        kind = "unknown key" if unknown else "value"
-        seen, step = split_advice(without_table(sentence))
-        place = with_key(_place(loc, content), sentence, plain)
+    for problem in problems:
+        kind = "unknown key" if problem.unknown else "value"
+        seen, step = split_advice(problem.sentence)
+        place = _place(problem.location, content)
         remarks.append(
             Remark("error", "file", kind, seen, next_step=step, place=place, refused=True)
         )
-    usable = _without(plain, [loc for loc, _, unknown in problems if unknown])
+    usable = _without(plain, [p.location for p in problems if p.unknown])
     if problems and every_problem(usable):
-        usable = _without(usable, [(loc[0],) for loc, _, _ in every_problem(usable) if loc])
+        usable = _without(usable, [p.location[:1] for p in every_problem(usable) if p.location])
         if every_problem(usable):
             return text, None, remarks
     try:
         checked = with_every_run(ExperimentFile.model_validate(usable), path.parent)
     except PividentError as error:
-        return text, None, [*remarks, of_error(error, "file", ("recording", 0, "files"))]
+        return text, None, [*remarks, of_error(error, "file", ("recording", 0))]
     experiment = Experiment(path, checked)
     return text, experiment, [*remarks, *_options(experiment)]
 

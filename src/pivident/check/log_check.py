@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from pivident.audit.audit import Audit, audit_log
 from pivident.audit.timing import Timing, check_timing
@@ -79,7 +78,6 @@ def check_log(
     robot: Robot | None,
     folder: Path,
     controller: ControllerEntry | None,
-    content: dict[str, Any],
 ) -> LogCheck:
     """Everything about one log."""
     remarks: list[Remark] = []
@@ -91,15 +89,15 @@ def check_log(
     try:
         log = log_of(entry, robot, folder)
     except PividentError as error:
-        remarks.append(of_error(failure or error, "recording", place, content))
+        remarks.append(of_error(failure or error, "recording", place))
         return LogCheck(tuple(remarks), recordings)
     if isinstance(failure, BadCell) and failure.column is None and failure.line <= EARLY:
-        remarks.append(of_error(failure, "recording", place, content))
+        remarks.append(of_error(failure, "recording", place))
         return LogCheck(tuple(remarks))  # the columns are not what they are called
     audit = audit_log(log)
     own = [of_finding(f, place) for f in audit.findings if f.severity != "ok"]
     if failure is not None and not _is_reported(failure, audit):
-        remarks.append(of_error(failure, "recording", place, content, _kind(failure)))
+        remarks.append(of_error(failure, "recording", place, _kind(failure)))
     elif failure is not None:
         kinds = _kinds(failure)
         own = [replace(r, refused=True) if r.kind in kinds else r for r in own]

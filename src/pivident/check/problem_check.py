@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -12,7 +11,7 @@ from pivident.check.plan import Plan, plan_of
 from pivident.check.remark import Place, Remark, of_error
 from pivident.check.stability_check import check_stability
 from pivident.dynamics.base_parameters import base_parameters, parameter_index
-from pivident.errors import ExperimentError, PividentError
+from pivident.errors import PividentError
 from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment, problem_of
@@ -32,11 +31,10 @@ class ProblemCheck:
         experiment: Experiment,
         robot: Robot | None,
         recordings: list[tuple[Place, Recording]],
-        content: dict[str, Any],
     ) -> None:
         self.remarks: list[Remark] = []
         self.plan: Plan | None = None  # None where an identification cannot begin
-        self._experiment, self._content, self._plain = experiment, experiment.content, content
+        self._experiment, self._content = experiment, experiment.content
         methods = self._methods()
         self._output()
         self.remarks += check_filters(methods, [r for _, r in recordings])
@@ -49,7 +47,7 @@ class ProblemCheck:
         try:
             return self._experiment.methods()
         except PividentError as error:
-            self.remarks.append(self._refused(error, ("identify", "methods")))
+            self.remarks.append(of_error(error, "file", ("identify",)))
             return {}
 
     def _of_robot(
@@ -64,7 +62,7 @@ class ProblemCheck:
         try:
             self._experiment.consistency()
         except PividentError as error:
-            self.remarks.append(self._refused(error, ("consistency",)))
+            self.remarks.append(of_error(error, "file", ("consistency",)))
         problem = self._problem(robot, fitted)
         if problem is not None and methods:
             law, folds = self._content.controller, self._content.validation.folds
@@ -83,7 +81,7 @@ class ProblemCheck:
                 if joint is not None and joint not in names:
                     find_joint(robot.joint_names, joint)
             except PividentError as error:
-                self.remarks.append(self._refused(error, table))
+                self.remarks.append(of_error(error, "file", table))
 
     def _problem(self, robot: Robot, fitted: list[Recording]) -> Problem | None:
         """The problem that would be identified, without a law that has to be found first."""
@@ -96,7 +94,7 @@ class ProblemCheck:
                     _, loop = loop_of(law, robot, recordings)
                     loop.controller.check(robot.size)
             except PividentError as error:
-                self.remarks.append(self._refused(error, ("controller",)))
+                self.remarks.append(of_error(error, "file", ("controller",)))
                 loop = None
             else:
                 self._stability(robot, fitted)
@@ -106,8 +104,7 @@ class ProblemCheck:
         try:
             return problem_of(given, robot, fitted, loop)
         except PividentError as error:
-            key = "initial" if given.parameters is None else "parameters"
-            self.remarks.append(self._refused(error, ("identify", key)))
+            self.remarks.append(of_error(error, "file", ("identify",)))
             return None
 
     def _parameters(self, robot: Robot) -> None:
@@ -119,7 +116,7 @@ class ProblemCheck:
                 try:
                     parameter_index(base, name)
                 except PividentError as error:
-                    self.remarks.append(self._refused(error, ("identify", key)))
+                    self.remarks.append(of_error(error, "file", ("identify", key)))
 
     def _stability(self, robot: Robot, fitted: list[Recording]) -> None:
         law = self._content.controller
@@ -131,16 +128,9 @@ class ProblemCheck:
             return
         self.remarks += check_stability(robot, law, rate, np.mean(first.q, axis=0))
 
-    def _refused(self, error: Exception, table: Place) -> Remark:
-        """An error about the file's own tables; its path in front is left out."""
-        text = " ".join(str(error).split())
-        head, separator, tail = text.partition(": ")
-        own = tail if separator and head.endswith(".toml") else text
-        return of_error(ExperimentError(own), "file", table, self._plain)
-
     def _output(self) -> None:
         folder = self._experiment.output or Path(f"{self._experiment.path.stem}-results")
         try:
             check_output(folder)
         except PividentError as error:
-            self.remarks.append(self._refused(error, ("output", "folder")))
+            self.remarks.append(of_error(error, "file", ("output", "folder")))

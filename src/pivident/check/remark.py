@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
-from typing import Any
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import pairwise
 
-from pivident.errors import FileFormatError, UnknownColumn
+from pivident.errors import PividentError
 from pivident.text.finding import SEVERITIES, Finding
 
 #: Tables and keys of an experiment file, such as ``("recording", 0, "units", "q")``.
@@ -44,19 +43,6 @@ IN_ROBOT = {("power", "gravity at rest"): "gravity", ("scale", "load"): "model"}
 #: Findings that are fixed elsewhere than in the table of their recording.
 ELSEWHERE: dict[str, Place] = {"excitation": ("identify", "parameters"), "model": ("robot",)}
 
-#: Tables of recordings.
-RECORDINGS = (("recording",), ("validation",), ("payload",), ("gains",))
-
-#: Keys that are also words of every message.
-AMBIGUOUS = ("name", "joint", "link", "type")
-
-#: How messages about units begin.
-_UNIT_MESSAGES = ("unit ", "a unit ", "gain of ", "factor of ", "per_revolution ", "per_metre ")
-
-_TABLE = re.compile(r"\[{1,2}([a-z][\w.-]*)\]{1,2}(?: (\d+):)?")
-_KEY = re.compile(r"\bkey '([\w.-]+)'")
-_CHANNEL = re.compile(r"\b(q|tau|q_ref|dq_ref|ddq_ref|q_link|t)\b")
-
 
 @dataclass(frozen=True)
 class Remark(Finding):
@@ -76,7 +62,8 @@ class Remark(Finding):
     def heading(self) -> str:
         """The place as people write it: ``line 7, [recording] units.q``."""
         parts = [str(p) for p in self.place if not isinstance(p, int)]
-        number = next((p for p in self.place if isinstance(p, int)), 0)
+        follows = dict(pairwise(self.place)).get("recording", 0)
+        number = follows if isinstance(follows, int) else 0
         named = "" if not parts else f"[{parts[0]}]" + (f" {number + 1}" if number else "")
         if len(parts) > 1:
             named += f" {'.'.join(parts[1:])}"
@@ -100,54 +87,15 @@ def of_finding(finding: Finding, table: Place) -> Remark:
     return Remark(**vars(finding), place=place)
 
 
-def of_error(
-    error: Exception,
-    check: str,
-    table: Place = (),
-    content: Mapping[str, Any] | None = None,
-    kind: str = "refused",
-) -> Remark:
-    """An error that an identification would end with."""
-    text = " ".join(str(error).split())
-    sentence, step = split_advice(without_table(text))
-    place = place_in(text, table)
-    if table[:1] in RECORDINGS and text.startswith(_UNIT_MESSAGES):
-        place = (*table, "units", *_channel(text)[1:])
-    place = with_key(place, text, content or {})
-    if place == table and table[:1] in RECORDINGS and not isinstance(error, FileFormatError):
-        place = (*table, *_channel(text))
-    if isinstance(error, FileFormatError) and place == table:
-        place = (*table, "columns" if isinstance(error, UnknownColumn) else "files")
+def of_error(error: PividentError, check: str, table: Place = (), kind: str = "refused") -> Remark:
+    """An error that an identification would end with; it says its place below the table itself."""
+    sentence, step = split_advice(" ".join(error.sentence.split()))
+    place = (*(error.table or table), *error.place)
     return Remark("error", check, kind, sentence, next_step=step, place=place, refused=True)
 
 
-def without_table(text: str) -> str:
-    """A message without the table in front, which its place says."""
-    return _TABLE.sub("", text, count=1).lstrip() if _TABLE.match(text) else text
-
-
-def with_key(place: Place, message: str, content: Mapping[str, Any]) -> Place:
-    """A place that is a table with the key of it that a message names."""
-    value: Any = content
-    for part in place:
-        known = isinstance(value, Mapping) and part in value
-        known = known or (isinstance(value, list) and isinstance(part, int) and part < len(value))
-        if not known:
-            return place
-        value = value[part]
-    if not isinstance(value, Mapping):
-        return place
-    if "no sample of" in message and "part" in value:
-        return (*place, "part")
-    if "no data set" in message and "dataset" in value:
-        return (*place, "dataset")
-    words = re.findall(r"[a-z][a-z_]*", message)
-    named = [w for w in words if w in value and w not in AMBIGUOUS]
-    return with_key((*place, named[0]), message, content) if named else place
-
-
 def split_advice(text: str) -> tuple[str, str]:
-    """What was seen and what to do, of a message that says both: ``seen; do this``."""
+    """What was seen and what to do: every message has the form ``what was seen; what to do``."""
     head, separator, tail = text.partition("; ")
     if not separator:
         return sentence_of(text), ""
@@ -166,33 +114,6 @@ def sentence_of(text: str) -> str:
 _NAMES = {"q", "dq", "tau", "t", "kp", "kd", "ki", "kv", "rate", "mask", "delay", "files", "name"}
 
 
-def place_in(message: str, table: Place = ()) -> Place:
-    """Table and key that a message names."""
-    found = _TABLE.match(message)
-    place: Place = table
-    if found:
-        named = tuple(found[1].split("."))
-        number = (int(found[2]) - 1,) if found[2] else ()
-        if not table or table[0] != named[0]:
-            place = (*named, *number)
-    key = _KEY.search(message)
-    return (*place, *key[1].split(".")) if key else place
-
-
-def _channel(message: str) -> Place:
-    """Columns or units of the channel that a message names."""
-    channel = _CHANNEL.search(message)
-    if channel is None:
-        return ()
-    is_unit = message.startswith(f"{channel[1]} has") and " units for " in message
-    return ("units" if is_unit else "columns", channel[1])
-
-
 def gravest_first(remarks: Iterable[Remark]) -> list[Remark]:
     """Remarks in order of severity, those that stop an identification first of all."""
     return sorted(remarks, key=lambda r: (-SEVERITIES.index(r.severity), not r.refused))
-
-
-def with_line(remark: Remark, line: int | None) -> Remark:
-    """The remark with its line."""
-    return replace(remark, line=line)

@@ -25,6 +25,7 @@ from pivident.errors.kinds import (
     PividentError,
     RecordingError,
     RobotDescriptionError,
+    concerning,
 )
 from pivident.errors.recordings import (
     BadCell,
@@ -76,4 +77,5 @@ __all__ = [
     "UnknownColumn",
     "UnstableFit",
     "UnusableSignal",
+    "concerning",
 ]

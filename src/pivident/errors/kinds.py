@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Self
+
 from pivident.text.printable import shortened
 
 
@@ -10,7 +14,26 @@ class PividentError(Exception):
 
     Its text is shortened for reading; ``args`` holds all of it, for instance the whole of a name
     of 50,000 letters.
+
+    Attributes:
+        place: keys below the table of an experiment file that is being read, whose value the error
+            is about; empty where nobody has said it.
+        table: the table itself, where it is another one than that being read.
     """
+
+    place: tuple[str, ...] = ()
+    table: tuple[str, ...] = ()
+    _sentence = ""
+
+    @property
+    def sentence(self) -> str:
+        """The message without the file and the table in front."""
+        return self._sentence or str(self)
+
+    def about(self, *keys: str) -> Self:
+        """The same error, about the value of these keys if it has no place yet."""
+        self.place = self.place or keys
+        return self
 
     def __str__(self) -> str:
         return shortened(super().__str__())
@@ -27,9 +50,23 @@ class RecordingError(PividentError, ValueError):
 class FileFormatError(RecordingError):
     """A file that is missing, unreadable or not what its name promises."""
 
+    place: tuple[str, ...] = ("files",)
+
 
 class ExperimentError(PividentError, ValueError):
     """An experiment file with unknown keys, bad values or contradictory options."""
+
+    def headed(self, heading: str) -> Self:
+        """The error with a file or a table in front of its message; its place stays."""
+        made = type(self)(f"{heading} {self}")
+        made._sentence, made.table, made.place = self.sentence, self.table, self.place
+        return made
+
+    def within(self, table: str, *keys: str) -> Self:
+        """The error about keys of this table, such as ``identify.piv``, with its name in front."""
+        made = self.headed(f"[{table}]").about(*keys)
+        made.table = tuple(table.split("."))
+        return made
 
 
 class IdentificationError(PividentError):
@@ -51,3 +88,13 @@ class IdentificationFileError(PividentError, ValueError):
 
 class ExportError(PividentError, ValueError):
     """A model that cannot be written in a format, or a file that must not be written."""
+
+
+@contextmanager
+def concerning(*keys: str) -> Iterator[None]:
+    """Errors from inside are about the value of these keys, unless they have a place already."""
+    try:
+        yield
+    except PividentError as error:
+        error.about(*keys)
+        raise

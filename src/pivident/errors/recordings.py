@@ -74,6 +74,7 @@ class NonFiniteSamples(RecordingError):
 
     def __init__(self, channel: str, joint: str, sample: int, count: int) -> None:
         self.channel, self.joint, self.sample, self.count = channel, joint, sample, count
+        self.about("columns", *channel.split("."))
         super().__init__(
             f"{channel} of joint {joint!r} has {count} sample(s) that are NaN or infinite, "
             f"the first at sample {sample}; cut the recording there or repair the log"
@@ -104,6 +105,7 @@ class PositionsBeyondLimits(RecordingError):
     ) -> None:
         self.channel, self.joint, self.position = channel, joint, position
         self.limits, self.unit, self.advice = limits, unit, advice
+        self.about("columns", *channel.split("."))
         low, high = limits
         self.fact = (
             f"{channel} of joint {joint!r} reaches {position:.4g} {unit}, far beyond its limits "
@@ -123,6 +125,7 @@ class ShapeMismatch(RecordingError):
 
     def __init__(self, channel: str, shape: tuple[int, ...], expected: tuple[int, ...]) -> None:
         self.channel, self.shape, self.expected = channel, tuple(shape), tuple(expected)
+        self.about("columns", *channel.split("."))
         super().__init__(
             f"{channel} has shape {self.shape}, but {self.expected} is needed (samples, joints); "
             "select the columns of these joints and cut all channels to the same samples"
@@ -136,6 +139,8 @@ class RecordingTooShort(RecordingError):
         samples: number of samples met.
         minimum: smallest number that is accepted.
     """
+
+    place = ("part",)
 
     def __init__(self, samples: int, minimum: int) -> None:
         self.samples, self.minimum = samples, minimum
@@ -156,6 +161,7 @@ class ConstantChannel(RecordingError):
 
     def __init__(self, channel: str, joint: str, value: float) -> None:
         self.channel, self.joint, self.value = channel, joint, value
+        self.about("columns", *channel.split("."))
         super().__init__(
             f"{channel} of joint {joint!r} is {value:.6g} at every sample; freeze that joint and "
             "leave it out of the recording, check its column, or accept it with allow_constant"
@@ -179,6 +185,7 @@ class SaturatedSignal(RecordingError):
     ) -> None:
         self.channel, self.joint, self.value = channel, joint, value
         self.count, self.samples, self.sample = count, samples, sample
+        self.about("columns", *channel.split("."))
         super().__init__(
             f"{channel} of joint {joint!r} is cut off at {value:.6g} for {count} of {samples} "
             f"samples, first at sample {sample}; cut these parts, repeat the motion more slowly, "
@@ -227,6 +234,8 @@ class MissingSamples(IrregularSampling):
         stretches: the stretches between the gaps.
     """
 
+    place = ("part",)
+
     def __init__(
         self,
         missing: int,
@@ -258,6 +267,8 @@ class GapInClock(IrregularSampling):
         gaps: number of gaps.
         stretches: the stretches between the gaps.
     """
+
+    place = ("part",)
 
     def __init__(
         self,
@@ -318,6 +329,8 @@ class UnknownColumn(FileFormatError):
         column: requested name.
         near: names in the file that look like it.
     """
+
+    place = ()
 
     def __init__(self, file: str, column: str, near: Sequence[str], known: Sequence[str]) -> None:
         self.file, self.column, self.near = file, column, tuple(near)

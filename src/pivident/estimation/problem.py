@@ -19,7 +19,7 @@ from pivident.dynamics.base_parameters import (
 )
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
-from pivident.errors import ExperimentError, IdentificationError
+from pivident.errors import ExperimentError, IdentificationError, concerning
 from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
@@ -77,7 +77,8 @@ class Problem:
             raise ExperimentError(f"mask is a share of the rated speed, 0 to 1, not {self.mask}")
         base = base_parameters(self.robot)
         object.__setattr__(self, "base", base)
-        object.__setattr__(self, "selection", _selection(base, self.parameters))
+        with concerning("parameters"):
+            object.__setattr__(self, "selection", _selection(base, self.parameters))
         object.__setattr__(
             self,
             "regressor",
@@ -156,8 +157,9 @@ class Problem:
             if p.friction is not None or p.coupling is not None:
                 nominal[k] = 0.0
         values = self.base.values(nominal)
-        for name, value in self.initial.items():
-            values[parameter_index(self.base, name)] = float(value)
+        with concerning("initial"):
+            for name, value in self.initial.items():
+                values[parameter_index(self.base, name)] = float(value)
         return values[list(self.selection)]
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from pivident.consistency.constraints import Bounds, Interval
 from pivident.consistency.options import ConsistencyOptions
-from pivident.errors import ExperimentError, RobotDescriptionError
+from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.experiment.consistency_keys import ConsistencyEntry, ConsistencyFile
 from pivident.experiment.explained import checked, plain_form
 from pivident.experiment.schema import ExperimentFile
@@ -24,10 +24,14 @@ FRAME_TOLERANCE = 1e-4
 
 def consistency_of(entry: ConsistencyEntry, robot: Robot, folder: Path) -> ConsistencyOptions:
     """Options with everything checked against the robot."""
-    reference = None if entry.reference is None else reference_of(entry.reference, robot, folder)
+    name = entry.reference
+    with concerning("reference"):
+        reference = None if name is None else reference_of(name, robot, folder)
+    with concerning("bounds"):
+        bounds = bounds_of(entry, robot)
     return ConsistencyOptions(
         prior=entry.prior,
-        bounds=bounds_of(entry, robot),
+        bounds=bounds,
         margin=entry.margin,
         reference=reference,
         accept_far=entry.accept_far,
@@ -44,11 +48,11 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
         try:
             link = links[robot.link_index(name)]
         except RobotDescriptionError as error:
-            raise ExperimentError(f"bounds: {error}") from error
+            raise ExperimentError(f"bounds: {error}").about("bounds", name) from error
         if link in named:
             raise ExperimentError(
                 f"bounds: {named[link]!r} and {name!r} are the same link; keep one of them"
-            )
+            ).about("bounds", name)
         named[link] = name
     own = {link: entry.bounds[name] for link, name in named.items()}
     bounds = Bounds(
@@ -63,7 +67,8 @@ def bounds_of(entry: ConsistencyEntry, robot: Robot) -> Bounds | None:
             if b.ellipsoid is not None
         },
     )
-    _check_total(bounds, links)
+    with concerning("total_mass"):
+        _check_total(bounds, links)
     return bounds
 
 

@@ -198,16 +198,16 @@ class Experiment:
         controller = self.content.controller
         if controller is None:
             raise ExperimentError(
-                f"[identify] the method {method!r} simulates the control loop, but there is no "
+                f"the method {method!r} simulates the control loop, but there is no "
                 'table [controller]; add it (type = "virtual_pd" if the law is not known), or '
                 'keep to "ls"'
-            )
+            ).within("identify", "methods")
         without = [r for r in self.content.recording if r.columns and r.columns.q_ref is None]
         if controller.source == "recorded" and without:
             raise ExperimentError(
-                '[controller] the reference is "recorded", but no column is named for q_ref; '
+                'the reference is "recorded", but no column is named for q_ref; '
                 'name it under columns, or set reference = "reconstruct" or "smoothed"'
-            )
+            ).within("controller", "reference")
 
 
 def problem_of(

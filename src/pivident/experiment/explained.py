@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
 from pydantic import BaseModel, ValidationError
 
@@ -31,6 +31,14 @@ MEANT = {
 Root = TypeVar("Root", bound=BaseModel)
 
 
+class Problem(NamedTuple):
+    """One thing that the schema finds wrong with a file's content."""
+
+    location: tuple[int | str, ...]  # tables and keys of the value at fault
+    sentence: str  # what is wrong, in words
+    unknown: bool  # whether its last key is not known
+
+
 def validated(content: dict[str, Any]) -> ExperimentFile:
     """The content of a file as a checked object."""
     refuse_robot_file(content)
@@ -52,18 +60,21 @@ def checked(plain: dict[str, Any], root: type[Root]) -> Root:
     except ValidationError as error:
         problems = _causes(error.errors())
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise ExperimentError(f"{explained(problems[0], plain, root)}{more}") from None
+        heading, sentence = explained(problems[0], plain, root)
+        raise ExperimentError(f"{heading}{sentence}{more}") from None
 
 
-def every_problem(
-    plain: dict[str, Any], root: type[BaseModel] = ExperimentFile
-) -> list[tuple[tuple[int | str, ...], str, bool]]:
+def every_problem(plain: dict[str, Any], root: type[BaseModel] = ExperimentFile) -> list[Problem]:
     """Everything that the schema finds wrong with a file's content, not only the first of it."""
     try:
         root.model_validate(plain)
     except ValidationError as error:
         return [
-            (details["loc"], explained(details, plain, root), details["type"] == "extra_forbidden")
+            Problem(
+                (*details["loc"], *getattr(details.get("ctx", {}).get("error"), "place", ())),
+                explained(details, plain, root)[1],
+                details["type"] == "extra_forbidden",
+            )
             for details in _causes(error.errors())
         ]
     return []
@@ -81,9 +92,17 @@ def _causes(problems: Sequence[Any]) -> list[Any]:
     ]
 
 
-def explained(details: Any, content: dict[str, Any], root: type[BaseModel] = ExperimentFile) -> str:
-    """One problem that pydantic has found, in words."""
+def explained(
+    details: Any, content: dict[str, Any], root: type[BaseModel] = ExperimentFile
+) -> tuple[str, str]:
+    """One problem that pydantic has found, in words, after the heading of its table."""
     table, key = _place(details["loc"], content)
+    unknown_table = details["type"] == "extra_forbidden" and len(details["loc"]) == 1
+    return "" if unknown_table else table, _sentence(details, table, key, root)
+
+
+def _sentence(details: Any, table: str, key: str, root: type[BaseModel]) -> str:
+    """What is wrong with the value of a key."""
     if details["type"] == "extra_forbidden":
         *above, last = details["loc"]
         known = keys_at(root, above)
@@ -91,23 +110,21 @@ def explained(details: Any, content: dict[str, Any], root: type[BaseModel] = Exp
         hint = f"did you mean {meant[0]!r}?" if meant else nearest(str(last), known)
         if not above:
             return f"unknown table {last!r}; {hint}"
-        return f"{table}unknown key {key!r}; {hint}"
+        return f"unknown key {key!r}; {hint}"
     if details["type"] == "missing":
         if not table:
             return f"there is no {key}; add the table [{key}]"
-        return f"{table}key {key!r} is missing; {addition(root, details['loc'])}"
+        return f"key {key!r} is missing; {addition(root, details['loc'])}"
     if details["type"] == "model_type":
-        return (
-            f"{table}{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
-        )
+        return f"{key or 'this entry'} must be a table of keys, not {short(details['input'])}"
     message = details["msg"].removeprefix("Value error, ")
     message = message.replace("Input should be", "must be").replace("List should", "must")
     if not key:
-        return f"{table}{message}"
+        return str(message)
     value = short(details["input"])
     if isinstance(details["input"], dict) or value.endswith("…"):
-        return f"{table}key {key!r}: {message}"
-    return f"{table}key {key!r} = {value}: {message}"
+        return f"key {key!r}: {message}"
+    return f"key {key!r} = {value}: {message}"
 
 
 def plain_form(content: dict[str, Any]) -> dict[str, Any]:

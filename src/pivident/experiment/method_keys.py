@@ -11,6 +11,7 @@ from pydantic import Field, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
 from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
+from pivident.errors import ExperimentError
 from pivident.estimation.methods import METHODS
 from pivident.experiment.table_values import Edge, Mask, MotionBand, Names, Stages
 from pivident.robot.mdh_schema import Entry
@@ -58,9 +59,12 @@ class BandpassEntry(Entry):
     @model_validator(mode="after")
     def _one_decimation(self) -> BandpassEntry:
         if self.decimation is not None and self.bandwidth is not None:
-            raise ValueError("decimation and bandwidth are both given; the factor follows from one")
+            raise ExperimentError(
+                "decimation and bandwidth are both given; the factor follows from one"
+            ).about("decimation")
         if self.median is not None and self.median % 2 == 0:
-            raise ValueError(f"median = {self.median} must be an odd number of samples")
+            message = f"median = {self.median} must be an odd number of samples"
+            raise ExperimentError(message).about("median")
         return self
 
 
@@ -93,12 +97,14 @@ class NoiseEntry(Entry):
         others = {"p_max", "criterion", "motion_band", "repetition", "period"}
         others &= self.model_fields_set
         if arma and others:
-            raise ValueError(
+            raise ExperimentError(
                 f"{', '.join(sorted(arma))} make an ARMA model, {', '.join(sorted(others))} belong "
                 "to an AR model; keep one of the two"
-            )
+            ).about(min(arma))
         if self.period is not None and not self.repetition:
-            raise ValueError("period belongs to noise from repetition; set repetition = true")
+            raise ExperimentError(
+                "period belongs to noise from repetition; set repetition = true"
+            ).about("period")
         return self
 
 

@@ -36,7 +36,10 @@ _NOT_PRINTED = {"on_unmasked", "motion_band", "repetition", "period"}
 def method_of(name: str, entry: IdentifyEntry) -> Method:
     """One method with the file's options."""
     own, ready = entry.of(name), METHODS[name]
-    _check_keys(name, ready, own)
+    try:
+        _check_keys(name, ready, own)
+    except ExperimentError as error:
+        raise error.within(f"identify.{name}") from error
     if isinstance(ready, LeastSquares):
         if own.signals == "random_walk":
             return replace(ready, signals=_random_walk(entry, own))
@@ -57,7 +60,6 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
 
 def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
     """Refuse keys that the method has no use for, and those that exclude each other."""
-    where = f"[identify.{name}]"
     if isinstance(ready, LeastSquares):
         known = {"signals", "bandpass", "random_walk"}
     elif isinstance(ready, InstrumentalVariables):
@@ -68,25 +70,25 @@ def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
     foreign = sorted(own.model_fields_set - known)
     if foreign:
         raise ExperimentError(
-            f"{where} the method {name!r} has no {', '.join(foreign)}; its keys are "
+            f"the method {name!r} has no {', '.join(foreign)}; its keys are "
             f"{', '.join(sorted(known))}"
-        )
+        ).about(foreign[0])
     as_printed = own.as_printed is not False and (own.as_printed or name == "piv-as-printed")
     fixed = sorted({"random_walk", "prefilter", "covariance", "start"} & own.model_fields_set)
     fixed += [f"noise.{k}" for k in sorted(_NOT_PRINTED & own.noise.model_fields_set)]
     if as_printed and fixed:
         raise ExperimentError(
-            f"{where} as_printed follows the paper to the letter and fixes {', '.join(fixed)}; "
+            f"as_printed follows the paper to the letter and fixes {', '.join(fixed)}; "
             "remove one of the two"
-        )
+        ).about(*fixed[0].split("."))
     if isinstance(ready, LeastSquares):
         unused = "bandpass" if own.signals == "random_walk" else "random_walk"
         if unused in own.model_fields_set:
             used = own.signals or "bandpass"
             raise ExperimentError(
-                f"{where} {unused} is given, but the signals are {used!r}; set "
+                f"{unused} is given, but the signals are {used!r}; set "
                 f'signals = "{unused}" or remove the table'
-            )
+            ).about(unused)
 
 
 def _bandpass(entry: IdentifyEntry, own: MethodEntry) -> Bandpass:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from pivident.control_law.unknown_loop import reconstruct_loop
-from pivident.errors import ExperimentError, RecordingError
+from pivident.errors import ExperimentError, RecordingError, concerning
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.bags.read_bag import is_bag
 from pivident.logs.described_log import described_log
@@ -52,12 +52,12 @@ def one_by_one(entries: Sequence[RecordingEntry], folder: Path) -> list[Recordin
             raise ExperimentError(
                 f"files = {entry.files!r}: no file fits this pattern in {folder}; check the "
                 "folder and the ending"
-            )
+            ).about("files")
         if entry.name is not None and len(files) > 1:
             raise ExperimentError(
                 f"name = {entry.name!r} is given to the {len(files)} runs of {entry.files!r}; "
                 "leave it out, they are named by their files"
-            )
+            ).about("name")
         found += [entry.model_copy(update={"files": str(path)}) for path in files]
     return found
 
@@ -67,7 +67,9 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
     set_here = _adjusted(entry, ADJUSTABLE)
     if entry.dataset is not None:
         run = _public_run(entry.dataset, entry.run)
-        recording = replace(load_public(entry.dataset, run, robot=robot), **set_here)
+        with concerning("dataset"):
+            public = load_public(entry.dataset, run, robot=robot)
+        recording = replace(public, **set_here)
     else:
         part = None if entry.part is None else (entry.part[0], entry.part[1])
         recording = load_recording(
@@ -78,7 +80,8 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
             simulated=entry.simulated,
             **set_here,
         )
-    return recording if entry.part is None else recording.slice(*entry.part)
+    with concerning("part"):
+        return recording if entry.part is None else recording.slice(*entry.part)
 
 
 def log_of(
@@ -94,7 +97,8 @@ def log_of(
         log = described_log(
             _instead(_files(entry, folder), other), **_description(entry), robot=robot, **set_here
         )
-    return log if entry.part is None else log.between(*entry.part)
+    with concerning("part"):
+        return log if entry.part is None else log.between(*entry.part)
 
 
 def loop_of(
@@ -142,7 +146,7 @@ def _gains(key: str, value: float | list[float], joints: int) -> np.ndarray:
         raise ExperimentError(
             f"key {key!r} has {values.size} number(s) for {joints} joint(s); give one for all "
             "or one for each"
-        )
+        ).about(key)
     return np.broadcast_to(values, (joints,)).copy()
 
 
@@ -152,13 +156,13 @@ def _public_run(dataset: str, run: str | None) -> str:
         raise ExperimentError(
             f"no data set {dataset!r} can be named here; {nearest(dataset, RUNS)}; others need "
             "files and columns"
-        )
+        ).about("dataset")
     runs = RUNS[dataset]
     chosen = next(iter(runs)) if run is None else run
     if chosen not in runs:
         raise ExperimentError(
             f"the data set {dataset!r} has no run {chosen!r}; {nearest(chosen, runs)}"
-        )
+        ).about("run")
     return chosen
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import ExperimentError, RobotDescriptionError
+from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.experiment.schema import CouplingEntry, RobotEntry
 from pivident.robot.description import Coupling, Robot
 from pivident.robot.drives import implied_coupling, with_drives
@@ -21,23 +21,26 @@ from pivident.robot.urdf import read_urdf
 
 def robot_of(entry: RobotEntry, folder: Path) -> Robot:
     """The described robot with everything that the experiment file adds to it."""
-    robot = _described(entry, folder)
+    with concerning("model"):
+        robot = _described(entry, folder)
     if entry.gravity is not None:
-        robot = robot.with_gravity(np.array(entry.gravity))
+        with concerning("gravity"):
+            robot = robot.with_gravity(np.array(entry.gravity))
     if entry.friction is not None:
-        robot = robot.with_friction(friction_law(entry.friction))
-    robot = _with_joint_friction(robot, entry)
-    robot = _with_extra_friction(robot, entry)
-    drives: dict[str, Any] = {
-        key: getattr(entry, key)
-        for key in ("rotor_inertia", "reduction", "drive_gain", "position_offset")
-    }
-    if entry.reduction_matrix is not None:
-        drives["reduction"] = entry.reduction_matrix
-    robot = with_drives(robot, **drives)
+        with concerning("friction"):
+            robot = robot.with_friction(friction_law(entry.friction))
+    with concerning("joint_friction"):
+        robot = _with_joint_friction(robot, entry)
+    with concerning("extra_friction"):
+        robot = _with_extra_friction(robot, entry)
+    for key in ("rotor_inertia", "reduction", "reduction_matrix", "drive_gain", "position_offset"):
+        given: dict[str, Any] = {key.removesuffix("_matrix"): getattr(entry, key)}
+        with concerning(key):
+            robot = with_drives(robot, **given)
     if entry.couplings is None:
         return robot
-    return with_drives(robot, couplings=[_coupling(robot, c) for c in entry.couplings])
+    with concerning("couplings"):
+        return with_drives(robot, couplings=[_coupling(robot, c) for c in entry.couplings])
 
 
 def _described(entry: RobotEntry, folder: Path) -> Robot:
@@ -57,7 +60,8 @@ def _with_joint_friction(robot: Robot, entry: RobotEntry) -> Robot:
         try:
             laws[name] = friction_law(terms)
         except RobotDescriptionError as error:
-            raise ExperimentError(f"joint_friction of joint {name!r}: {error}") from error
+            message = f"joint_friction of joint {name!r}: {error}"
+            raise ExperimentError(message).about("joint_friction", name) from error
     return robot.with_friction(laws)
 
 
@@ -65,11 +69,13 @@ def _with_extra_friction(robot: Robot, entry: RobotEntry) -> Robot:
     """Terms that single joints have beyond the common law."""
     joints = list(robot.joints)
     for name, terms in entry.extra_friction.items():
-        index = find_joint(robot.joint_names, name)
+        with concerning("extra_friction", name):
+            index = find_joint(robot.joint_names, name)
         try:
             law = FrictionLaw(joints[index].friction.terms + friction_law(terms).terms)
         except ValueError as error:
-            raise ExperimentError(f"extra_friction of joint {name!r}: {error}") from error
+            message = f"extra_friction of joint {name!r}: {error}"
+            raise ExperimentError(message).about("extra_friction", name) from error
         joints[index] = joints[index].with_friction(law)
     return replace(robot, joints=tuple(joints))
 

@@ -12,6 +12,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, NonNegativeFloat, PositiveFloat, model_validator
 from pydantic.functional_validators import PlainValidator
 
+from pivident.errors import ExperimentError
 from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
 from pivident.experiment.method_keys import IdentifyEntry
 from pivident.experiment.table_values import Folder, Interval, Names, Numbers, Paths, PerJoint
@@ -66,11 +67,15 @@ class RobotEntry(Entry):
     @model_validator(mode="after")
     def _consistent(self) -> RobotEntry:
         if self.reduction is not None and self.reduction_matrix is not None:
-            raise ValueError("reduction and reduction_matrix are both given; keep one of them")
+            raise ExperimentError(
+                "reduction and reduction_matrix are both given; keep one of them"
+            ).about("reduction")
         if not self.model.endswith((".urdf", ".urdf.gz")):
             for key in ("joints", "frozen"):
                 if key in self.model_fields_set:
-                    raise ValueError(f"{key} is for URDF robots, not for {self.model!r}; remove it")
+                    raise ExperimentError(
+                        f"{key} is for URDF robots, not for {self.model!r}; remove it"
+                    ).about(key)
         return self
 
 
@@ -121,19 +126,25 @@ class RecordingEntry(Entry):
     def _one_source(self) -> RecordingEntry:
         if (self.files is None) == (self.dataset is None):
             given = "neither is given" if self.files is None else "both are given"
-            raise ValueError(f"a recording has either files or a dataset, but {given}")
+            raise ExperimentError(f"a recording has either files or a dataset, but {given}").about(
+                *self.model_fields_set & {"files"}
+            )
         if self.files is not None and self.columns is None:
-            raise ValueError("files need columns; name at least those of q and tau")
+            raise ExperimentError("files need columns; name at least those of q and tau").about(
+                "files"
+            )
         if self.run is not None and self.dataset is None:
-            raise ValueError("run belongs to a dataset; remove it")
+            raise ExperimentError("run belongs to a dataset; remove it").about("run")
         foreign = sorted(self.model_fields_set.intersection(SET_BY_DATASET))
         if self.dataset is not None and foreign:
-            raise ValueError(
+            raise ExperimentError(
                 f"the dataset {self.dataset!r} brings its own {', '.join(foreign)}; remove that, "
                 "or name files instead of the dataset"
-            )
+            ).about("dataset")
         if self.part is not None and not self.part[0] < self.part[1]:
-            raise ValueError(f"part = {self.part} is empty; the first time comes first")
+            raise ExperimentError(f"part = {self.part} is empty; the first time comes first").about(
+                "part"
+            )
         return self
 
 
@@ -160,19 +171,21 @@ class ControllerEntry(Entry):
         needed, possible = LAW_KEYS[self.type]
         missing = sorted(needed - self.model_fields_set)
         if missing:
-            raise ValueError(f"a {self.type} controller needs {', '.join(missing)}; add it")
+            raise ExperimentError(
+                f"a {self.type} controller needs {', '.join(missing)}; add it"
+            ).about(missing[0])
         known = needed | possible | {"type", "reference"}
         foreign = sorted(self.model_fields_set - known)
         if foreign:
-            raise ValueError(
+            raise ExperimentError(
                 f"a {self.type} controller has no {', '.join(foreign)}; its keys are "
                 f"{', '.join(sorted(known - {'type'}))}"
-            )
+            ).about(foreign[0])
         if self.type == "identify" and self.reference == "smoothed":
-            raise ValueError(
+            raise ExperimentError(
                 'a law cannot be identified from reference = "smoothed", which knows nothing of '
                 'the control error; use "recorded" or "reconstruct"'
-            )
+            ).about("reference")
         return self
 
     @property
@@ -191,7 +204,9 @@ class ValidationEntry(Entry):
     @model_validator(mode="after")
     def _one_block_is_none(self) -> ValidationEntry:
         if self.folds == 1:
-            raise ValueError("folds = 1 leaves nothing to fit; use 2 or more, or 0 for none")
+            raise ExperimentError(
+                "folds = 1 leaves nothing to fit; use 2 or more, or 0 for none"
+            ).about("folds")
         return self
 
 
@@ -230,10 +245,10 @@ class GainsEntry(Entry):
     @model_validator(mode="after")
     def _payload_has_recordings(self) -> GainsEntry:
         if (self.payload is None) == bool(self.recording):
-            raise ValueError(
+            raise ExperimentError(
                 "payload and [[gains.recording]], the runs taken with it, belong together; give "
                 "both or neither"
-            )
+            ).about("payload")
         return self
 
 

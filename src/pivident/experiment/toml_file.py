@@ -10,7 +10,6 @@ from typing import Any
 
 from pivident.errors import ExperimentError, PividentError
 from pivident.files import regular_file
-from pivident.text.printable import shortened
 from pivident.text.toml import MAX_FILE, parse_toml
 
 
@@ -20,8 +19,7 @@ def errors_name(path: Path, table: str) -> Iterator[None]:
     try:
         yield
     except ExperimentError as error:
-        text = shortened(str(error))
-        raise ExperimentError(f"{path}: {table + ' ' if table else ''}{text}") from error
+        raise error.headed(f"{path}: {table}".rstrip()) from error
     except PividentError as error:
         error.add_note(f"{path}: {table.rstrip(':')}".rstrip(": "))
         raise

@@ -42,6 +42,11 @@ class ChannelPlace:
     columns: tuple[str, ...]  # names or parts of arrays
     per_joint: bool  # whether there is one entry per joint, rather than one array for all
 
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """Its keys in the table of a recording."""
+        return "columns", *self.name.split(".")
+
 
 def locate(name: str, spec: ColumnSpec, files: Collection[str]) -> ChannelPlace:
     """Settle which file a channel comes from."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import BadCell, PividentError, RecordingError
+from pivident.errors import BadCell, PividentError, RecordingError, concerning
 from pivident.logs.bags.bag_channels import bag_channel
 from pivident.logs.bags.read_bag import is_bag, open_bag
 from pivident.logs.channel_places import ChannelPlace, array_of, assemble, locate
@@ -73,18 +73,21 @@ def read_channels(
             clocked |= _from_bag(here, path, joint_names)
             continue
         known = names_in(path)
-        needed = {array_of(column, known, path) for channel in here for column in channel.columns}
+        needed = set()
+        for channel in here:
+            with concerning(*channel.keys):
+                needed |= {array_of(column, known, path) for column in channel.columns}
         table = _table(path, sorted(needed), faults)
         for channel in here:
             if channel.name == "t" or channel.name.startswith("t."):
-                values[channel.name] = assemble(channel, table, 1)[:, 0]
+                values[channel.name] = _assembled(channel, table, 1)[:, 0]
                 continue
             try:
-                values[channel.name] = assemble(channel, table, joints, samples_axis, joint_names)
+                values[channel.name] = _assembled(channel, table, joints, samples_axis, joint_names)
             except RecordingError as error:
                 if channel.per_joint:
                     raise
-                values[channel.name] = assemble(channel, table, None, samples_axis)
+                values[channel.name] = _assembled(channel, table, None, samples_axis)
                 faults.append(error)
     for name in [name for name in values if name.startswith("t.")]:
         own, clock = name.removeprefix("t."), f"{channels[name].file}, {channels[name].columns[0]}"
@@ -93,16 +96,22 @@ def read_channels(
             raise RecordingError(
                 f"t of {own} has {len(stamps)} samples, {own} has {len(values[own])}; name the "
                 "column of stamps that was logged with it"
-            )
+            ).about("columns", "t")
         clocked[own] = ClockedChannel(own, clock, stamps, values[own])
     for name, channel_of in clocked.items():
         if joints is not None and channel_of.values.shape[1] != joints:
             raise RecordingError(
                 f"{name} has {channel_of.values.shape[1]} column(s) for {joints} joint(s); name "
                 "one for each joint of the robot"
-            )
+            ).about(*channels[name].keys)
         values[name] = channel_of.values
     return values, clocked, faults
+
+
+def _assembled(channel: ChannelPlace, *given: Any) -> np.ndarray:
+    """The channel as one array, with errors that say which."""
+    with concerning(*channel.keys):
+        return assemble(channel, *given)
 
 
 def _table(path: Path, names: Sequence[str], faults: list[PividentError]) -> dict[str, np.ndarray]:
@@ -123,16 +132,18 @@ def _from_bag(
     """Channels from a bag, with the stamps of their messages."""
     bag = open_bag(path)
     clocks = {channel.name: channel.columns[0] for channel in channels}
-    return {
-        channel.name: bag_channel(
-            bag,
-            path,
-            channel.name,
-            channel.columns,
-            channel.per_joint,
-            joint_names,
-            clocks.get(f"t.{channel.name}"),
-        )
-        for channel in channels
-        if channel.name != "t" and not channel.name.startswith("t.")
-    }
+    found = {}
+    for channel in channels:
+        if channel.name == "t" or channel.name.startswith("t."):
+            continue
+        with concerning(*channel.keys):
+            found[channel.name] = bag_channel(
+                bag,
+                path,
+                channel.name,
+                channel.columns,
+                channel.per_joint,
+                joint_names,
+                clocks.get(f"t.{channel.name}"),
+            )
+    return found

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, concerning
 from pivident.logs.bags.read_bag import is_bag
 from pivident.logs.clocks.common_clock import on_one_clock
 from pivident.logs.file_columns import lenient_table, numeric_columns
@@ -61,7 +61,8 @@ def described_log(
     known = {k: spec for k, spec in columns.items() if k in (*CHANNELS, "t") and spec is not None}
     log = read_log(files, known, **description)
     if log.own_clocks:
-        logged, clocks, notes = on_one_clock(list(log.own_clocks.values()), log.rate)
+        with concerning("columns", "t"):
+            logged, clocks, notes = on_one_clock(list(log.own_clocks.values()), log.rate)
         log = replace(log, logged=logged, clocks=clocks, columns={}, notes=tuple(notes))
     else:
         log = _with_clocks(log, file_paths(files))
@@ -88,7 +89,8 @@ def _with_clocks(log: Log, paths: Mapping[str, Path]) -> Log:
         names = [name for name in names_in(path) if names_time(name) and name not in stamps]
         found = numeric_columns(lenient_table(path, names)) if names else {}
         stamps |= {n: v for n, v in found.items() if n not in stamps and is_clock(n, v)}
-    clocks, unit, notes = clocks_in(stamps, log.description.units.get("t"))
+    with concerning("units", "t"):
+        clocks, unit, notes = clocks_in(stamps, log.description.units.get("t"))
     size = next(iter(log.logged.values())).shape[1] if log.logged else 0
     joints = log.joint_names[: size or None]  # an array may have fewer columns than joints
     return replace(
@@ -112,9 +114,12 @@ def in_si(log: Log) -> tuple[dict[str, np.ndarray], tuple[int, ...]]:
         joints = values.shape[1]
         spec = said.units.get(channel, said.units.get("dq_ref") if channel == "dq" else None)
         listed = list(spec) if isinstance(spec, (list, tuple)) else [spec] * joints
-        if len(listed) < joints:
-            raise RecordingError(f"{channel} has {len(listed)} units for {joints} joint(s)")
-        factors, commands = factors_of("dq_ref" if channel == "dq" else channel, listed[:joints])
+        with concerning("units", channel):
+            if len(listed) < joints:
+                raise RecordingError(f"{channel} has {len(listed)} units for {joints} joint(s)")
+            factors, commands = factors_of(
+                "dq_ref" if channel == "dq" else channel, listed[:joints]
+            )
         values = values * factors
         if channel == "tau" and commands.any():
             gains, without = gains_of(commands, said.transmission)

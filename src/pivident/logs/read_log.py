@@ -13,6 +13,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from pivident.errors import concerning
 from pivident.logs.channel_places import locate
 from pivident.logs.channel_reading import read_channels, stamp_channels
 from pivident.logs.log import Description, Log
@@ -63,8 +64,12 @@ def read_log(
     paths = file_paths(files)
     specs = {key: spec for key, spec in columns.items() if key not in ("inputs", "t")}
     specs |= {f"inputs.{key}": spec for key, spec in columns.get("inputs", {}).items()}
-    places = {key: locate(key, spec, paths) for key, spec in specs.items()}
-    places |= stamp_channels(columns.get("t"), places, paths)
+    places = {}
+    for key, spec in specs.items():
+        with concerning("columns", *key.split(".")):
+            places[key] = locate(key, spec, paths)
+    with concerning("columns", "t"):
+        places |= stamp_channels(columns.get("t"), places, paths)
     if robot is not None:
         joint_names = joint_names or robot.joint_names
         transmission = transmission or robot.transmission
@@ -77,7 +82,8 @@ def read_log(
     clock = places["t"].columns[0] if "t" in places else None
     stamps = {} if clock is None else {clock: logged.pop("t")}
     if units and "t" in units and own_clocks:
-        factor = factor_to_si("t", units["t"])[0]
+        with concerning("units", "t"):
+            factor = factor_to_si("t", units["t"])[0]
         for key, channel in own_clocks.items():
             if channel.lead is None:  # those of a bag are in seconds
                 own_clocks[key] = replace(channel, t=channel.t * factor)

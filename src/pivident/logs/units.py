@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, concerning
 from pivident.logs.torque_scale import BASES, EARLIER
 from pivident.robot.naming import nearest
 
@@ -72,13 +72,16 @@ def _scaled(channel: str, spec: dict[str, str | float]) -> tuple[float, bool]:
         scale, value = spec.popitem()
         if scale in ("per_revolution", "per_metre"):
             circle = 2.0 * math.pi if scale == "per_revolution" else 1.0
-            return circle / _number(channel, scale, value), False
+            with concerning("units", channel, scale):
+                return circle / _number(channel, scale, value), False
     if channel == "tau" and unit is not None and "scale" in spec:
         _check_scale(spec.pop("scale"))
         if not spec and unit in TORQUE:
             return _named(channel, unit), False
     if channel == "tau" and unit is not None and set(spec) == {"gain"}:
-        return _named(channel, unit) * _number(channel, "gain", spec["gain"]), False
+        factor = _named(channel, unit)
+        with concerning("units", channel, "gain"):
+            return factor * _number(channel, "gain", spec["gain"]), False
     raise RecordingError(
         f"unit of {channel} is given as unit = {unit!r} with {', '.join(spec) or 'nothing else'}; "
         "use {unit = 'counts', per_revolution or per_metre = …} for positions, "

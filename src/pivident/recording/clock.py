@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, concerning
 from pivident.logs.clocks import timestamps
 from pivident.logs.clocks.clock_alignment import (
     ClockedChannel,
@@ -77,7 +77,7 @@ def on_one_clock(
         raise RecordingError(
             f"the channels have clocks of their own: {listed}; set resample = true to bring them "
             "onto one"
-        )
+        ).about("resample")
     if one and not clock.resample:
         return _as_it_is(logged, channels, clock)
     return _resampled(logged, channels, clock, one)
@@ -106,7 +106,8 @@ def _as_it_is(
                 logged[name] = logged[name][inside]
     if clock.rate is None:
         return UniformClock(timestamps.rate_of(t), float(t[0]), notes)
-    timestamps.check_rate(clock.rate, t)
+    with concerning("rate"):
+        timestamps.check_rate(clock.rate, t)
     return UniformClock(float(clock.rate), float(t[0]), notes)
 
 

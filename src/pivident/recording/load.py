@@ -14,7 +14,7 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, concerning
 from pivident.logs.channel_places import ColumnSpec
 from pivident.logs.joint_side import factors_of, gains_of, on_joint_side, sides_of
 from pivident.logs.log import Description, Log
@@ -146,9 +146,13 @@ def _recording(
     if said.clock is not None:
         logged["t"] = log.columns[said.clock]
     _check_sizes(len(joint_names), robot, said.transmission)
-    sides = _checked_sides(said, logged)
-    units = {key: unit for key, unit in said.units.items() if key != "t" or not clocked}
-    _to_si(logged, units, sides, robot, said.transmission)
+    with concerning("side"):
+        sides = _checked_sides(said, logged)
+    others = ("inputs", "t") if clocked else ("inputs",)
+    units = {key: unit for key, unit in said.units.items() if key not in others}
+    units |= {f"inputs.{key}": unit for key, unit in said.units.get("inputs", {}).items()}
+    for channel, unit in units.items():
+        _to_si(logged, channel, unit, sides, robot, said.transmission)
     for channel, values in logged.items():
         if channel != "t":
             own = clocked[channel].t if channel in clocked else logged["q"]
@@ -160,8 +164,10 @@ def _recording(
         checks.check_not_saturated("tau", logged["tau"], moving, joint_names)
 
     clock = Clock(log.rate, log.resample, "t" in said.units, part)
-    found = on_one_clock(logged, clocked, clock)
-    _to_joint_side(logged, sides, said)
+    with concerning("columns", "t"):
+        found = on_one_clock(logged, clocked, clock)
+    with concerning("position_offset"):
+        _to_joint_side(logged, sides, said)
     if robot is not None:
         for channel in ("q", "q_ref"):
             if channel in logged:
@@ -233,15 +239,14 @@ def _checked_sides(said: Description, logged: Mapping[str, np.ndarray]) -> dict[
 
 def _to_si(
     logged: dict[str, np.ndarray],
-    units: Mapping[str, Any],
+    channel: str,
+    spec: Any,
     sides: Mapping[str, Side],
     robot: Robot | None,
     transmission: Transmission | None,
 ) -> None:
-    """Turn every channel into SI units, on the side it was logged on."""
-    specs = {key: spec for key, spec in units.items() if key != "inputs"}
-    specs |= {f"inputs.{key}": spec for key, spec in units.get("inputs", {}).items()}
-    for channel, spec in specs.items():
+    """Turn a channel into SI units, on the side it was logged on."""
+    with concerning("units", *channel.split(".")):
         if channel not in logged:
             raise RecordingError(f"a unit is given for {channel}, which has no columns")
         joints = 1 if channel == "t" else logged[channel].shape[1]

@@ -13,7 +13,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pivident.errors import RecordingError
+from pivident.errors import RecordingError, concerning
 from pivident.logs.clocks import timestamps
 from pivident.logs.source_files import SourceFile
 from pivident.logs.torque_scale import TorqueScale, scale_sentences
@@ -146,21 +146,24 @@ class Recording:
 
     def _check_options(self) -> None:
         """Refuse rates, times and choices that mean nothing."""
-        timestamps.check_positive("rate", self.rate)
-        timestamps.check_positive("control_rate", self.control_rate)
+        for name in ("rate", "control_rate"):
+            with concerning(name):
+                timestamps.check_positive(name, getattr(self, name))
         for name in ("delay", "drive_delay", "start_time"):
             if not np.isfinite(getattr(self, name)):
-                raise RecordingError(f"{name} is {getattr(self, name)!r} s; a number is needed")
+                raise RecordingError(
+                    f"{name} is {getattr(self, name)!r} s; a number is needed"
+                ).about(name)
         if self.drive_delay < 0:
             raise RecordingError(
                 f"drive_delay is {self.drive_delay:g} s; a torque that is logged late is declared "
                 "by delay"
-            )
+            ).about("drive_delay")
         if self.drive_delay > MAX_DRIVE_DELAY:
             raise RecordingError(
                 f"drive_delay is {self.drive_delay:g} s, longer than any drive takes; it is given "
                 "in seconds, 0.3e-3 for 0.3 ms"
-            )
+            ).about("drive_delay")
         taken = [name for name in self.inputs if name in CHANNELS]
         if taken:
             raise RecordingError(f"an input is called {taken[0]!r} like a channel; rename it")
@@ -169,7 +172,7 @@ class Recording:
                 raise RecordingError(
                     f"{name} is {getattr(self, name)!r}; choose one of "
                     f"{', '.join(get_args(choices))}"
-                )
+                ).about(name)
 
     def __repr__(self) -> str:
         joints = f"{self.joints} joint{'s' * (self.joints != 1)}"

@@ -70,4 +70,5 @@ def errors_name(source: str) -> Iterator[None]:
     try:
         yield
     except RobotDescriptionError as error:
-        raise RobotDescriptionError(f"{source}: {shortened(str(error))}") from error
+        named = RobotDescriptionError(f"{source}: {shortened(str(error))}")
+        raise named.about(*error.place) from error

@@ -20,7 +20,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pivident.errors import RobotDescriptionError
+from pivident.errors import RobotDescriptionError, concerning
 from pivident.robot.assembly import Member, chosen_order, merge_fixed, tree_order
 from pivident.robot.description import STANDARD_GRAVITY, Joint, Link, Robot, UrdfFile
 from pivident.robot.frames import Pose, rotation_about, rotation_from_z_to
@@ -137,14 +137,14 @@ def _frozen_positions(
             if name not in movable:
                 raise RobotDescriptionError(
                     f"{key}: there is no moving joint {name!r}; {nearest(name, movable)}"
-                )
+                ).about(key, *((name,) if key == "frozen" else ()))
     if kept is not None:
         both = sorted(set(kept) & set(frozen))
         if both or repeated(list(kept)):
             raise RobotDescriptionError(
                 f"joints: {', '.join(both or repeated(list(kept)))} cannot be kept "
                 f"{'and frozen' if both else 'twice'}; name each joint once"
-            )
+            ).about("joints")
     positions = {
         name: float(frozen.get(name, 0.0))
         for name in movable
@@ -152,7 +152,8 @@ def _frozen_positions(
     }
     for joint in model.joints:
         if joint.name in positions:
-            _check_frozen(joint, positions[joint.name])
+            with concerning("frozen", joint.name):
+                _check_frozen(joint, positions[joint.name])
         elif joint.type != "fixed":
             _check_kept(joint)
     return positions

@@ -19,7 +19,7 @@ from typing import Literal, NamedTuple, Protocol
 import numpy as np
 
 from pivident.compiled import read_only
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, concerning
 
 #: One gain for each joint, or one for all.
 Gains = np.ndarray | Sequence[float] | float
@@ -303,8 +303,12 @@ def _check_lengths(**gains: Gains | None) -> None:
 
 def _check_gains(joints: int, **gains: Gains | None) -> None:
     for name, given in gains.items():
-        if given is None:
-            continue
+        if given is not None:
+            _check_gain(joints, name, given)
+
+
+def _check_gain(joints: int, name: str, given: Gains) -> None:
+    with concerning(name):
         gain = np.full(joints, given, dtype=float) if np.ndim(given) == 0 else np.asarray(given)
         if np.shape(gain) != (joints,):
             raise ExperimentError(

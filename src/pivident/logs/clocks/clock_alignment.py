@@ -128,12 +128,12 @@ def resampled(channel: ClockedChannel, grid: np.ndarray, rate: float) -> np.ndar
         raise RecordingError(
             f"{channel.channel} is NaN or infinite at {t[k]:.3f} s on the clock {channel.clock}, "
             "and cannot be interpolated; cut the recording there, or name another topic"
-        )
+        ).about("columns", *channel.channel.split("."))
     if np.abs(values).max() > LARGEST:
         raise RecordingError(
             f"{channel.channel} reaches {np.abs(values).max():.3g}, which is no measurement; check "
             f"the log on the clock {channel.clock}"
-        )
+        ).about("columns", *channel.channel.split("."))
     if channel.channel.startswith("inputs."):
         return timestamps.resample_held(t, values, grid)
     if is_reduced(channel, rate):
@@ -185,7 +185,7 @@ def _shared(
             raise RecordingError(
                 f"the part from {part[0]:g} to {part[1]:g} s holds no samples of all channels; "
                 f"they run from {start:g} to {stop:g} s"
-            )
+            ).about("part")
         start, stop = inside
     return start, stop
 

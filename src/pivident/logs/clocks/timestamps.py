@@ -136,7 +136,7 @@ def uniform_grid(
             f"{rate:g} Hz from {start:g} to {stop:g} s makes {periods:.3g} samples of {len(t)}, "
             f"more than {MAX_NEW_SAMPLES} for each; check the rate, the unit of the time "
             "column, and gaps in it"
-        )
+        ).about("rate")
     return np.minimum(start + np.arange(int(periods) + 1) / rate, stop), rate
 
 
