@@ -1,6 +1,7 @@
 """Without the optional libraries the core works, and what needs one of them names its extra."""
 
 import importlib
+import json
 import subprocess
 import sys
 import tomllib
@@ -78,6 +79,14 @@ def test_the_core_identifies_without_any_and_says_what_the_report_needs(tmp_path
     assert "identify" in python(code, tmp_path)
     found = {path.name for path in (tmp_path / "out").rglob("*")}
     assert {"identification.json", "verdict.json"} <= found and "report.html" not in found
+
+
+def test_an_audit_without_plotly_prints_and_writes_its_findings(tmp_path):
+    write_experiment(tmp_path)
+    code = "from pivident.cli import main; main(['audit', 'experiment.toml', '--out', 'out'])"
+    assert " ok\n\nFindings: out/audit.json" in python(code, tmp_path)
+    assert json.loads((tmp_path / "out/audit.json").read_text())["audits"]
+    assert not (tmp_path / "out/audit.html").exists()
 
 
 def sympy_door(folder):

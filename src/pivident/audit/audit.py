@@ -6,7 +6,7 @@ once for every number that depends on it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,6 +25,7 @@ from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, worst
+from pivident.version import __version__
 
 #: Version of the layout of ``audit.json``.
 SCHEMA = 2
@@ -111,6 +112,16 @@ class Audit:
                 "used": _numbers(excitation.used),
             },
         }
+
+
+def audits_json(audits: Sequence[Audit]) -> dict[str, Any]:
+    """Content of ``audit.json``: the audits as plain values, with the gravest severity."""
+    return {
+        "schema": SCHEMA,
+        "pivident": __version__,
+        "severity": worst(f for audit in audits for f in audit.findings),
+        "audits": [audit.as_json() for audit in audits],
+    }
 
 
 def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:

@@ -288,7 +288,8 @@ def main(tokens: Sequence[str] | None = None) -> int:
         sys.stdout.flush()
         return int(result or DONE)
     except CycloptsError as error:
-        note(f"error: {' '.join(str(error).split()).rstrip('.')}; see pivident --help")
+        text = " ".join(str(error).split()).replace(", ...", " …").rstrip(".")
+        note(f"error: {text}; see {' '.join(('pivident', *(error.command_chain or ())))} --help")
         return WRONG_USAGE
     except UsageError as error:
         note(error_line(error))

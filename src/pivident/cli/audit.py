@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from pivident.cli.console import Progress
 from pivident.cli.findings import print_findings
-from pivident.cli.workflow import check_output
+from pivident.cli.workflow import can_draw, check_output
 from pivident.text.finding import counted, serious
+from pivident.text.plain_values import write_json
 
 if TYPE_CHECKING:
     from pivident.audit.audit import Audit
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
 
 def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path | None) -> bool:
     """Audit a log, print and write what was found (JSON and a page); True without errors."""
+    from pivident.audit.audit import audits_json
     from pivident.audit.audit_file import audit_file
-    from pivident.report.audit.audit_files import write_audit
+    from pivident.files import atomic_folder
     from pivident.robot.gallery import load_robot
 
     folder = out or Path(f"{path.name.removesuffix('.gz').rpartition('.')[0] or path.name}-audit")
@@ -27,9 +29,16 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
         machine = None if robot is None else load_robot(robot)
         audits = audit_file(path, machine, experiment, progress.say)
         progress.say("writing the page")
-        page = write_audit(audits, folder)
+        if can_draw(progress, "audit.html"):
+            from pivident.report.audit.audit_files import write_audit
+
+            written = f"Page: {write_audit(audits, folder)}"
+        else:
+            with atomic_folder(folder) as build:
+                write_json(build / "audit.json", audits_json(audits))
+            written = f"Findings: {folder / 'audit.json'}"
     print_audits(audits)
-    print(f"\nPage: {page}")
+    print(f"\n{written}")
     return all(audit.severity != "error" for audit in audits)
 
 

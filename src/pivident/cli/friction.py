@@ -31,7 +31,7 @@ def friction(
         The experiment file.
     method
         Estimate whose rigid part is subtracted from the torque. Default: iv-full-rate where the
-        file has a controller, else ls.
+        file has it among its methods, else the last of these.
     standstill
         Share of the rated speed that counts as standstill, 0 to 1. Default: 0.01.
     ripple
@@ -70,7 +70,8 @@ def run_friction(
         folder = out or Path(f"{path.stem}-friction")
         check_output(folder)
         problem = experiment.problem(progress.say)
-        name = method or ("ls" if problem.loop is None else "iv-full-rate")
+        own = list(experiment.methods())
+        name = method or ("iv-full-rate" if "iv-full-rate" in own else own[-1])
         chosen = experiment.methods([name])[name]
         found = identify(problem, chosen, progress.say)
         study = study_friction(problem, found, standstill=standstill, progress=progress.say)

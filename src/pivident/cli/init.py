@@ -108,7 +108,9 @@ def print_draft(draft: Draft, out: Path) -> None:
     for trouble in draft.troubles:
         note(f"to do: {trouble}")
     assumed = sum(row[0] == "assumed" for row in rows)
-    print(f"\nWritten: {escaped(str(out))}, {assumed} line(s) of it are assumptions; check them.")
+    checks = {0: "nothing in it is assumed", 1: "1 line of it is an assumption; check it"}
+    number = checks.get(assumed, f"{assumed} lines of it are assumptions; check them")
+    print(f"\nWritten: {escaped(str(out))}; {number}.")
     print(f"Next:    pivident check {escaped(str(out))}")
     print(f"         pivident identify {escaped(str(out))}")
 

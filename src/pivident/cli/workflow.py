@@ -118,7 +118,7 @@ def run_experiment(
                     outcome = replace(outcome, failed=(*outcome.failed, f"{PREFIX}{name}"))
             diagnostics = replace(diagnostics, consistent=made)
         progress.say("writing the results")
-        report = experiment.content.output.report and _can_draw(progress)
+        report = experiment.content.output.report and can_draw(progress)
         results = Results(outcome.identifications, diagnostics, essential)
         write_results(results, folder, experiment.title, report=report)
     _print_results(results, folder, report=report)
@@ -147,19 +147,17 @@ def run_demo(out: Path, seed: int = 0) -> bool:
         progress.say("writing the results")
         title = "Simulated Stäubli TX40: estimates against truth"
         results = Results(outcome.identifications, diagnostics)
-        report = _can_draw(progress)
+        report = can_draw(progress)
         write_results(results, out, title, truth, report=report)
     _print_results(results, out, truth, report=report)
     return outcome.converged and not outcome.failed
 
 
-def _can_draw(progress: Progress) -> bool:
-    """Whether a report can be written; says what to install where it cannot."""
+def can_draw(progress: Progress, page: str = "report.html") -> bool:
+    """Whether a page can be written; says what to install where it cannot."""
     drawn = is_installed("plotly")
     if not drawn:
-        progress.keep(
-            "report.html needs plotly, pip install 'pivident[report]'; all else is written"
-        )
+        progress.keep(f"{page} needs plotly, pip install 'pivident[report]'; all else is written")
     return drawn
 
 

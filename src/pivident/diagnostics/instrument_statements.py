@@ -52,7 +52,7 @@ def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         )
         severity, kind = "note", "biased"
     elif test.rejects:
-        text = "Least squares and instruments differ significantly, but only slightly."
+        text = "The difference between least squares and instruments is significant but small."
         severity, kind = "note", "hardly biased"
     else:
         text = "Least squares on the same equations would do as well."

@@ -187,7 +187,7 @@ def _joint_lines(
     seen += "torque signal"
     if kept.left_out:
         seen += ". Left out: " + ", ".join(f"{n} ({why})" for n, why in kept.left_out.items())
-    correct = "The order is that of the columns below; a joint that goes has to go in both places."
+    correct = "The order is that of the columns below; remove a joint in both places."
     lines = [Assumption("robot", "joints", list(kept.names), joints.sure, seen, correct)]
     if frozen:
         moving = [f"{n} by {span:.3g}" for n, (_, span) in frozen.items() if span > 0.05]

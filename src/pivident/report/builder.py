@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
@@ -25,6 +24,7 @@ from pivident.report.plotly_figures import DARK_COLOURS, ERROR, MEASURED, METHOD
 from pivident.report.report_data import ReportData
 from pivident.report.sections import SECTIONS
 from pivident.text.numbers import format_exact, format_significant, percent, with_spread
+from pivident.text.plain_values import write_json
 from pivident.version import __version__
 
 #: Scripts of the page, in the order in which they build on each other.
@@ -123,11 +123,7 @@ def _report_environment() -> Environment:
 
 def write_page(build: Path, name: str, page: str, content: Any) -> None:
     """Write ``NAME.html`` and, as ``NAME.json``, the values that it shows."""
-    (build / f"{name}.json").write_text(
-        json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False),
-        encoding="utf-8",
-        errors="backslashreplace",  # file names may hold bytes that are no text
-    )
+    write_json(build / f"{name}.json", content)
     (build / f"{name}.html").write_text(page, encoding="utf-8", errors="xmlcharrefreplace")
 
 

@@ -9,9 +9,10 @@ MAX_LISTED = 8
 
 
 def listed(names: Sequence[str], most: int = MAX_LISTED) -> str:
-    """The first names of a list, and how many more there are."""
-    shown = ", ".join(names[:most])
-    return shown if len(names) <= most else f"{shown} and {len(names) - most} more"
+    """The first names of a list, and how many more there are, where these are more than one."""
+    if len(names) <= most + 1:
+        return ", ".join(names)
+    return f"{', '.join(names[:most])} and {len(names) - most} more"
 
 
 def separated(texts: Iterable[str]) -> list[str]:

@@ -65,7 +65,7 @@ def test_folds_share_out_the_motion_and_keep_their_distance(made):
 
 @pytest.mark.parametrize(
     ("count", "gap", "message"),
-    [(1, 0.1, "at least 2"), (3, -1.0, "not negative"), (60, 0.1, "fewer folds")],
+    [(1, 0.1, "at least 2"), (3, -1.0, "must not be negative"), (60, 0.1, "fewer folds")],
 )
 def test_impossible_folds_are_refused(made, count, gap, message):
     with pytest.raises(ExperimentError, match=message):
@@ -200,7 +200,7 @@ def test_a_virtual_loop_is_called_virtual(made):
 
 
 def test_folds_of_a_repeated_motion_are_called_repetitions(problem):
-    assert "errors are those of a repetition" in str(cross_validate(problem, FULL_RATE, folds=2))
+    assert "these are errors on a repetition" in str(cross_validate(problem, FULL_RATE, folds=2))
     once = replace(problem, recordings=(problem.recordings[0].part(0, 1600),))
     assert "repetition" not in str(cross_validate(once, FULL_RATE, folds=2))
 

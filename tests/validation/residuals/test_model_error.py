@@ -183,7 +183,8 @@ def test_intervals_of_a_share_are_ones_that_a_share_can_have():
         "2.0 0.0 to 8.0",
     ]
     (said,) = split.sentences()[:1]
-    assert "accounts for at most 2.0 % (2σ: 0.0 to 8.0 %) to 100 % (in every block) of" in said
+    shares = "at most 2.0 % (2σ: 0.0 to 8.0 %) of the error's variance on joint_4 and at most 100 %"
+    assert shares in said
 
 
 def test_a_share_that_may_be_anything_is_not_reported():

@@ -122,7 +122,7 @@ def torque_speed_figures(audit: Audit) -> list[Figure]:
         note = ""
         if audit.power is not None and np.isfinite(audit.power.friction[j]):
             taken, error = audit.power.friction[j], audit.power.standard_errors[j]
-            note = "friction takes {} ± {} W".format(*with_spread(taken, 2 * error))
+            note = "friction dissipates {} ± {} W".format(*with_spread(taken, 2 * error))
         label = f"Torque of {joint.name} over its speed; {note}"
         figures.append(Figure(plot, 260, joint.name, label, note))
     return figures

@@ -5,12 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from pivident.audit.audit import SCHEMA, Audit
+from pivident.audit.audit import Audit, audits_json
 from pivident.files import atomic_folder
 from pivident.report.audit.audit_page import render_page
 from pivident.report.builder import write_page
-from pivident.text.finding import worst
-from pivident.version import __version__
 
 
 def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
@@ -26,13 +24,7 @@ def write_audit(audits: Sequence[Audit], folder: str | Path) -> Path:
     Raises:
         PividentError: the folder cannot be written.
     """
-    content = {
-        "schema": SCHEMA,
-        "pivident": __version__,
-        "severity": worst(f for audit in audits for f in audit.findings),
-        "audits": [audit.as_json() for audit in audits],
-    }
     page = render_page(audits)
     with atomic_folder(folder) as build:
-        write_page(build, "audit", page, content)
+        write_page(build, "audit", page, audits_json(audits))
     return Path(folder) / "audit.html"

@@ -133,13 +133,12 @@ class ModelError:
     def _separated(self, joints: Sequence[JointModelError]) -> str:
         """The least and the largest share among the joints that separate it."""
         low, high = (f(joints, key=lambda j: j.noise_share) for f in (min, max))
-        makes = _share(low) if low is high else f"{_share(low)} to {_share(high)}"
         most, whole, rest = "", "residual", "repeats with the motion: it is model error"
         if self.source == "held-out blocks":
             most, whole, rest = "at most ", "error", "is model error and the estimate's own error"
-        where = "" if low is high else ", depending on the joint"
+        where = f" on {low.name} and {most}{_share(high)} on {high.name}" if low is not high else ""
         return (
-            f"Below {self.band:g} Hz, noise accounts for {most}{makes} of the {whole}'s "
+            f"Below {self.band:g} Hz, noise accounts for {most}{_share(low)} of the {whole}'s "
             f"variance{where}; the rest {rest} ({self.description})."
         )
 
