@@ -21,7 +21,7 @@ test: .venv/.pivident-test
 	@$(MAKE) --no-print-directory --jobs=2 lint tests
 
 tests: .venv/.pivident-test
-	$(BIN)/python -m pytest -n auto --dist loadfile
+	$(BIN)/python -m pytest -n auto --maxprocesses 8 --dist loadfile
 
 lint: .venv/.pivident-test
 	$(BIN)/ruff check .

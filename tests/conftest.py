@@ -15,15 +15,7 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 settings.register_profile("patient", deadline=None)
 settings.load_profile("patient")
 
-#: Most processes that run tests.
-MAX_WORKERS = 8
-
 REPOSITORY = Path(__file__).resolve().parents[1]
-
-
-def pytest_xdist_auto_num_workers() -> int:
-    """One more than there are processors, because some tests wait for processes of their own."""
-    return min(MAX_WORKERS, (os.cpu_count() or 1) + 1)
 
 
 def shared_folder(name: str) -> Path:

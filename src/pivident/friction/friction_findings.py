@@ -233,7 +233,7 @@ def _load(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) -> 
     words = "shrinks" if slope < 0.0 and large else "grows"
     size = pm(-share if words == "shrinks" else share, spread)
     sentence = (
-        f"Friction {words} by {size} % {upto}; a function of load gains {_gain(gain, gain_std)}."
+        f"Friction {words} by {size} % {upto}; with a function of load {_change(gain, gain_std)}."
     )
     brief = terms = ""
     if predicts and large:
@@ -262,7 +262,7 @@ def _position(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut)
     words = "varies" if reach > 3.0 * std else "varies, within its interval,"
     sentence = (
         f"The torque {words} over the position by {pm(reach, std)} {unit} ({share:.0f} % of the "
-        f"friction), whatever the direction; it gains {_gain(gain, gain_std)}."
+        f"friction), whatever the direction; with it {_change(gain, gain_std)}."
     )
     terms = brief = ""
     if clear:
@@ -318,7 +318,7 @@ def _drift(torque: FrictionTorque, fit: StateDependentFit, held_out: HeldOut) ->
         return _seen("drift", sentence, share, 2.0 * std, "%", False)
     size = f"{pm(abs(share), std)} % over {length:.3g} s"
     words = "falls" if share < 0.0 else "rises"
-    sentence = f"Friction {words} by {size}; a drift gains {_gain(gain, gain_std)}."
+    sentence = f"Friction {words} by {size}; with a drift {_change(gain, gain_std)}."
     brief = terms = ""
     if gain > 2.0 * gain_std:
         brief = f"{'a fall' if share < 0.0 else 'a rise'} of {size}"
@@ -331,9 +331,9 @@ def _prediction(held_out: HeldOut) -> FrictionFinding:
     gain, std = held_out.full.gain(held_out.constant)
     of_speed, speed_std = held_out.speed.gain(held_out.constant)
     sentence = (
-        f"On motion that was not fitted, functions of speed instead of constants gain "
-        f"{_gain(of_speed, speed_std)}, all functions together {_gain(gain, std)} (rms error "
-        f"below {held_out.band:g} Hz)."
+        "On motion that was not fitted, with functions of speed instead of constants "
+        f"{_change(of_speed, speed_std)}; with all functions together {_change(gain, std)} (rms "
+        f"error below {held_out.band:g} Hz)."
     )
     return _seen("prediction", sentence, gain, 2.0 * std, "%", abs(gain) > 2.0 * std)
 
@@ -360,11 +360,13 @@ def pm(value: float, std: float) -> str:
     return plus_minus(value, 2.0 * std)
 
 
-def _gain(gain: float, std: float) -> str:
-    """A gain in percent of the held-out error, or a loss where it is one beyond doubt."""
+def _change(gain: float, std: float) -> str:
+    """How the held-out error changes by a gain [% of it]."""
     if gain < -2.0 * std:
-        return f"nothing: it adds {pm(-gain, std)} % to the held-out error"
-    return f"{pm(gain, std)} % of the held-out error"
+        return f"the held-out error rises by {pm(-gain, std)} %"
+    if gain > 2.0 * std:
+        return f"the held-out error falls by {pm(gain, std)} %"
+    return f"the held-out error does not fall significantly ({pm(gain, std)} %)"
 
 
 def _speed(torque: FrictionTorque, speed: float) -> str:

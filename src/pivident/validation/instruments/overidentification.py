@@ -119,7 +119,7 @@ class OveridentificationTest(ShiftTest):
     def __str__(self) -> str:
         k = int(np.argmax(np.abs(self.shift)))
         verdict = (
-            "they contradict the estimate: a delay, a wrong loop or model error"
+            "they contradict the estimate (a delay, a wrong loop or model error)"
             + _smallness(self.matters)
             if self.rejects
             else "they do not contradict the estimate"
@@ -211,7 +211,7 @@ def _relative(change: np.ndarray, theta: np.ndarray) -> np.ndarray:
 
 
 def _smallness(matters: bool) -> str:
-    return "" if matters else ", but too little to matter"
+    return "" if matters else ", but by too little to matter"
 
 
 def _degrees(degrees: tuple[float, float]) -> str:
