@@ -21,7 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pivident.compiled import inlined as _inline
-from pivident.compiled import kernel, rows, shared
+from pivident.compiled import inner, kernel, rows, shared
 from pivident.dynamics.elementary import sine_and_cosine
 from pivident.dynamics.entry_plan import coupling_sign
 from pivident.dynamics.friction_kernels import (
@@ -238,7 +238,7 @@ def slopes_width(joints, couplings):
     return 4 * joints + couplings
 
 
-@_inline
+@inner
 def path_torque(
     path_index, path_value, path, at, couplings, torque,
     vectors, position, start_speed, elapsed, travel, speed, out, slopes, row,

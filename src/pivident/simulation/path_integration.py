@@ -20,7 +20,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.compiled import inlined as _inline
-from pivident.compiled import inner, rows
+from pivident.compiled import inner, rows, section
 from pivident.dynamics.friction_table import (
     AHEAD,
     MIDWAY,
@@ -77,7 +77,7 @@ SLOPE_ROWS = 4
 _LOAD = int(FrictionColumn.LOAD)
 
 
-@_inline
+@inner
 def friction_after(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path, at,
     vectors, slopes, row, torque, elapsed, travel, speed, out,
@@ -148,7 +148,7 @@ def _inner_steps(rate, square, h, damping, oscillation):
     return max(rate * h / damping, np.sqrt(square) * h / oscillation)
 
 
-@_inline
+@section
 def advance_on_path(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, clock, torque, h,
@@ -245,7 +245,7 @@ def _linear_step(pair_index, pair_value, vectors, matrices, slopes, h):
     return rate * h + square * h * h
 
 
-@_inline
+@section
 def _simpson_step(
     linear, term_index, term_value, pair_index, pair_value, path_index, path_value, path,
     vectors, matrices, slopes, torque, h, feedback,
