@@ -15,10 +15,10 @@ SOURCE = REPOSITORY / "src"
 #: From the lowest to the highest; CONTRIBUTING.md shows the same list.
 ORDER = (
     "version", "text", "errors", "extras", "files", "scratch", "threads", "compiled",
-    "robot", "dynamics", "signals", "logs", "recording", "simulation",
+    "robot", "dynamics", "signals", "logs", "recording", "simulation", "motion", "instruments",
     "estimation", "control_law", "drives", "validation", "consistency", "friction", "models",
     "diagnostics", "experiment", "audit", "check", "init",
-    "report", "comparison", "figures", "tables", "notebook",
+    "report", "comparison", "prediction", "figures", "tables", "notebook",
     "linear", "symbolic", "export", "payload", "flexibility", "many",
     "cli", "__main__",
 )  # fmt: skip
@@ -27,8 +27,9 @@ ORDER = (
 DOORS = ("linear", "symbolic", "export", "payload", "flexibility", "many")
 
 MAX_LINES_OF_PACKAGE = 6000
-MAX_LINES = 84_000
-MAX_MODULES_OF_IDENTIFY = 90
+MAX_LINES = 89_000
+#: 90, and nine for instruments from the record itself.
+MAX_MODULES_OF_IDENTIFY = 99
 
 
 def modules() -> dict[str, Path]:

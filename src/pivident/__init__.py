@@ -18,6 +18,6 @@ display.provided_by(
     text="pivident.estimation.summary_tables.identification_table",
     headline="pivident.estimation.summary_tables.headline",
     files="pivident.estimation.identification_file.save_identification",
-    missing_inertia="pivident.estimation.missing_inertia.missing_inertia",
+    divergence_cause="pivident.validation.divergence_cause.divergence_cause",
     pinocchio_joints="pivident.robot.pinocchio_model.model_joints",
 )

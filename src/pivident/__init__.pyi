@@ -14,6 +14,7 @@ from .estimation.methods import RandomWalk as RandomWalk
 from .estimation.problem import Problem as Problem
 from .estimation.stored_identification import load_identification as load_identification
 from .experiment.experiment import load_experiment as load_experiment
+from .prediction.predict import predict as predict
 from .recording.load import load_recording as load_recording
 from .recording.recording import Recording as Recording
 from .report.builder import write_report as write_report

@@ -14,8 +14,8 @@ from pivident.drives.gain_unknowns import gain_unknowns
 from pivident.drives.known_payload import Payload
 from pivident.drives.total_least_squares import gains_by
 from pivident.dynamics.parameters import nominal_values
-from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 

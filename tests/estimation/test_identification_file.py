@@ -14,8 +14,8 @@ from tests.synthetic_identification import synthetic_identification, synthetic_l
 
 KEYS = (
     "schema method robot converged iterations parameters covariance robust_covariance "
-    "formula_covariance relative_error joints history condition controller reference options "
-    "warnings sources version robot_description torque_sums"
+    "formula_covariance relative_error joints history condition controller reference instruments "
+    "options warnings sources version readings motion robot_description torque_sums"
 ).split()
 
 
@@ -30,7 +30,7 @@ def test_keys_and_values():
     identification = synthetic_identification()
     content = to_dict(identification)
     assert list(content) == KEYS
-    assert content["schema"] == 2
+    assert content["schema"] == 3
     assert content["robot"] == identification.robot.name
     assert list(content["parameters"][0]) == list(export.CSV_COLUMNS)
     assert content["joints"][0]["masked"] == identification.joints[0].masked
@@ -113,7 +113,7 @@ def test_csv_survives_names_with_commas_and_quotes():
 def test_saved_files_can_be_read(tmp_path):
     synthetic_identification().save(tmp_path / "out")
     assert sorted(os.listdir(tmp_path / "out")) == ["identification.json", "parameters.csv"]
-    assert strict((tmp_path / "out" / "identification.json").read_text("utf-8"))["schema"] == 2
+    assert strict((tmp_path / "out" / "identification.json").read_text("utf-8"))["schema"] == 3
 
 
 def test_bytes_in_file_names_do_not_break_the_files(tmp_path):

@@ -91,9 +91,11 @@ def test_a_mask_is_a_share_of_the_rated_speed(arm, record, mask):
         Problem(arm, (record,), mask=mask)
 
 
-def test_iv_without_a_loop_says_what_to_give(arm, record):
+def test_the_simulated_loop_cannot_be_asked_for_where_there_is_none(arm, record):
     with pytest.raises(ExperimentError, match=r"\[controller\]"):
-        identify(Problem(arm, (record,)), "iv")
+        identify(Problem(arm, (record,)), InstrumentalVariables(instruments="loop"))
+    with pytest.raises(ExperimentError, match="prefilter"):
+        identify(Problem(arm, (record,)), PrefilteredIV(prefilter="controller"))
 
 
 def test_a_recorded_reference_must_be_there(arm):
@@ -202,3 +204,20 @@ def test_records_that_are_too_short_are_refused_in_one_sentence(arm, samples, me
         assert samples > 100
     except RecordingTooShort as error:
         assert error.samples == samples < error.minimum
+
+
+def test_degrees_taken_for_radians_are_doubted_where_there_are_no_limits(arm):
+    """With limits such positions are refused; without, every result carries the doubt."""
+    endless = replace(arm, joints=tuple(replace(j, position_limits=None) for j in arm.joints))
+    good = record_of(arm)
+    said = [w for w in identify(Problem(endless, good), "ls").warnings if w.kind == "many turns"]
+    assert said == []
+    wrong = replace(good, q=np.rad2deg(good.q))
+    result = identify(Problem(endless, wrong), "ls")
+    said = [w for w in result.warnings if w.kind == "many turns"]
+    assert {w.subject for w in said} == set(arm.joint_names)
+    assert 'units = {q = "deg"}' in said[0].next_step
+    span = np.rad2deg(np.ptp(good.q, axis=0))
+    assert [w.evidence["span"].value for w in said] == pytest.approx(span.tolist())
+    with pytest.raises(RecordingError, match="deg"):
+        Problem(arm, wrong)

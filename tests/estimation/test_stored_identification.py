@@ -16,6 +16,7 @@ from pivident.estimation.identification_file import save_identification, to_dict
 from pivident.estimation.stored_identification import load_identification
 from pivident.robot.friction import FrictionLaw, coulomb, load_dependent, lugre, viscous
 from pivident.robot.gallery import load_robot
+from pivident.text.finding import Finding, Quantity
 from pivident.validation.instruments.moment_sums import kept_equations
 from pivident.validation.residuals.residual_tests import residual_tests
 from tests.synthetic_identification import synthetic_identification, synthetic_loop
@@ -71,6 +72,25 @@ def test_friction_with_memory_and_load_predicts_the_same(tmp_path, law):
     loaded = saved(tmp_path, identification)
     q = np.random.default_rng(0).normal(size=(3, 50, 2))
     np.testing.assert_array_equal(loaded.predict(*q), identification.predict(*q))
+
+
+def test_warnings_with_intervals_come_back(tmp_path):
+    evidence = {"ia2": Quantity(-0.04, "kg m²", bound=0.0, interval=(-0.06, -0.02))}
+    finding = Finding("warning", "physics", "negative", "ia2 is negative.", evidence=evidence)
+    identification = replace(synthetic_identification(), warnings=(finding,))
+    loaded = saved(tmp_path, identification)
+    assert loaded.warnings == identification.warnings
+
+
+@pytest.mark.parametrize("wrong", [[0.1], [0.1, 0.2, 0.3], ["a", "b"], 0.1])
+def test_an_interval_has_two_ends(tmp_path, wrong):
+    evidence = {"ia2": Quantity(-0.04, "kg m²", interval=(-0.06, -0.02))}
+    finding = Finding("warning", "physics", "negative", "ia2 is negative.", evidence=evidence)
+    content = to_dict(replace(synthetic_identification(), warnings=(finding,)))
+    content["warnings"][0]["evidence"]["ia2"]["interval"] = wrong
+    (tmp_path / "identification.json").write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(IdentificationFileError, match="interval"):
+        load_identification(tmp_path)
 
 
 def test_essential_parameters_come_back(tmp_path):
@@ -162,11 +182,14 @@ def written(tmp_path, path, value):
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (["schema"], 3, "layout 3, this version reads up to 2; install a newer"),
+        (["schema"], 4, "layout 4, this version reads up to 3; install a newer"),
         (["schema"], "2", "is not an identification"),
         (["covariance"], KeyError, "is not an identification"),
         (["robot_description"], KeyError, "'robot_description' is missing"),
         (["theta"], [], "theta = .*: extra inputs"),
+        (["readings"], [{"columns": {}}], r"readings.0.units: field required"),
+        (["readings"], [{"file": "/etc"}], r"readings.0.columns: field required"),
+        (["motion"], {"low": [0.0, 0.0]}, "'high' needs one finite number for each joint"),
         (["method"], KeyError, "method: field required"),
         (["parameters"], [], "at least 1"),
         (["parameters", 0, "value"], None, r"parameters\.0\.value = None: must be a valid number"),
@@ -317,3 +340,30 @@ def test_whatever_a_file_holds_it_loads_or_is_refused_by_name(tmp_path_factory, 
             assert "\n" not in str(error)
         else:
             assert loaded.summary()
+
+
+def test_intervals_of_warnings_come_back(tmp_path):
+    inertia = Quantity(-0.002, "kg m²", interval=(-0.0045, 0.0002))
+    warning = Finding(
+        "warning", "physics", "negative", "ia5 is negative.", evidence={"ia5": inertia}
+    )
+    loaded = saved(tmp_path, replace(synthetic_identification(), warnings=(warning,)))
+    assert loaded.warnings == (warning,)
+
+
+def test_how_its_logs_were_read_and_the_fitted_range_come_back(tmp_path):
+    reading = {
+        "columns": {"q": ["q1", "q2"], "tau": {"file": "f", "columns": "effort"}, "t": "time"},
+        "units": {"q": "deg", "tau": [{"unit": "A", "gain": 2.5}, "N m"]},
+        "side": {"q": "joint", "tau": "motor"}, "rate": None, "resample": True,
+        "samples_axis": None, "position_offset": [0.5, 0.0], "control_rate": 1000.0,
+    }  # fmt: skip
+    made = replace(synthetic_identification(), readings=(reading,))
+    loaded = saved(tmp_path, made)
+    assert loaded.readings == (reading,)
+    (record,) = made.recordings
+    used = record.used.any(axis=1)
+    assert loaded.fitted_range.low == pytest.approx(record.q[used].min(axis=0))
+    assert loaded.fitted_range.speed == pytest.approx(np.abs(record.dq[used]).max(axis=0))
+    again = saved(tmp_path, loaded)
+    assert again.fitted_range.to_values() == loaded.fitted_range.to_values()

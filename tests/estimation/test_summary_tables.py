@@ -85,7 +85,7 @@ def test_comparison_of_different_parameter_sets():
         covariance=full.covariance[:3, :3],
         robust_covariance=full.robust_covariance[:3, :3],
     )
-    assert len(comparison_table([part, full]).splitlines()) == 2 + len(full.names) + 2
+    assert len(comparison_table([part, full]).splitlines()) == 2 + len(full.names) + 3
 
 
 def test_texts_are_cut_at_blanks():

@@ -234,7 +234,7 @@ def test_parameters_mask_and_start(tmp_path):
 def test_default_methods_follow_from_the_controller(tmp_path):
     assert tuple(load(tmp_path, with_identify("")).methods()) == ("ls", "iv", "iv-full-rate", "piv")
     head, _, _ = EXPERIMENT.partition("[controller]")
-    assert tuple(load(tmp_path, head).methods()) == ("ls",)
+    assert tuple(load(tmp_path, head).methods()) == ("ls", "iv-full-rate", "piv")
 
 
 def test_output_is_beside_the_file(tmp_path):
@@ -309,9 +309,14 @@ BAD = {
         with_identify("ls = {random_walk = {order = 2}}"),
         ("[identify.ls]", "random_walk", 'signals = "random_walk"'),
     ),
-    "IV without controller": (
-        EXPERIMENT.split("[controller]")[0] + '[identify]\nmethods = ["piv"]\n',
-        ("'piv'", "no table [controller]", "virtual_pd"),
+    "DIDIM without controller": (
+        EXPERIMENT.split("[controller]")[0] + '[identify]\nmethods = ["didim"]\n',
+        ("'didim'", "no table [controller]", "iv-full-rate"),
+    ),
+    "loop without controller": (
+        EXPERIMENT.split("[controller]")[0]
+        + '[identify]\nmethods = ["piv"]\ninstruments = "loop"\n',
+        ("'piv'", "no table [controller]"),
     ),
     "reference not logged": (
         changed(', q_ref = ["r1", "r2"]', "")

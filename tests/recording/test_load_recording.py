@@ -344,7 +344,8 @@ def test_degrees_taken_for_radians_are_refused(tmp_path, channel, unit):
 def test_amperes_need_a_gain_that_somebody_gave(log):
     robot = load_robot("planar_2r")
     options = {"robot": robot, "rate": RATE}
-    with pytest.raises(RecordingError, match=r"joint 'shoulder' is a drive command in 'A'.*gain ="):
+    said = r"joint 'shoulder' is a drive command in 'A'.*gain =.*`pivident gains`.*--in-log-units"
+    with pytest.raises(RecordingError, match=said):
         load_recording(log, ARRAYS, units={"tau": "A"}, **options)
     half = with_drives(robot, drive_gain={"shoulder": 2.0})
     with pytest.raises(RecordingError, match=r"joint 'elbow'.*drive_gain under \[robot\]"):

@@ -6,8 +6,8 @@ import pytest
 from pivident.dynamics.forward import make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.estimation.auxiliary_model import AuxiliaryModel
-from pivident.estimation.motion import SimulatedMotion
 from pivident.estimation.problem import Problem
+from pivident.motion.motion import SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.robot.friction import FrictionLaw, lugre, viscous
 from pivident.robot.gallery import load_robot

@@ -23,9 +23,9 @@ from pivident.dynamics.regressor import Regressor
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
-from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.motion import SimulatedMotion, packed_stretch, with_inner
 from pivident.estimation.normal_equations import JointSums
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import SimulatedMotion, packed_stretch, with_inner
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
 

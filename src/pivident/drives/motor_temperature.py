@@ -29,11 +29,12 @@ from pivident.drives.log_units import independent_columns, restricted, solved_ro
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.full_rate import BLOCK, valid_samples
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
-from pivident.estimation.motion import packed_stretch, with_inner
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import packed_stretch, with_inner
 from pivident.recording.recording import Recording
 from pivident.robot.transmission import Transmission
 

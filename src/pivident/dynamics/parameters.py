@@ -1,9 +1,10 @@
 """The standard parameters of a robot: names, order, units; (P-2).
 
-Order: for each link ``xx xy xz yy yz zz mx my mz m``, its rotor inertia ``ia`` and the terms of
-its friction law (``fv fc off`` …), then for each declared coupling ``iam fvm fcm``. On a serial
-arm a parameter is shown with the number of its joint (``zz1``); on a tree with the joint's name
-(``zz[left_elbow]``), because a number would not identify the joint there.
+Order: for each link ``xx xy xz yy yz zz mx my mz m``, its rotor inertia ``ia`` (but where torques
+are measured behind the gears) and the terms of its friction law (``fv fc off`` …), then for each
+declared coupling ``iam fvm fcm``. On a serial arm a parameter is shown with the number of its
+joint (``zz1``); on a tree with the joint's name (``zz[left_elbow]``), because a number would not
+identify the joint there.
 """
 
 from __future__ import annotations
@@ -69,7 +70,8 @@ def standard_parameters(robot: Robot) -> tuple[Parameter, ...]:
             unit = "kg" if stem == "m" else "kg m" if stem.startswith("m") else "kg m²"
             parameters.append(Parameter(f"{stem}{label}", stem, i, unit))
         rotor_unit = "kg m²" if joint.kind == "revolute" else "kg"
-        parameters.append(Parameter(f"ia{label}", "ia", i, rotor_unit))
+        if robot.torque_side == "motor":
+            parameters.append(Parameter(f"ia{label}", "ia", i, rotor_unit))
         for term in joint.friction.terms:
             unit = friction_unit(term, joint.kind)
             parameters.append(Parameter(f"{term.stem}{label}", term.stem, i, unit, friction=term))

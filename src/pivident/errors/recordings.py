@@ -336,7 +336,10 @@ class UnknownColumn(FileFormatError):
         self.file, self.column, self.near = file, column, tuple(near)
         hint = f"did you mean {', '.join(self.near)}?" if near else f"it has {_shortened(known)}"
         if known[:1] == ("column_1",):
-            hint = f"it has no header, so its columns are called column_1 to column_{len(known)}"
+            hint = (
+                f"it has no header, so its columns are called column_1 to column_{len(known)}; "
+                "name them in their order with column_names under [recording]"
+            )
         super().__init__(f"{file} has no column or array {column!r}; {hint}")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict
+from typing import Any
 
 import numpy as np
 
@@ -13,20 +14,31 @@ from pivident.estimation.exogeneity import durbin_wu_hausman
 from pivident.estimation.identification import Identification, JointFit
 from pivident.estimation.iteration import Estimate, Run
 from pivident.estimation.methods import Method
-from pivident.estimation.normal_equations import JointSums, relative_residual
+from pivident.estimation.normal_equations import relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
 from pivident.estimation.signs import sign_warnings
 from pivident.estimation.solved_equations import Equations
+from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.logs.torque_scale import scale_sentences
+from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
 from pivident.text.finding import Finding, Quantity
 from pivident.version import __version__
 
+#: Largest range of a joint without known limits that raises no doubt [rad]; `pivident init` takes
+#: positions beyond it for degrees.
+MAX_SPAN = 4.0 * np.pi
+
 
 def answer(
-    problem: Problem, method: Method, estimate: Estimate, run: Run, warnings: Sequence[Finding] = ()
+    problem: Problem,
+    method: Method,
+    estimate: Estimate,
+    run: Run,
+    warnings: Sequence[Finding] = (),
+    used: InstrumentsUsed | None = None,
 ) -> Identification:
-    """Everything that comes with an estimate."""
+    """Everything that comes with an estimate; ``used``: its instruments, None without any."""
     regressor, theta, variance = problem.regressor, estimate.theta, estimate.variance
     records, filters = estimate.records, estimate.prefilters.filters
     residuals = [r.residual(regressor, theta) for r in records]
@@ -51,7 +63,7 @@ def answer(
         for record, residual, white in zip(records, residuals, whitened, strict=True)
     )
     return Identification(
-        method=method_label(problem, method),
+        method=method_label(problem, method, used),
         robot=problem.robot,
         parameters=regressor.parameters,
         names=problem.names,
@@ -71,26 +83,35 @@ def answer(
         warnings=_warnings(problem, estimate, run, np.sqrt(np.diag(covariance)), warnings),
         sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},
         version=__version__,
-        loop=simulated_loop(problem, method),
+        readings=_readings(problem),
+        loop=simulated_loop(problem, used),
+        instruments=used,
         equations=Equations(
             regressor, tuple(records), tuple(filters), variance, method.weight_power
         ),
     )
 
 
-def loop_warnings(
-    problem: Problem, sums: Sequence[JointSums], variance: np.ndarray
-) -> list[Finding]:
-    """Reservations about instruments from this loop."""
-    if problem.loop is None:
-        return []
-    notes, warnings = law_findings(problem.loop)
+def _readings(problem: Problem) -> tuple[dict[str, Any], ...]:
+    """How the logs were read, each way once."""
+    found: list[dict[str, Any]] = []
+    for recording in problem.recordings:
+        if recording.reading and recording.reading not in found:
+            found.append(recording.reading)
+    return tuple(found)
+
+
+def loop_warnings(problem: Problem, estimate: Estimate, used: InstrumentsUsed) -> list[Finding]:
+    """Reservations about the instruments."""
+    loop = simulated_loop(problem, used)
+    if loop is None:
+        return _without_loop(used)
+    notes, warnings = law_findings(loop)
     known = [*notes]
-    if problem.loop.reconstructed or problem.loop.reference == "smoothed":
-        test = str(durbin_wu_hausman(sums, variance, len(problem.names)))
-        known.append(Finding("warning", "exogeneity", "tested", test))
+    if loop.reconstructed or loop.reference == "smoothed":
+        known.append(_tested(problem, estimate))
     known += warnings
-    if problem.loop.reference == "smoothed":
+    if loop.reference == "smoothed":
         text = (
             "The reference was not recorded: the smoothed measurement replaces it, with the "
             "declared control law as a virtual one. Instruments then share the noise that the "
@@ -98,6 +119,23 @@ def loop_warnings(
         )
         known.append(Finding("warning", "reference", "smoothed", text))
     return known
+
+
+def _without_loop(used: InstrumentsUsed) -> list[Finding]:
+    """Reservations about instruments from the record itself."""
+    known = []
+    if used.instead_of:
+        known.append(Finding("warning", "loop", "not simulated", used.instead_of))
+    if used.shares_noise:
+        text = f"The instruments may be biased: {used.shares_noise}."
+        known.append(Finding("warning", "instruments", "share noise", text))
+    return known
+
+
+def _tested(problem: Problem, estimate: Estimate) -> Finding:
+    """The test of Durbin, Wu and Hausman on the last equations."""
+    test = durbin_wu_hausman(estimate.sums, estimate.variance, len(problem.names))
+    return Finding("warning", "exogeneity", "tested", str(test))
 
 
 def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
@@ -114,14 +152,16 @@ def law_findings(loop: Loop | None) -> tuple[list[Finding], list[Finding]]:
     return notes, [Finding("warning", "law", "uncertain", text) for text in warnings]
 
 
-def simulated_loop(problem: Problem, method: Method) -> Loop | None:
-    """The loop that a method simulates, None where it does without."""
-    return problem.loop if method.simulates_loop else None
+def simulated_loop(problem: Problem, used: InstrumentsUsed | None) -> Loop | None:
+    """The loop that was simulated for the instruments, None where none was."""
+    return problem.loop if used is not None and used.kind == "loop" else None
 
 
-def method_label(problem: Problem, method: Method) -> str:
-    """Name of a method, with Ĉ where its instruments come from an identified law."""
-    loop = simulated_loop(problem, method)
+def method_label(problem: Problem, method: Method, used: InstrumentsUsed | None) -> str:
+    """Name of a method, with the kind of its instruments, or Ĉ for those of an identified law."""
+    if used is not None and used.kind != "loop":
+        return f"{method.label} ({used.kind})"
+    loop = simulated_loop(problem, used)
     identified = loop is not None and (loop.identified is not None or loop.feedback)
     return f"{method.label} (Ĉ)" if identified else method.label
 
@@ -134,7 +174,8 @@ def _warnings(
     parameters, names = problem.regressor.parameters, problem.names
     signs = sign_warnings(problem.robot, parameters, names, estimate.theta, std)
     assumed = [Finding("warning", "torque scale", "assumed", s) for s in scale_sentences(scales)]
-    noticed = [*own, *signs, *assumed, *estimate.reservations]
+    decided = [*_link_torques(problem.robot), *problem.findings, *_many_turns(problem)]
+    noticed = [*decided, *own, *signs, *assumed, *estimate.reservations]
     if not run.converged:
         change = 100 * float(run.history[-1].change)
         text = (
@@ -145,6 +186,42 @@ def _warnings(
         evidence = {"last change": Quantity(change, "%")}
         noticed.insert(0, Finding("error", "iteration", "not converged", text, "", step, evidence))
     return tuple(noticed)
+
+
+def _many_turns(problem: Problem) -> list[Finding]:
+    """Joints without limits that turn further than any arm would, as degrees taken for radians do.
+
+    Positions beyond limits are refused when a recording is read.
+    """
+    found = []
+    for j, joint in enumerate(problem.robot.joints):
+        span = max(float(np.ptp(recording.q[:, j])) for recording in problem.recordings)
+        if joint.kind == "revolute" and joint.position_limits is None and span > MAX_SPAN:
+            text = (
+                f"q of {joint.name} covers {span:.4g} rad, {span / (2.0 * np.pi):.3g} turns, and "
+                "the description has no limits of it."
+            )
+            step = (
+                'Are they degrees? Set units = {q = "deg"} under [recording]; if it turns so far, '
+                "give its position_limits (<limit> in a URDF)."
+            )
+            evidence = {"span": Quantity(span, "rad", bound=MAX_SPAN)}
+            found.append(
+                Finding("warning", "units", "many turns", text, joint.name, step, evidence)
+            )
+    return found
+
+
+def _link_torques(robot: Robot) -> list[Finding]:
+    """What torques behind the gears leave out of the model."""
+    if robot.torque_side == "motor":
+        return []
+    text = (
+        'The torques are those of sensors behind the gears (torque_side = "link"). They contain '
+        "neither rotor inertias nor friction of the drives, so the model has none; friction in it "
+        "is that of bearings behind the sensors, offsets are those of the sensors."
+    )
+    return [Finding("note", "torque side", "link", text)]
 
 
 def _joint_fits(

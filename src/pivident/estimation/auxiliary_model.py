@@ -13,9 +13,9 @@ import numpy as np
 from pivident.dynamics.forward import Model, make_model
 from pivident.dynamics.parameters import nominal_values, standard_parameters
 from pivident.errors import ExperimentError, MassMatrixNotPositiveDefinite, SimulationDiverged
-from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.motion import SimulatedMotion, central_differences
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import SimulatedMotion, central_differences
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.scratch import working_array
@@ -67,6 +67,7 @@ class AuxiliaryModel:
         self.problem = problem
         self.differences = differences
         self.torque = torque
+        self.simulated = False  # whether any parameters could be simulated
         self.loop = loop = problem.loop
         self.controller = with_measured_gravity(
             loop.controller, problem.robot, loop.drive_gain, loop.feed_forward
@@ -161,13 +162,17 @@ class AuxiliaryModel:
         step = theta
         for halvings in range(HALVINGS + 1):
             try:
-                return self.simulate(step), step, halvings
+                motions = self.simulate(step)
             except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
                 if previous is None or halvings == HALVINGS:
-                    for sentence in display.provided("missing_inertia")(self.problem):
-                        error.add_note(sentence)
+                    if not self.simulated:  # later the estimate is the cause, not what was given
+                        for sentence in display.provided("divergence_cause")(self.problem, error):
+                            error.add_note(sentence)
                     raise
                 step = previous + 0.5 * (step - previous)
+            else:
+                self.simulated = True
+                return motions, step, halvings
         raise AssertionError("unreachable")
 
 

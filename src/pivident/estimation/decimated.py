@@ -11,10 +11,10 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
-from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import Bandpass
-from pivident.estimation.motion import SimulatedMotion, packed_stretch
 from pivident.estimation.normal_equations import JointSums
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import SimulatedMotion, packed_stretch
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,
@@ -168,6 +168,9 @@ def decimate_record(
     z = None if motion is None else _decimated_columns(regressor, motion, part, factor, like)
     dq = parallel_decimation(source.dq[:, part].T, factor, convention=like).T
     used = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
+    if motion is not None and motion.valid is not None:
+        at = np.round((t - kinematics.recording.start_time) * kinematics.recording.rate)
+        used = used & motion.valid[at.astype(int)]
     return DecimatedRecord(kinematics, t, phi, z, tau, dq, used)
 
 

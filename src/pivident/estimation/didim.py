@@ -37,12 +37,13 @@ from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.full_rate import FullRateRecord, records_without_instruments
 from pivident.estimation.identification import Identification
 from pivident.estimation.iteration import Pass, Say, Signals, Simulated, initial_pass
-from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.methods import PrefilteredIV
-from pivident.estimation.motion import SimulatedMotion, with_inner
 from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.prefiltered_iv import piv
 from pivident.estimation.problem import Problem
+from pivident.instruments.given_motion import InstrumentsUsed
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import SimulatedMotion, with_inner
 from pivident.text.finding import Finding
 
 #: Iterations behind the inverse controller alone: as long as θ is wrong the residual shows it, and
@@ -80,7 +81,7 @@ def identify_didim(problem: Problem, method: PrefilteredIV, say: Say) -> Identif
         *whitening.warnings(estimate.prefilters),
         *_far_from_measured(estimate.records),
     ]
-    return answer(problem, method, estimate, run, warnings)
+    return answer(problem, method, estimate, run, warnings, InstrumentsUsed("loop"))
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ holds them. Both answer the same questions, so that no estimator or test has to 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
@@ -14,10 +14,10 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows, windows_of
-from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.motion import SimulatedMotion
 from pivident.estimation.normal_equations import JointSums
 from pivident.logs.torque_scale import TorqueScale
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import SimulatedMotion
 from pivident.signals.prefilter import Prefilter
 
 
@@ -43,6 +43,39 @@ class FittedRecording:
     #: How the record was logged and what was done to its samples, in sentences.
     account: tuple[str, ...] = ()
     torque_scale: tuple[TorqueScale, ...] = ()  # joints whose torque has an unverified scale
+
+
+@dataclass(frozen=True, eq=False)
+class MotionRange:
+    """Range of the fitted motion: where an estimate knows the robot; arrays (joints,)."""
+
+    low: np.ndarray  # least positions [rad or m]
+    high: np.ndarray  # largest positions
+    speed: np.ndarray  # largest speeds [rad/s or m/s]
+    acceleration: np.ndarray  # largest accelerations [rad/s² or m/s²]
+
+    @classmethod
+    def of(cls, recordings: Sequence[FittedRecording]) -> MotionRange:
+        """Range of the rows that the estimate used for at least one joint."""
+        rows = [np.asarray(r.used, dtype=bool).any(axis=1) for r in recordings]
+        q, dq, ddq = (
+            np.vstack([getattr(r, name)[own] for r, own in zip(recordings, rows, strict=True)])
+            for name in ("q", "dq", "ddq")
+        )
+        return cls(q.min(axis=0), q.max(axis=0), np.abs(dq).max(axis=0), np.abs(ddq).max(axis=0))
+
+    def to_values(self) -> dict[str, list[float]]:
+        """Plain values for a file."""
+        return {name: getattr(self, name).tolist() for name in self.__dataclass_fields__}
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any], joints: int) -> MotionRange:
+        """The range of :meth:`to_values`."""
+        found = {name: np.array(values.get(name), dtype=float) for name in cls.__dataclass_fields__}
+        for name, array in found.items():
+            if array.shape != (joints,) or not np.isfinite(array).all():
+                raise ValueError(f"motion: {name!r} needs one finite number for each joint")
+        return cls(**found)
 
 
 #: Φ, Z, (filtered further instruments) and τ of one joint, time last.

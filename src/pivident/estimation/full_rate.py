@@ -16,10 +16,10 @@ import numpy as np
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.covariance.windows import Windows
 from pivident.estimation.equation_record import FittedRecording, JointColumns
-from pivident.estimation.kinematics import Kinematics
-from pivident.estimation.motion import Motion, SimulatedMotion, packed_stretch
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.torque_residual import residual_of
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import Motion, SimulatedMotion, packed_stretch
 from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
@@ -194,11 +194,20 @@ def records_with_instruments(
     motions: Sequence[SimulatedMotion],
     limits: Sequence[np.ndarray],
 ) -> list[FullRateRecord]:
-    """All recordings with simulated instruments, whose speeds decide which samples are used."""
-    return [
-        FullRateRecord(kin, motion, valid_samples(kin, motion.dq, lim))
-        for kin, motion, lim in zip(kinematics, motions, limits, strict=True)
-    ]
+    """All recordings with instruments, whose speeds decide which samples are used.
+
+    A simulated joint sticks about when the real one does, since the model has its friction. One
+    from the record moves on; then the measured speed has to be above the limit, too.
+    """
+    records = []
+    for kin, motion, lim in zip(kinematics, motions, limits, strict=True):
+        used = valid_samples(kin, motion.dq, lim)
+        if motion.from_record:
+            used &= valid_samples(kin, kin.dq, lim)
+        if motion.valid is not None:
+            used[:, ~motion.valid] = False
+        records.append(FullRateRecord(kin, motion, used))
+    return records
 
 
 def records_without_instruments(

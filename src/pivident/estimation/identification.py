@@ -10,9 +10,10 @@ from scipy.special import ndtri
 
 from pivident.dynamics.parameters import Parameter
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.equation_record import FittedRecording
+from pivident.estimation.equation_record import FittedRecording, MotionRange
 from pivident.estimation.methods import Bandpass, Method
 from pivident.estimation.solved_equations import Equations, TorqueSums
+from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.logs.torque_scale import TorqueScale
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
@@ -80,7 +81,12 @@ class Identification:
         warnings: what the estimator noticed.
         sources: SHA-256 of every input file by its name.
         version: version of pivident.
+        readings: arguments of `load_recording` but the files, by which its logs were read; empty
+            where they were arrays.
+        motion: range of the fitted motion; that of a loaded identification, whose signals are not
+            there.
         loop: control loop that was simulated for the instruments; None: no loop was.
+        instruments: where the instruments come from; None: there are none.
         equations: what the last pass was made of, for tests of instruments and covariances.
         torque_sums: sums of the fitted record from which the torque error of other parameters
             follows; those of a loaded identification, whose signals are not there.
@@ -108,7 +114,10 @@ class Identification:
     warnings: tuple[Finding, ...] = ()
     sources: dict[str, str] = field(default_factory=dict)
     version: str = ""
+    readings: tuple[dict[str, Any], ...] = field(default=(), repr=False)
+    motion: MotionRange | None = field(default=None, repr=False)
     loop: Loop | None = None
+    instruments: InstrumentsUsed | None = None
     equations: Equations | None = field(default=None, repr=False)
     torque_sums: TorqueSums | None = field(default=None, repr=False)
     loop_values: dict[str, Any] | None = field(default=None, repr=False)
@@ -127,6 +136,11 @@ class Identification:
     def torque_scale(self) -> tuple[TorqueScale, ...]:
         """Unverified scales of the logged torques; all parameters rest on them."""
         return tuple(dict.fromkeys(s for r in self.recordings for s in r.torque_scale))
+
+    @property
+    def fitted_range(self) -> MotionRange | None:
+        """Range of the fitted motion; None where neither signals nor their range are known."""
+        return MotionRange.of(self.recordings) if self.recordings else self.motion
 
     @property
     def params(self) -> dict[str, float]:

@@ -18,7 +18,7 @@ from pivident.simulation.control_loop import Loop
 from pivident.text.plain_values import csv_table, json_of_entries, plain
 
 #: Version of the layout of ``identification.json``.
-SCHEMA = 2
+SCHEMA = 3
 
 #: Columns of ``parameters.csv``; σ in the unit of its row, the relative one in percent.
 CSV_COLUMNS = ("name", "value", "std", "robust_std", "relative_std", "unit", "expression")
@@ -41,6 +41,8 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         {key: getattr(row, key) for key in CSV_COLUMNS} for row in parameter_rows(identification)
     ]
     loop = identification.loop_values or _loop_values(identification.loop)
+    instruments = identification.instruments
+    fitted = identification.fitted_range
     content = {
         "schema": SCHEMA,
         "method": identification.method,
@@ -57,10 +59,13 @@ def to_dict(identification: Identification) -> dict[str, Any]:
         "condition": identification.condition,
         "controller": loop["controller"],
         "reference": loop["reference"],
+        "instruments": None if instruments is None else instruments.to_values(),
         "options": identification.options,
         "warnings": [warning.as_json() for warning in identification.warnings],
         "sources": identification.sources,
         "version": identification.version,
+        "readings": list(identification.readings),
+        "motion": None if fitted is None else fitted.to_values(),
         "robot_description": robot_values(identification.robot),
         "torque_sums": torque_sums_values(identification),
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from pivident.errors import IdentificationError
 from pivident.estimation.didim import identify_didim
 from pivident.estimation.identification import Identification
 from pivident.estimation.instrumental_variables import identify_iv
-from pivident.estimation.kinematics import estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics, settled_recipe
 from pivident.estimation.least_squares import identify_ls
 from pivident.estimation.methods import (
     Bandpass,
@@ -52,6 +53,8 @@ def identify(
             f"identify takes a Problem, not an object of type {type(problem).__name__}; {advice}"
         )
     method = method_named(method)
+    if isinstance(method, (LeastSquares, InstrumentalVariables)):
+        method = replace(method, signals=settled_recipe(method.signals, problem.recordings))
     say = progress or (lambda line: None)
     with linear_algebra_in_one_thread():
         if isinstance(method, LeastSquares):

@@ -16,14 +16,14 @@ from typing import cast
 import numpy as np
 
 from pivident.estimation.answer import answer, loop_warnings
-from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.decimated import DecimatedRecord, decimate_record
 from pivident.estimation.full_rate import FullRateRecord, records_with_instruments
 from pivident.estimation.identification import Identification
+from pivident.estimation.instrument_choice import Chosen, InstrumentSource
 from pivident.estimation.iteration import Pass, Say, Signals, Simulated, Steps, initial_pass
 from pivident.estimation.methods import Bandpass, InstrumentalVariables
 from pivident.estimation.noise_identification import Prefilters
-from pivident.estimation.prefiltered_iv import piv
+from pivident.estimation.prefiltered_iv import with_instruments
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import decided_by_residual, noisy_standstill
 from pivident.estimation.torque_residual import torque_of
@@ -32,19 +32,17 @@ from pivident.estimation.torque_residual import torque_of
 def identify_iv(problem: Problem, method: InstrumentalVariables, say: Say) -> Identification:
     """Iterate instruments and estimate."""
     say(f"{method.label}: smoothing the records")
-    signals = Signals.of(problem, method)
-    steps: Steps
-    if isinstance(method.signals, Bandpass):
-        auxiliary = AuxiliaryModel(problem, differences=False, torque=False)
-        steps = DecimatedSteps(signals, method, auxiliary, method.signals)
-    else:
-        auxiliary = AuxiliaryModel(
-            problem, differences=True, kinematics=signals.kinematics, torque=False
-        )
-        steps = FullRateSteps(signals, method, auxiliary)
-    estimate, run = piv(steps, say)
-    warnings = loop_warnings(problem, estimate.sums, estimate.variance)
-    return answer(problem, method, estimate, run, warnings)
+    signals, recipe = Signals.of(problem, method), method.signals
+
+    def steps(chosen: Chosen) -> Steps:
+        own = signals.with_kinematics(chosen.kinematics)
+        if isinstance(recipe, Bandpass):
+            return DecimatedSteps(own, method, chosen.source, recipe)
+        return FullRateSteps(own, method, chosen.source)
+
+    full_rate = not isinstance(recipe, Bandpass)
+    _, estimate, run, used = with_instruments(signals, method, steps, say, full_rate)
+    return answer(problem, method, estimate, run, loop_warnings(problem, estimate, used), used)
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,7 +51,7 @@ class DecimatedSteps:
 
     signals: Signals
     method: InstrumentalVariables
-    auxiliary: AuxiliaryModel
+    auxiliary: InstrumentSource
     recipe: Bandpass
 
     earliest = 2
@@ -96,7 +94,7 @@ class FullRateSteps:
 
     signals: Signals
     method: InstrumentalVariables
-    auxiliary: AuxiliaryModel
+    auxiliary: InstrumentSource
 
     earliest = 3
     start_number = 0

@@ -12,21 +12,20 @@ and repeat until it has settled; the first one does without that friction.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
-from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.full_rate import records_without_instruments
 from pivident.estimation.identification import Iteration
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.instrument_choice import InstrumentSource
+from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
-from pivident.estimation.motion import SimulatedMotion, with_inner
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import (
     JointSums,
@@ -35,6 +34,8 @@ from pivident.estimation.normal_equations import (
     weighted_solution,
 )
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import SimulatedMotion, with_inner
 from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity
 
@@ -106,6 +107,13 @@ class Signals:
         first = estimate_without_load(problem, kinematics, limits)
         return cls(problem, kinematics, limits, first)
 
+    def with_kinematics(self, kinematics: list[Kinematics]) -> Signals:
+        """The same with other measured motions, where the instruments come with their own."""
+        if kinematics is self.kinematics:
+            return self
+        first = estimate_without_load(self.problem, kinematics, self.limits)
+        return replace(self, kinematics=kinematics, without_load=first)
+
     def load(self, number: int, theta: np.ndarray) -> np.ndarray:
         """Parameters that make the load: θ, or those without load as long as there is no θ."""
         return theta if number or self.without_load is None else self.without_load
@@ -172,8 +180,8 @@ class Steps(Protocol):
         """Options: tolerance, iterations, weights, covariance."""
 
     @property
-    def auxiliary(self) -> AuxiliaryModel:
-        """The simulated loop."""
+    def auxiliary(self) -> InstrumentSource:
+        """What makes the instruments: the simulated loop, or a motion of the record."""
 
     @property
     def earliest(self) -> int:
@@ -204,7 +212,7 @@ def initial_pass(problem: Problem, prefilters: Prefilters) -> Pass:
     return Pass(0, problem.initial_values(), None, (), prefilters)
 
 
-def simulate(auxiliary: AuxiliaryModel, last: Pass) -> Simulated:
+def simulate(auxiliary: InstrumentSource, last: Pass) -> Simulated:
     """Step (a): simulate θ, or the first point of half the way to it that can be simulated."""
     try:
         return Simulated(*auxiliary.simulate_or_halve(last.simulated, last.theta))

@@ -1,14 +1,23 @@
-"""From a recording to what the equations need: positions, speeds, accelerations, aligned torque."""
+"""From a recording to what the equations need: positions, speeds, accelerations, aligned torque.
+
+A position filter must leave the motion alone and keep noise out of the accelerations, where least
+squares takes it for motion. Which of the two is at stake depends on the record: at 1 kHz with a
+fine encoder nothing below 50 Hz is noise, at 100 Hz with 14 bits most of what is above 10 Hz is.
+Unless a recipe says otherwise, each joint is cut off where its motion sinks into its noise, and
+never beyond what the decimation keeps or the rate holds.
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
 from pivident.errors import RecordingError, RecordingTooShort
 from pivident.estimation.methods import Bandpass, RandomWalk
+from pivident.motion.kinematics import MIN_RUN, Kinematics
 from pivident.recording.recording import Recording
 from pivident.scratch import working_array
 from pivident.signals.alignment import AlignedTorque, align_torque
@@ -16,39 +25,23 @@ from pivident.signals.bandpass import EDGE, bandpass
 from pivident.signals.coloured_walk import smooth_with_lines
 from pivident.signals.counted_positions import has_visible_counts, nvr_of_counts
 from pivident.signals.instants import derivatives_at_instants, torque_at_instants
-from pivident.signals.random_walk import SmoothedSignal, smooth_channels
+from pivident.signals.random_walk import (
+    SmoothedSignal,
+    half_power_frequencies,
+    smooth_channels,
+)
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.threads import run_in_threads
 
-#: Samples that must remain between the ends that the filters distort.
-MIN_RUN = 100
+#: Cut-off over the half-power frequency: the Butterworth filter then keeps 96 % there.
+ABOVE_HALF_POWER = 1.5
 
+#: Largest cut-off over the band that decimation keeps, whose edge then loses a thousandth.
+ABOVE_BAND = 2.5
 
-@dataclass(frozen=True, eq=False)
-class Kinematics:
-    """Estimated motion of one recording, time **last**, with the torque on the same instants."""
-
-    recording: Recording  # where it comes from
-    q: np.ndarray  # positions [rad or m], shape (joints, samples); ``dq ddq tau`` likewise
-    dq: np.ndarray  # speeds
-    ddq: np.ndarray  # accelerations
-    tau: np.ndarray  # torque [N m or N]
-    start: int  # first sample that may be used
-    stop: int  # one past the last
-    #: half-power frequency of the smoother [Hz], shape (joints,); NaN with a band-pass.
-    f50: np.ndarray
-    #: Measurement noise found [rad or m], shape (joints,); NaN with a band-pass. Where there are
-    #: lines, its white floor.
-    encoder_std: np.ndarray
-    #: Spectral lines found in each joint's measurement noise; empty where not searched.
-    lines: tuple[tuple[SpectralLine, ...], ...] = ()
-    #: Columns with memory or load, shape (inner entries, samples), see ``Regressor.inner``; None
-    #: where they were not made.
-    inner: np.ndarray | None = None
-
-    def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """q, dq and ddq on some samples."""
-        return self.q[:, span], self.dq[:, span], self.ddq[:, span]
+#: Largest share of the sampling rate, and fewest periods of a cut-off in a record: its ends, five
+#: periods each, are dropped.
+SHARE_OF_RATE, MIN_PERIODS = 0.45, 20.0
 
 
 def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) -> Kinematics:
@@ -65,25 +58,28 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
         RecordingTooShort: fewer than `MIN_RUN` samples would remain between the ends.
         RecordingError: a cut-off that the recording's rate does not allow.
     """
+    signals = settled_recipe(signals, [recording])
     known = signals.ends(recording.rate) if isinstance(signals, Bandpass) else (EDGE, EDGE)
     if recording.samples < sum(known) + MIN_RUN:
         raise RecordingTooShort(recording.samples, sum(known) + MIN_RUN)
     unknown = np.full(recording.joints, np.nan)
     lines: tuple[tuple[SpectralLine, ...], ...] = ()
     if isinstance(signals, Bandpass):
-        if recording.slowed and not signals.cutoff < recording.rate / 2:
+        cutoffs = signals.cutoffs(recording.joints)
+        if recording.slowed and not cutoffs.max() < recording.rate / 2:
             raise RecordingError(
                 f"recording {recording.name!r}: the position filter has a cut-off of "
-                f"{signals.cutoff:g} Hz, but at {recording.rate:g} Hz there is nothing above "
+                f"{cutoffs.max():g} Hz, but at {recording.rate:g} Hz there is nothing above "
                 f"{recording.rate / 2:g} Hz; {recording.slowed}"
             )
         passed = bandpass(
             recording.q,
             recording.rate,
-            signals.cutoff,
+            cutoffs,
             signals.order,
             median=signals.median,
             padlen=signals.padlen,
+            at_instants=bool(signals.at_instants),
         )
         motion = (passed.q, passed.dq, passed.ddq)
         ends, f50, encoder_std = signals.ends(recording.rate), unknown, unknown
@@ -113,11 +109,37 @@ def estimate_kinematics(recording: Recording, signals: Bandpass | RandomWalk) ->
     return Kinematics(recording, q, dq, ddq, tau, start, stop, f50, encoder_std, lines)
 
 
-def usable_samples(kinematics: Kinematics) -> np.ndarray:
-    """Samples between the ends that the smoother distorts, shape (joints, samples)."""
-    usable = np.zeros(kinematics.q.shape, bool)
-    usable[:, kinematics.start : kinematics.stop] = True
-    return usable
+def settled_recipe(
+    signals: Bandpass | RandomWalk, recordings: Sequence[Recording]
+) -> Bandpass | RandomWalk:
+    """The recipe with its cut-offs and its band in numbers.
+
+    Of several recordings the largest cut-off of each joint is taken, and the band of the slowest.
+
+    Args:
+        signals: the recipe; where nothing is open it is returned as it is.
+        recordings: what it is for.
+    """
+    if not isinstance(signals, Bandpass):
+        return signals
+    settled = signals
+    if signals.decimation is None and signals.bandwidth is None:
+        settled = replace(settled, bandwidth=signals.band(min(r.rate for r in recordings)))
+    if signals.cutoff is None:
+        found = np.max([_cutoffs(signals, r) for r in recordings], axis=0)
+        cutoff = tuple(float(f"{c:.3g}") for c in found)
+        at_instants = True if signals.at_instants is None else signals.at_instants
+        settled = replace(settled, cutoff=cutoff, at_instants=at_instants)
+    return settled
+
+
+def _cutoffs(signals: Bandpass, recording: Recording) -> np.ndarray:
+    """Cut-off of each joint for one recording, shape (joints,) [Hz]."""
+    rate = recording.rate
+    highest = min(ABOVE_BAND * signals.band(rate), SHARE_OF_RATE * rate)
+    lowest = min(max(MIN_PERIODS / recording.duration, 0.05 * highest), highest)
+    wanted = ABOVE_HALF_POWER * half_power_frequencies(recording.q, rate)
+    return np.clip(wanted, lowest, highest)
 
 
 def _aligned(recording: Recording, joint: int, align: bool) -> AlignedTorque:

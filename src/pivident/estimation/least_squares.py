@@ -19,12 +19,13 @@ from pivident.estimation.iteration import (
     estimate_without_load,
     has_settled,
 )
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
-from pivident.estimation.motion import with_inner
 from pivident.estimation.noise_identification import Prefilters
 from pivident.estimation.normal_equations import JointSums, Solution, relative_residual, solve
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
+from pivident.motion.motion import with_inner
 
 
 def identify_ls(problem: Problem, method: LeastSquares, say: Say) -> Identification:

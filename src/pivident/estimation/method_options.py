@@ -39,8 +39,12 @@ def method_of_options(options: Mapping[str, Any]) -> Method | None:
 
 
 def _made(kinds: tuple[type, ...], values: Mapping[str, Any]) -> Any:
-    """The class that has just these fields, with lists as the tuples that they were."""
+    """The class that has just these fields, with lists as the tuples that they were.
+
+    Files from before there was a choice of instruments do not name them.
+    """
     for kind in kinds:
-        if {f.name for f in fields(kind)} == set(values):
+        names = {f.name for f in fields(kind)}
+        if set(values) in (names, names - {"instruments"}):
             return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
     raise ValueError(f"no method has the options {', '.join(values)}")

@@ -11,14 +11,19 @@ from typing import ClassVar, Literal, get_args
 import numpy as np
 
 from pivident.errors import ExperimentError, IdentificationError
+from pivident.motion.kinematics import MOTION_BAND
 from pivident.recording.recording import Recording
 from pivident.robot.naming import nearest
 from pivident.signals.decimation import Convention
 
 CovarianceKind = Literal["auto", "formula", "sandwich", "stationary"]
 
-#: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
-MOTION_BAND = 20.0
+#: Where instruments come from, see `pivident.instruments`.
+Instruments = Literal["auto", "loop", "response", "repetition", "sensor", "virtual", "halves"]
+
+#: Samples in a period of the highest frequency that a decimation keeps, at least: a difference that
+#: is corrected to its instant keeps 99 % there, one that is not 90 %.
+SAMPLES_OF_A_PERIOD = 8.0
 
 
 def _check_iteration(tolerance: float, max_iterations: int) -> None:
@@ -28,47 +33,79 @@ def _check_iteration(tolerance: float, max_iterations: int) -> None:
         raise ExperimentError(f"max_iterations must be at least 1, not {max_iterations}")
 
 
+def _check_instruments(instruments: str) -> None:
+    if instruments not in get_args(Instruments):
+        choices = ", ".join(map(repr, get_args(Instruments)))
+        raise ExperimentError(f"instruments are {instruments!r}; choose one of {choices}")
+
+
 @dataclass(frozen=True)
 class Bandpass:
     """Zero-phase Butterworth, central differences, parallel decimation of Φ and τ.
 
     Attributes:
-        cutoff: cut-off of the position filter [Hz].
+        cutoff: cut-off of the position filter, for all joints or for each [Hz]; None: from the
+            record, see `pivident.estimation.kinematics.settled_recipe`.
         order: order of the Butterworth filter.
         decimation: factor n_d, or its stages (10, 10); None: to ``bandwidth``.
-        bandwidth: frequency kept by the decimation [Hz]: n_d = (rate/2)/bandwidth.
+        bandwidth: frequency kept by the decimation [Hz]: n_d = (rate/2)/bandwidth. None: 20 Hz,
+            where the motion of an arm ends, or an eighth of a rate below 160 Hz.
         convention: whose ``decimate`` is followed at the ends, ``matlab`` or ``scipy``.
         median: length of a median filter before, 1 for none.
         padlen: samples the zero-phase filters extend the record by; None: scipy's choice.
         edge: samples dropped at both ends (or at start and end) before decimation; None: five
-            periods of the cut-off.
+            periods of the lowest cut-off.
             One period is not enough: what the zero-phase filter makes up at the ends then decides
             the estimate (median error 2 % in place of 0.07 % on a simulated TX40).
         align: whether the torque is moved to the instants of the differences first; the
             literature does not, a declared delay is taken out in any case.
+        at_instants: whether the differences, which are averages over two sampling periods, are
+            made values at the instants (5 % of an acceleration at 5 Hz, logged at 80 Hz). None:
+            where the cut-off comes from the record; the literature does not.
     """
 
-    cutoff: float = 50.0
+    cutoff: float | tuple[float, ...] | None = None
     order: int = 4
     decimation: int | tuple[int, ...] | None = None
-    bandwidth: float = 20.0
+    bandwidth: float | None = None
     convention: Convention = "matlab"
     median: int = 1
     padlen: int | None = None
     edge: int | tuple[int, int] | None = None
     align: bool = False
+    at_instants: bool | None = None
+
+    def cutoffs(self, joints: int) -> np.ndarray:
+        """Cut-off of each joint, shape (joints,) [Hz]; NaN as long as the record has to say.
+
+        Raises:
+            ExperimentError: a cut-off for each of another number of joints.
+        """
+        given = np.atleast_1d(np.array(np.nan if self.cutoff is None else self.cutoff, float))
+        if len(given) not in (1, joints):
+            raise ExperimentError(
+                f"cutoff has {len(given)} numbers for {joints} joints; give one for all or one for "
+                "each"
+            )
+        return np.broadcast_to(given, joints)
 
     def ends(self, rate: float) -> tuple[int, int]:
         """Samples dropped at the start and at the end for a sampling rate [Hz]."""
         if self.edge is None:
-            return (int(np.ceil(5.0 * rate / self.cutoff)),) * 2
+            return (int(np.ceil(5.0 * rate / np.min(np.atleast_1d(self.cutoff or np.nan)))),) * 2
         return (self.edge, self.edge) if isinstance(self.edge, int) else self.edge
+
+    def band(self, rate: float) -> float:
+        """Frequency that the decimation keeps, for a sampling rate [Hz]."""
+        if self.decimation is not None:
+            return 0.5 * rate / float(np.prod(self.decimation))
+        return self.bandwidth or min(MOTION_BAND, rate / SAMPLES_OF_A_PERIOD)
 
     def factor(self, rate: float) -> int | tuple[int, ...]:
         """Decimation factor for a sampling rate [Hz]."""
         if self.decimation is not None:
             return self.decimation
-        return max(1, int(rate / 2.0 / self.bandwidth))
+        return max(1, int(rate / 2.0 / self.band(rate) + 1e-9))
 
 
 @dataclass(frozen=True)
@@ -193,12 +230,17 @@ class LeastSquares:
 
 @dataclass(frozen=True)
 class InstrumentalVariables:
-    """IDIM-IV: instruments Φ(q_s) from the simulated loop.
+    """IDIM-IV: instruments Φ(q_s) from the simulated loop, or another motion q_s.
 
     Attributes:
         signals: ``Bandpass()`` as in the literature, ``RandomWalk()`` at full rate.
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
+        instruments: ``loop``: simulated with its law; ``response``: the reference through the
+            identified response of the loop; ``repetition``: other repetitions of the motion;
+            ``sensor``: a second encoder; ``virtual``: a virtual computed-torque loop around the
+            smoothed motion; ``halves``: every other sample. ``auto``: the simulated loop where the
+            problem has one, else the best that the record allows.
         simulates_loop: whether instruments come from a simulated loop, for all such methods.
         weight_power: power of λ in the weights, likewise.
         covariance: which covariance is reported, likewise.
@@ -207,6 +249,7 @@ class InstrumentalVariables:
     signals: Bandpass | RandomWalk = field(default_factory=Bandpass)
     tolerance: float = 1e-2
     max_iterations: int = 20
+    instruments: Instruments = "auto"
 
     simulates_loop: ClassVar[bool] = True
     weight_power: ClassVar[float] = 1.0
@@ -214,6 +257,7 @@ class InstrumentalVariables:
 
     def __post_init__(self) -> None:
         _check_iteration(self.tolerance, self.max_iterations)
+        _check_instruments(self.instruments)
 
     @property
     def label(self) -> str:
@@ -229,7 +273,8 @@ class PrefilteredIV:
         signals: the smoother.
         noise: the noise model.
         prefilter: ``controller``: inverse of the law's proportional and derivative part, then
-            the AR whitener; ``direct``: the AR whitener on the torque residual.
+            the AR whitener; ``direct``: the AR whitener on the torque residual; ``auto``: the
+            former where a loop is simulated, the latter where it is not.
         covariance: what the standard errors come from: ``stationary``, the autocovariance of the
             residual; ``sandwich``, windows of time, which also holds where the residual comes in
             bursts; ``auto``: stationary on simulated records, where the residual is noise,
@@ -243,26 +288,36 @@ class PrefilteredIV:
             ``simulated``, the motion of the simulated loop, which is DIDIM (for coarse encoders).
         tolerance: both criteria of convergence.
         max_iterations: give up after so many.
+        instruments: see `InstrumentalVariables`.
         simulates_loop: whether instruments come from a simulated loop, for all such methods.
     """
 
     signals: RandomWalk = field(default_factory=RandomWalk)
     noise: AutoRegressive | Arma = field(default_factory=AutoRegressive)
-    prefilter: Literal["controller", "direct"] = "controller"
+    prefilter: Literal["auto", "controller", "direct"] = "auto"
     covariance: CovarianceKind = "auto"
     as_printed: bool = False
     start: Literal["least-squares", "initial"] = "least-squares"
     regressor: Literal["measured", "simulated"] = "measured"
     tolerance: float = 1e-2
     max_iterations: int = 20
+    instruments: Instruments = "auto"
 
     simulates_loop: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         _check_iteration(self.tolerance, self.max_iterations)
-        if self.prefilter not in ("controller", "direct"):
+        _check_instruments(self.instruments)
+        if self.prefilter not in ("auto", "controller", "direct"):
             raise ExperimentError(
-                f"prefilter is {self.prefilter!r}; choose 'controller' or 'direct'"
+                f"prefilter is {self.prefilter!r}; choose 'auto', 'controller' or 'direct'"
+            )
+        if self.instruments not in ("auto", "loop") and (
+            self.as_printed or self.regressor == "simulated"
+        ):
+            raise ExperimentError(
+                f"instruments are {self.instruments!r}, but {self.label} takes them from the "
+                "simulated loop: choose 'loop', or piv or iv-full-rate"
             )
         if self.covariance not in get_args(CovarianceKind):
             choices = ", ".join(map(repr, get_args(CovarianceKind)))

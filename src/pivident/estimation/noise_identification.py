@@ -14,9 +14,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from pivident.errors import IdentificationError
+from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.kinematics import Kinematics, usable_samples
 from pivident.estimation.methods import Arma, PrefilteredIV, Repetition
 from pivident.estimation.problem import Problem
 from pivident.estimation.standstill import (
@@ -26,6 +25,7 @@ from pivident.estimation.standstill import (
     without_recent,
 )
 from pivident.estimation.torque_residual import residual_of
+from pivident.motion.kinematics import Kinematics, usable_samples
 from pivident.recording.repeated_motion import repeated_motion
 from pivident.signals.noise_models import continued_into_band, fit_ar, unmasked_stretches
 from pivident.signals.prefilter import Prefilter
@@ -83,6 +83,8 @@ class Prefilters:
             used[slow_samples(problem, record) & self.without_standstill[:, None]] = False
             for j, prefilter in enumerate(self.filters):
                 used[j, : prefilter.transient()] = False
+                if record.motion is not None and record.motion.valid is not None:
+                    used[j] &= without_recent(record.motion.valid, prefilter.transient())
                 if self.without_standstill[j]:
                     used[j] = without_recent(used[j], prefilter.transient())
 
@@ -95,21 +97,34 @@ class Whitening:
     method: PrefilteredIV  # options of IDIM-PIV
     numerator: np.ndarray  # of each joint's inverse controller, shape (joints, coefficients)
     denominator: np.ndarray  # likewise
+    inverts_controller: bool  # whether they are those of the loop's law
 
     @classmethod
     def of(
-        cls, problem: Problem, method: PrefilteredIV, kinematics: Sequence[Kinematics]
+        cls,
+        problem: Problem,
+        method: PrefilteredIV,
+        kinematics: Sequence[Kinematics],
+        simulated: bool = True,
     ) -> Whitening:
-        """Inverse controllers of a problem's loop, or ones for a ``direct`` prefilter."""
+        """Inverse controllers of a problem's loop, or ones for a ``direct`` prefilter.
+
+        ``simulated``: whether the loop is simulated for the instruments.
+        """
         n = problem.robot.size
         numerator = denominator = np.ones((n, 1))
-        if method.prefilter == "controller":
-            assert problem.loop is not None
+        inverts = simulated if method.prefilter == "auto" else method.prefilter == "controller"
+        if inverts:
+            if problem.loop is None:
+                raise ExperimentError(
+                    "the prefilter is to invert the controller, but there is no control loop: "
+                    'give it ([controller] in an experiment file), or set prefilter = "direct"'
+                )
             rate = kinematics[0].recording.rate
             numerator, denominator = inverse_controller(problem.loop.controller, rate, n)
             gain = np.broadcast_to(np.asarray(problem.loop.drive_gain, float), (n,))
             numerator = numerator / gain[:, None]
-        made = cls(problem, method, numerator, denominator)
+        made = cls(problem, method, numerator, denominator, inverts)
         made._refuse_slow_filters(kinematics)
         return made
 
@@ -121,8 +136,7 @@ class Whitening:
         """Prefilters before there is a residual: L_j = C_j⁻¹, no noise model."""
         n = self.problem.robot.size
         filters = tuple(self.inverse(j) for j in range(n))
-        inverts = self.method.prefilter != "direct"
-        return Prefilters(filters, (), (False,) * n, np.zeros(n, bool), inverts)
+        return Prefilters(filters, (), (False,) * n, np.zeros(n, bool), self.inverts_controller)
 
     def fitted(
         self,

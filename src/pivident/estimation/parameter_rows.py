@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
+import numpy as np
+
 from pivident.estimation.identification import Identification
 
 #: Estimates further apart than this many combined standard errors contradict each other.
@@ -22,10 +24,20 @@ class ParameterRow:
     value: float  # estimate [unit]
     std: float  # standard error by the method's covariance [unit]
     robust_std: float  # standard error by the sandwich [unit]
-    relative_std: float  # 100 σ/|θ| [%]
+    relative_std: float  # 100 std/|θ| [%]
     unit: str  # unit of the parameter
     expression: str  # its group written out
     truth: float = math.nan  # known value [unit], NaN where none is known
+
+    @property
+    def shown_std(self) -> float:
+        """Standard error of intervals that are shown, see `shown_std` [unit]."""
+        return self.robust_std if math.isfinite(self.robust_std) else self.std
+
+    @property
+    def shown_percent(self) -> float:
+        """100 σ/|θ| with that standard error [%]; infinite for an estimate of zero."""
+        return 100.0 * self.shown_std / abs(self.value) if self.value else math.inf
 
     @property
     def error_percent(self) -> float:
@@ -35,12 +47,12 @@ class ParameterRow:
     @property
     def error_sigmas(self) -> float:
         """(θ̂ - θ)/σ, NaN without a truth."""
-        return _ratio(self.value - self.truth, self.std)
+        return _ratio(self.value - self.truth, self.shown_std)
 
     @property
     def includes_zero(self) -> bool:
         """Whether zero lies within ±2σ."""
-        return abs(self.value) <= 2.0 * self.std
+        return abs(self.value) <= 2.0 * self.shown_std
 
 
 def parameter_rows(
@@ -71,6 +83,16 @@ def parameter_rows(
         )
         for name, parameter, value, std, robust, relative, expression in columns
     )
+
+
+def shown_std(identification: Identification) -> np.ndarray:
+    """Standard errors that tables, verdict and report show, shape (parameters,).
+
+    The robust ones, which hold for residuals of any colour and of changing variance; the method's
+    own where these are not known.
+    """
+    robust = identification.robust_std
+    return np.where(np.isfinite(robust), robust, identification.std)
 
 
 def method_labels(identifications: Sequence[Identification]) -> tuple[str, ...]:
@@ -104,7 +126,7 @@ def largest_difference(rows: Sequence[ParameterRow | None]) -> tuple[float, int,
     best = (0.0, 0, 0)
     present = [(k, row) for k, row in enumerate(rows) if row is not None]
     for (i, a), (j, b) in combinations(present, 2):
-        distance = _ratio(abs(a.value - b.value), math.hypot(a.std, b.std))
+        distance = _ratio(abs(a.value - b.value), math.hypot(a.shown_std, b.shown_std))
         if distance > best[0]:
             best = (distance, i, j)
     return best

@@ -12,14 +12,15 @@ is applied to instruments, observation matrix and torque (D6). λ_j^-1 on both s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
+from pivident.errors import MassMatrixNotPositiveDefinite, SimulationDiverged
 from pivident.estimation.answer import answer, loop_warnings
-from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.full_rate import (
     FullRateRecord,
@@ -27,6 +28,14 @@ from pivident.estimation.full_rate import (
     records_without_instruments,
 )
 from pivident.estimation.identification import Identification
+from pivident.estimation.instrument_choice import (
+    Chosen,
+    InstrumentSource,
+    choose,
+    instead_of_loop,
+    may_do_without,
+    without_loop,
+)
 from pivident.estimation.iteration import (
     Estimate,
     Pass,
@@ -39,10 +48,11 @@ from pivident.estimation.iteration import (
     simulate,
     solve,
 )
-from pivident.estimation.methods import PrefilteredIV
+from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.noise_identification import Prefilters, Whitening
 from pivident.estimation.normal_equations import weighted_solution
 from pivident.estimation.problem import Problem
+from pivident.instruments.given_motion import InstrumentsUsed
 
 #: Estimates before the one that may be the last: noise models come from the residuals of both.
 MIN_ESTIMATES = 2
@@ -79,14 +89,48 @@ def identify_piv(problem: Problem, method: PrefilteredIV, say: Say) -> Identific
     """Iterate instruments, estimate and noise models."""
     say(f"{method.label}: smoothing the records")
     signals = Signals.of(problem, method)
-    auxiliary = AuxiliaryModel(
-        problem, differences=True, kinematics=signals.kinematics, torque=False
-    )
-    whitening = Whitening.of(problem, method, signals.kinematics)
-    estimate, run = piv(PrefilteredSteps(signals, method, auxiliary, whitening), say)
-    warnings = loop_warnings(problem, estimate.sums, estimate.variance)
-    warnings += whitening.warnings(estimate.prefilters)
-    return answer(problem, method, estimate, run, warnings)
+
+    def steps(chosen: Chosen) -> PrefilteredSteps:
+        whitening = Whitening.of(
+            problem, method, chosen.kinematics, simulated=chosen.used.kind == "loop"
+        )
+        own = signals.with_kinematics(chosen.kinematics)
+        return PrefilteredSteps(own, method, chosen.source, whitening)
+
+    made, estimate, run, used = with_instruments(signals, method, steps, say)
+    warnings = loop_warnings(problem, estimate, used)
+    warnings += made.whitening.warnings(estimate.prefilters)
+    return answer(problem, method, estimate, run, warnings, used)
+
+
+AnySteps = TypeVar("AnySteps", bound=Steps)
+
+
+def with_instruments(
+    signals: Signals,
+    method: InstrumentalVariables | PrefilteredIV,
+    steps: Callable[[Chosen], AnySteps],
+    say: Say,
+    differences: bool = True,
+) -> tuple[AnySteps, Estimate, Run, InstrumentsUsed]:
+    """The iteration with the instruments that the method asks for, or the best there are.
+
+    A loop whose law was found or declared, rather than given, may turn out not to carry the
+    simulation; then the record itself makes the instruments.
+    """
+    problem = signals.problem
+    chosen = choose(problem, method, signals.kinematics, differences)
+    try:
+        made = steps(chosen)
+        return made, *piv(made, say), chosen.used
+    except (SimulationDiverged, MassMatrixNotPositiveDefinite) as error:
+        if not may_do_without(problem, method):
+            raise
+        reason = instead_of_loop(error)
+        say(reason)
+    chosen = without_loop(signals.kinematics, reason)
+    made = steps(chosen)
+    return made, *piv(made, say), chosen.used
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +139,7 @@ class PrefilteredSteps:
 
     signals: Signals
     method: PrefilteredIV
-    auxiliary: AuxiliaryModel
+    auxiliary: InstrumentSource
     whitening: Whitening
 
     earliest = MIN_ESTIMATES + 1

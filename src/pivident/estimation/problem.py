@@ -25,6 +25,7 @@ from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.simulation.control_loop import Loop
 from pivident.text import display
+from pivident.text.finding import Finding
 
 #: Share of the rated speed below which rows are excluded on measured records.
 LOW_SPEED = 0.01
@@ -35,9 +36,11 @@ class Problem:
     """Robot, recordings and loop: everything but the method.
 
     Attributes:
-        robot: the robot.
+        robot: the robot; for torques of sensors behind the gears without its rotors and drives,
+            see `Robot.with_link_torques`.
         recordings: one run or several that share the parameters.
-        loop: the control loop; only IV and PIV need it.
+        loop: the control loop, from which IV and PIV make their instruments; None: they take them
+            from the record itself.
         parameters: names of the base parameters to estimate (with or without the trailing
             ``r``); None: all of them.
         mask: ``auto``: rows of a joint below 1 % of its rated speed are excluded on measured
@@ -46,6 +49,8 @@ class Problem:
             used.
         initial: starting values by parameter name; base parameters not named start at their
             nominal value, frictions at zero.
+        without_loop: why there is no loop, a sentence, where one was looked for.
+        findings: what was decided about the model beforehand; every result repeats it.
     """
 
     robot: Robot
@@ -54,6 +59,8 @@ class Problem:
     parameters: tuple[str, ...] | None = None
     mask: Literal["auto"] | float | None = "auto"
     initial: Mapping[str, float] = field(default_factory=dict)
+    without_loop: str = ""
+    findings: tuple[Finding, ...] = ()
 
     def __post_init__(self) -> None:
         if not isinstance(self.recordings, Iterable) or isinstance(self.recordings, str):
@@ -62,6 +69,7 @@ class Problem:
         self._check_kinds()
         if not self.recordings:
             raise IdentificationError("no recording given; at least one is needed")
+        object.__setattr__(self, "robot", _robot_of_torques(self.robot, self.recordings))
         for recording in self.recordings:
             if recording.joints != self.robot.size:
                 raise ExperimentError(
@@ -161,6 +169,20 @@ class Problem:
             for name, value in self.initial.items():
                 values[parameter_index(self.base, name)] = float(value)
         return values[list(self.selection)]
+
+
+def _robot_of_torques(robot: Robot, recordings: Sequence[Recording]) -> Robot:
+    """The robot as the sensors of the recordings feel it."""
+    if all(recording.torque_side == robot.torque_side for recording in recordings):
+        return robot
+    motor = next((r.name for r in recordings if r.torque_side == "motor"), None)
+    if motor is None:
+        return robot.with_link_torques()
+    others = "other recordings are" if robot.torque_side == "motor" else f"{robot.name!r} is"
+    raise ExperimentError(
+        f"recording {motor!r} has torques of the motors, but {others} of sensors behind the gears; "
+        'set torque_side = "link" in every recording, or in none'
+    )
 
 
 def torque_units(problem: Problem) -> list[str]:

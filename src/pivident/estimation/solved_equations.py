@@ -20,7 +20,7 @@ import numpy as np
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord, JointColumns
-from pivident.estimation.motion import Motion
+from pivident.motion.motion import Motion
 from pivident.signals.prefilter import Prefilter
 
 

@@ -15,8 +15,8 @@ import numpy as np
 
 from pivident.estimation.equation_record import EquationRecord
 from pivident.estimation.full_rate import BLOCK
-from pivident.estimation.methods import MOTION_BAND
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import MOTION_BAND
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
 

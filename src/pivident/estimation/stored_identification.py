@@ -21,11 +21,13 @@ from pydantic_core import from_json
 from pivident.dynamics.base_parameters import BaseParameters, base_parameters, regrouped_name
 from pivident.dynamics.grouping.closed_form import closed_form_base_parameters
 from pivident.errors import IdentificationFileError, PividentError
+from pivident.estimation.equation_record import MotionRange
 from pivident.estimation.identification import Identification, Iteration, JointFit
 from pivident.estimation.identification_file import SCHEMA
 from pivident.estimation.method_options import method_of_options
 from pivident.files import regular_file
-from pivident.robot.description import Robot
+from pivident.instruments.given_motion import InstrumentsUsed, Kind
+from pivident.robot.description import Robot, TorqueSide
 from pivident.robot.naming import nearest
 from pivident.robot.robot_values import Finite, Name, RobotValues, Values, made_robot, problem_text
 from pivident.text.finding import Finding, Quantity, Severity
@@ -92,7 +94,7 @@ class QuantityValues(Values):
     value: Known
     unit: str = ""
     bound: Known = None
-    interval: tuple[Known, Known] | None = None
+    interval: Annotated[list[Known], Field(min_length=2, max_length=2)] | None = None
 
 
 class WarningValues(Values):
@@ -106,6 +108,34 @@ class WarningValues(Values):
     next_step: str = ""
     evidence: Annotated[dict[str, QuantityValues], Field(default_factory=dict)]
     basis: str = ""
+
+
+class InstrumentsValues(Values):
+    """Where the instruments came from."""
+
+    kind: Kind
+    found: list[str]
+    agreement: list[Known]
+    shares_noise: str
+    others: list[Annotated[list[str], Field(min_length=2, max_length=2)]]
+    instead_of: str
+
+
+class ReadingValues(Values):
+    """How a log was read: arguments of `load_recording`."""
+
+    columns: dict[str, Any]
+    units: dict[str, Any]
+    side: str | dict[str, str]
+    rate: Finite | None
+    resample: bool
+    samples_axis: int | None
+    position_offset: list[Finite] | None
+    control_rate: Finite | None = None
+    torque_timing: str | None = None
+    delay: Finite | None = None
+    drive_delay: Finite | None = None
+    torque_side: TorqueSide | None = None
 
 
 class FileContent(Values):
@@ -126,10 +156,13 @@ class FileContent(Values):
     condition: Known
     controller: list[dict[str, Any]] | None
     reference: list[dict[str, Any]] | None
+    instruments: InstrumentsValues | None = None
     options: dict[str, Any]
     warnings: list[WarningValues | str]
     sources: dict[str, str]
     version: str
+    readings: list[ReadingValues] = Field(default_factory=list)
+    motion: dict[str, list[Finite]] | None = None
     robot_description: RobotValues | None = None
     torque_sums: dict[str, Any] | None = None
 
@@ -263,7 +296,10 @@ def _identification(content: FileContent, robot: Robot | None) -> Identification
         warnings=tuple(map(_warning, content.warnings)),
         sources=content.sources,
         version=content.version,
+        readings=tuple(r.model_dump(exclude_unset=True) for r in content.readings),
+        motion=_motion(content.motion, robot.size),
         torque_sums=_torque_sums(content.torque_sums, base),
+        instruments=_instruments(content.instruments),
         loop_values={"controller": content.controller, "reference": content.reference},
     )
 
@@ -350,6 +386,17 @@ def _torque_sums(values: dict[str, Any] | None, base: BaseParameters) -> Any:
     from pivident.estimation.solved_equations import TorqueSums
 
     return TorqueSums.from_values(values, base)
+
+
+def _instruments(values: InstrumentsValues | None) -> InstrumentsUsed | None:
+    if values is None:
+        return None
+    known = tuple(_number(a) for a in values.agreement)
+    return InstrumentsUsed.from_values(dict(values) | {"agreement": known})
+
+
+def _motion(values: dict[str, list[float]] | None, joints: int) -> MotionRange | None:
+    return None if values is None else MotionRange.from_values(values, joints)
 
 
 def _number(value: float | None, unknown: float = math.nan) -> float:

@@ -5,7 +5,10 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from pivident.estimation.identification import Identification
+from pivident.estimation.methods import Bandpass
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
     ParameterRow,
@@ -25,26 +28,37 @@ _SHORTEST_EXPRESSION = 12
 _GAP = "  "
 
 
-def identification_table(identification: Identification) -> str:
+def identification_table(identification: Identification, *, with_warnings: bool = True) -> str:
     """One result: how it came about, its parameters with intervals, its joints, its warnings."""
     rows = parameter_rows(identification)
-    spreads = [with_spread(row.value, 2.0 * row.std) for row in rows]
+    spreads = [with_spread(row.value, 2.0 * row.shown_std) for row in rows]
     columns = [
         column("parameter", [row.name for row in rows], "<"),
         column("value", [value for value, _ in spreads], "."),
         column("±2σ", [spread for _, spread in spreads], "."),
-        column("σ/|θ| %", [format_significant(row.relative_std, 2) for row in rows], "."),
+        column("σ/|θ| %", [format_significant(row.shown_percent, 2) for row in rows], "."),
         column("unit", [row.unit for row in rows], "<"),
     ]
-    if identification.covariance is not identification.robust_covariance:
-        robust = column("robust σ", [format_significant(row.robust_std, 2) for row in rows], ".")
-        columns.insert(-1, robust)
+    if not _has_one_covariance(identification):
+        own = column("method σ", [format_significant(row.std, 2) for row in rows], ".")
+        columns.insert(-1, own)
     taken = sum(len(own[0]) + len(_GAP) for own in columns)
     room = max(WIDTH - taken, _SHORTEST_EXPRESSION)
     columns.append(column("group", [shortened(row.expression, room) for row in rows], "<"))
     parts = [headline(identification), lines_of(columns), _joint_table(identification)]
-    parts.append(f"{rows_line(identification)}\n{friction_line(identification)}")
-    parts += [f"Warning: {warning.advised}" for warning in identification.warnings]
+    lines = [
+        std_line([identification]),
+        rows_line(identification),
+        signals_line(identification),
+        friction_line(identification),
+        *label_lines([identification]),
+    ]
+    parts.append("\n".join(filter(None, lines)))
+    if with_warnings:
+        words = {"note": "Note", "error": "Error"}
+        parts += [
+            f"{words.get(w.severity, 'Warning')}: {w.advised}" for w in identification.warnings
+        ]
     return "\n\n".join(parts)
 
 
@@ -79,7 +93,8 @@ def comparison_table(
             "  filtered rows have lost most of the noise that all samples still have; compare "
             "only errors over the same rows"
         )
-    parts.append(friction_line(identifications[0]))
+    parts += [std_line(identifications), friction_line(identifications[0])]
+    parts += label_lines(identifications)
     if len(identifications) > 1 and max(differences) > CONTRADICTION:
         parts.append(f"* two methods differ by more than {CONTRADICTION:g} combined σ")
     return "\n".join(parts)
@@ -113,6 +128,57 @@ def rows_line(identification: Identification) -> str:
     if identification.is_decimated:
         return f"{rows}: low-passed and thinned, which takes most of the noise out of the torque"
     return f"{rows}, with all the noise of the logged torque"
+
+
+def std_line(identifications: Sequence[Identification]) -> str:
+    """Which standard errors σ is."""
+    if not all(np.isfinite(i.robust_std).all() for i in identifications):
+        return "σ: the method's own standard errors, where no robust ones are known"
+    text = "σ: robust standard errors, for correlated residuals of changing variance"
+    if any(not _has_one_covariance(i) for i in identifications):
+        text += "; the method's: for white ones"
+    return text
+
+
+def label_lines(identifications: Sequence[Identification]) -> list[str]:
+    """What (Ĉ) behind the name of a method means, where it occurs."""
+    if not any("(Ĉ)" in i.method for i in identifications):
+        return []
+    return ["(Ĉ): with instruments from a control law that was identified from the record"]
+
+
+def _has_one_covariance(identification: Identification) -> bool:
+    """Whether the method's own covariance is the robust one, or there is no other."""
+    own, robust = identification.covariance, identification.robust_covariance
+    return np.array_equal(own, robust) or not np.isfinite(robust).all()
+
+
+def signals_line(identification: Identification) -> str:
+    """What the signals were filtered with, in hertz; empty where that is not known."""
+    method, names = identification.method_used, [j.name for j in identification.joints]
+    if method is None:
+        return ""
+    if isinstance(method.signals, Bandpass):
+        rates = dict.fromkeys(f"{0.5 * r.whitened_rate:.4g}" for r in identification.recordings)
+        band = f", equations to {' and '.join(rates)} Hz" if rates else ""
+        frequencies: Sequence[float] = list(method.signals.cutoffs(len(names)))
+        text = f"positions low-passed at {frequencies_text(frequencies, names)}{band}"
+    else:
+        frequencies = [joint.f50 for joint in identification.joints]
+        text = f"positions smoothed, half power at {frequencies_text(frequencies, names)}"
+    if np.isnan(frequencies).all():
+        return ""
+    return textwrap.fill(f"Signals: {text}", WIDTH, subsequent_indent="  ", break_on_hyphens=False)
+
+
+def frequencies_text(frequencies: Sequence[float], names: Sequence[str]) -> str:
+    """A frequency of each joint with its unit, one alone where all are equal."""
+    known = [
+        f"{format_significant(f)} Hz" if np.isfinite(f) else "no frequency" for f in frequencies
+    ]
+    if len(set(known)) == 1:
+        return known[0]
+    return ", ".join(f"{value} ({name})" for name, value in zip(names, known, strict=True))
 
 
 def friction_line(identification: Identification) -> str:
@@ -159,8 +225,8 @@ def _method_columns(
     label: str, rows: Sequence[ParameterRow | None], *, errors: bool
 ) -> list[list[str]]:
     """Value and relative σ of one method, with its error in percent where there is a truth."""
-    values = ["" if r is None else with_spread(r.value, 2.0 * r.std)[0] for r in rows]
-    relative = ["" if r is None else format_significant(r.relative_std, 2) for r in rows]
+    values = ["" if r is None else with_spread(r.value, 2.0 * r.shown_std)[0] for r in rows]
+    relative = ["" if r is None else format_significant(r.shown_percent, 2) for r in rows]
     columns = [
         column("value", values, ".", top=label),
         column("σ %", relative, ".", top=""),

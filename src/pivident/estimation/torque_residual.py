@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.kinematics import Kinematics
+from pivident.motion.kinematics import Kinematics
 
 
 def torque_of(regressor: Regressor, motion: Kinematics, theta: np.ndarray) -> np.ndarray:

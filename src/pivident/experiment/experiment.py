@@ -7,7 +7,7 @@
     columns = {q = ["q1", "q2"], tau = ["i1", "i2"], q_ref = ["r1", "r2"], t = "time"}
     units = {q = "deg", q_ref = "deg", tau = {unit = "A", gain = 12.5}}
 
-    [controller]                           # only IV and PIV need it
+    [controller]                           # for instruments from the simulated loop
     type = "pd"                            # pd, pid, cascade, virtual_pd, identify
     kp = [5000, 3000]
     kd = [120, 80]
@@ -23,21 +23,21 @@ Paths are relative to the file. The tables and their keys are in `pivident.exper
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 from pivident.consistency.method_names import free_methods, made_consistent
 from pivident.consistency.options import ConsistencyOptions
-from pivident.errors import ExperimentError
+from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.methods import METHODS, LeastSquares, Method
 from pivident.estimation.problem import Problem
 from pivident.experiment.consistency_table import consistency_of
 from pivident.experiment.explained import validated
 from pivident.experiment.method_keys import IdentifyEntry
-from pivident.experiment.method_table import method_of
+from pivident.experiment.method_table import method_of, takes_any_instruments
 from pivident.experiment.recording_tables import loop_of, one_by_one, recording_of
-from pivident.experiment.robot_table import robot_of
+from pivident.experiment.robot_table import FRICTION_KEYS, robot_of
 from pivident.experiment.schema import ExperimentFile
 from pivident.experiment.toml_file import errors_name, toml_content
 from pivident.recording.recording import Recording
@@ -77,7 +77,13 @@ class Experiment:
             RobotDescriptionError: the description cannot be used.
         """
         with errors_name(self.path, "[robot]"):
-            return robot_of(self.content.robot, self.path.parent)
+            return robot_of(self.content.robot, self.path.parent, self.content.torque_side)
+
+    @property
+    def has_open_friction(self) -> bool:
+        """Whether the friction of the bearings is to be found out, since nobody has chosen it."""
+        chosen = self.content.robot.model_fields_set.intersection(FRICTION_KEYS)
+        return self.content.torque_side == "link" and not chosen
 
     def recordings(self) -> tuple[Recording, ...]:
         """All recordings, read and checked.
@@ -130,23 +136,30 @@ class Experiment:
             say("reading the recordings")
             recordings = self.recordings()
         controller, given = self.content.controller, self.content.identify
-        loop = None
+        loop, reason = None, ""
         if controller is not None:
-            if controller.type == "identify" or controller.source == "reconstruct":
+            found = controller.type == "identify" or controller.source == "reconstruct"
+            if found:
                 say("finding out about the control loop")
-            with errors_name(self.path, "[controller]"):
-                recordings, loop = loop_of(controller, robot, recordings)
+            try:
+                with errors_name(self.path, "[controller]"):
+                    recordings, loop = loop_of(controller, robot, recordings)
+            except IdentificationError as error:
+                if not found:
+                    raise
+                reason = f"There is no simulated loop: {error.sentence}"
+                say(reason)
         say("finding the base parameters")
         with errors_name(self.path, ""):
-            return problem_of(given, robot, recordings, loop)
+            return replace(problem_of(given, robot, recordings, loop), without_loop=reason)
 
     def methods(self, names: Sequence[str] | None = None) -> dict[str, Method]:
         """Methods with the file's options, by name.
 
         Args:
             names: which; default: those of the file, of ``pc-piv`` and the like the method before
-                the stage, or else ``ls``, and with a controller also ``iv``, ``iv-full-rate`` and
-                ``piv``.
+                the stage, or else ``ls``, ``iv-full-rate`` and ``piv``, and with a controller also
+                ``iv``.
 
         Raises:
             ExperimentError: an unknown method, contradictory options, or a method that needs the
@@ -158,8 +171,7 @@ class Experiment:
                 if name not in METHODS:
                     raise ExperimentError(f"there is no method {name!r}; {nearest(name, METHODS)}")
                 chosen[name] = method_of(name, self.content.identify)
-                if not isinstance(chosen[name], LeastSquares):
-                    self._check_loop(name)
+                self._check_loop(name, chosen[name])
         return chosen
 
     def made_consistent(self, names: Sequence[str] | None = None) -> tuple[str, ...]:
@@ -190,17 +202,22 @@ class Experiment:
     def _method_names(self) -> list[str]:
         """The file's methods, or the default ones."""
         loop = self.content.controller is not None
-        default = ["ls", "iv", "iv-full-rate", "piv"] if loop else ["ls"]
+        default = ["ls", "iv", "iv-full-rate", "piv"] if loop else ["ls", "iv-full-rate", "piv"]
         return self.content.identify.methods or default
 
-    def _check_loop(self, method: str) -> None:
+    def _check_loop(self, name: str, method: Method) -> None:
         """Refuse a method that simulates the loop where controller or reference are missing."""
         controller = self.content.controller
+        if isinstance(method, LeastSquares):
+            return
         if controller is None:
+            wanted = getattr(method, "instruments", "auto") == "loop"
+            if takes_any_instruments(method) and not wanted:
+                return
             raise ExperimentError(
-                f"the method {method!r} simulates the control loop, but there is no "
-                'table [controller]; add it (type = "virtual_pd" if the law is not known), or '
-                'keep to "ls"'
+                f"the method {name!r} simulates the control loop, but there is no "
+                "table [controller]; add it, or use piv or iv-full-rate, which then make their "
+                "instruments from the record"
             ).within("identify", "methods")
         without = [r for r in self.content.recording if r.columns and r.columns.q_ref is None]
         if controller.source == "recorded" and without:

@@ -12,8 +12,8 @@ from pydantic.functional_validators import PlainValidator
 
 from pivident.consistency.method_names import CONSISTENT_METHODS  # consistency
 from pivident.errors import ExperimentError
-from pivident.estimation.methods import METHODS
-from pivident.experiment.table_values import Edge, Mask, MotionBand, Names, Stages
+from pivident.estimation.methods import METHODS, Instruments
+from pivident.experiment.table_values import Cutoff, Edge, Mask, MotionBand, Names, Stages
 from pivident.robot.mdh_schema import Entry
 from pivident.robot.naming import nearest
 
@@ -46,7 +46,7 @@ Methods = Annotated[list[str], PlainValidator(_methods)]
 class BandpassEntry(Entry):
     """Options of `pivident.estimation.methods.Bandpass`."""
 
-    cutoff: PositiveFloat | None = None
+    cutoff: Cutoff | None = None
     order: Annotated[int, Field(ge=1, le=20)] | None = None
     decimation: Stages | None = None
     bandwidth: PositiveFloat | None = None
@@ -55,6 +55,7 @@ class BandpassEntry(Entry):
     padlen: Annotated[int, Field(ge=0)] | None = None
     edge: Edge | None = None
     align: bool | None = None
+    at_instants: bool | None = None
 
     @model_validator(mode="after")
     def _one_decimation(self) -> BandpassEntry:
@@ -113,6 +114,7 @@ class SharedOptions(Entry):
 
     tolerance: Annotated[float, Field(gt=0, lt=1)] | None = None
     max_iterations: Annotated[int, Field(ge=1)] | None = None
+    instruments: Instruments | None = None
     bandpass: BandpassEntry = BandpassEntry()
     random_walk: RandomWalkEntry = RandomWalkEntry()
     noise: NoiseEntry = NoiseEntry()
@@ -122,7 +124,7 @@ class MethodEntry(SharedOptions):
     """Options of one method; they win over the shared ones."""
 
     signals: Literal["bandpass", "random_walk"] | None = None
-    prefilter: Literal["controller", "direct"] | None = None
+    prefilter: Literal["auto", "controller", "direct"] | None = None
     covariance: Literal["auto", "formula", "sandwich", "stationary"] | None = None
     start: Literal["least-squares", "initial"] | None = None
     as_printed: bool | None = None

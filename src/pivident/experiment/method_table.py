@@ -26,6 +26,9 @@ from pivident.robot.mdh_schema import Entry
 
 _ITERATION = {"tolerance", "max_iterations"}
 
+#: The same for methods whose instruments may come from the record itself.
+_INSTRUMENTS = {*_ITERATION, "instruments"}
+
 #: Options that make the noise model an ARMA one.
 _ARMA = {"ar_order", "ma_order", "largest_root"}
 
@@ -44,7 +47,8 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
         if own.signals == "random_walk":
             return replace(ready, signals=_random_walk(entry, own))
         return replace(ready, signals=_bandpass(entry, own))
-    options: dict[str, Any] = _given(entry, _ITERATION) | _given(own, _ITERATION)
+    keys = _INSTRUMENTS if takes_any_instruments(ready) else _ITERATION
+    options: dict[str, Any] = _given(entry, keys) | _given(own, keys)
     if isinstance(ready, InstrumentalVariables):
         signals = ready.signals
         if isinstance(signals, Bandpass):
@@ -58,6 +62,13 @@ def method_of(name: str, entry: IdentifyEntry) -> Method:
     return PrefilteredIV(signals=_random_walk(entry, own), noise=noise, **options)
 
 
+def takes_any_instruments(method: Method) -> bool:
+    """Whether a method's instruments may come from the record itself, without a loop."""
+    if isinstance(method, PrefilteredIV):
+        return method.regressor == "measured" and not method.as_printed
+    return isinstance(method, InstrumentalVariables)
+
+
 def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
     """Refuse keys that the method has no use for, and those that exclude each other."""
     if isinstance(ready, LeastSquares):
@@ -67,6 +78,7 @@ def _check_keys(name: str, ready: Method, own: MethodEntry) -> None:
     else:
         known = {"random_walk", "noise", "prefilter", "covariance", "start", *_ITERATION}
         known |= {"as_printed"} if ready.regressor == "measured" else set()
+    known |= {"instruments"} if takes_any_instruments(ready) else set()
     foreign = sorted(own.model_fields_set - known)
     if foreign:
         raise ExperimentError(

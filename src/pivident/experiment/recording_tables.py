@@ -10,16 +10,17 @@ from typing import Any
 import numpy as np
 
 from pivident.control_law.unknown_loop import reconstruct_loop
-from pivident.errors import ExperimentError, RecordingError, concerning
+from pivident.errors import ExperimentError, RecordingError, UnknownColumn, concerning
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.bags.read_bag import is_bag
 from pivident.logs.described_log import described_log
 from pivident.logs.log import Log
-from pivident.recording.load import load_recording
+from pivident.logs.tables.column_names import named_columns
+from pivident.recording.load import OF_LOGGER, load_recording
 from pivident.recording.public_records import RUNS, load_public, public_facts
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
-from pivident.robot.naming import nearest
+from pivident.robot.naming import near_names, nearest
 from pivident.simulation.control_loop import Loop
 from pivident.simulation.controllers import PID, Cascade, Controller
 from pivident.simulation.virtual_pd import virtual_pd
@@ -33,6 +34,7 @@ ADJUSTABLE = (
     "drive_delay",
     "saturation",
     "allow_constant",
+    "torque_side",
 )
 
 
@@ -74,7 +76,7 @@ def recording_of(entry: RecordingEntry, robot: Robot, folder: Path) -> Recording
         part = None if entry.part is None else (entry.part[0], entry.part[1])
         recording = load_recording(
             _files(entry, folder),
-            **_description(entry),
+            **_description(entry, folder),
             robot=robot,
             part=part,
             simulated=entry.simulated,
@@ -88,17 +90,26 @@ def log_of(
     entry: RecordingEntry, robot: Robot | None, folder: Path, other: Path | None = None
 ) -> Log:
     """The log of one table, read and judged by nobody."""
-    set_here = _adjusted(entry, ("name", "control_rate", "torque_timing", "delay"))
-    if entry.dataset is not None:
-        run = _public_run(entry.dataset, entry.run)
-        files, facts = public_facts(entry.dataset, run, robot)
-        log = described_log(_instead(files, other), **(facts | {"robot": robot} | set_here))
-    else:
-        log = described_log(
-            _instead(_files(entry, folder), other), **_description(entry), robot=robot, **set_here
-        )
+    files, reading = reading_of(entry, robot, folder, other)
+    for key in ("drive_delay", "torque_side"):  # a part of the model, not of the log
+        reading.pop(key, None)
+    log = described_log(_instead(files, other), **(reading | {"robot": robot}))
     with concerning("part"):
         return log if entry.part is None else log.between(*entry.part)
+
+
+def reading_of(
+    entry: RecordingEntry, robot: Robot | None, folder: Path, other: Path | None = None
+) -> tuple[Any, dict[str, Any]]:
+    """Files of one table, and the arguments of `load_recording` that describe them.
+
+    ``other``: another log of the same columns, whose header they are named by.
+    """
+    set_here = _adjusted(entry, ("name", *OF_LOGGER))
+    if entry.dataset is None:
+        return _files(entry, folder), _description(entry, folder, other) | set_here
+    files, facts = public_facts(entry.dataset, _public_run(entry.dataset, entry.run), robot)
+    return files, dict(facts) | set_here
 
 
 def loop_of(
@@ -179,11 +190,38 @@ def _files(entry: RecordingEntry, folder: Path) -> Any:
     return folder / entry.files
 
 
-def _description(entry: RecordingEntry) -> dict[str, Any]:
-    """What the file says about the columns of a log."""
+def columns_in_file(
+    entry: RecordingEntry, folder: Path, other: Path | None = None
+) -> dict[str, Any]:
+    """Columns of each channel as the log's file calls them, or another log in its place."""
     assert entry.columns is not None, "the schema requires it"
+    columns = entry.columns.model_dump(exclude_unset=True)
+    if entry.column_names is None:
+        return columns
+    path = other or _files(entry, folder)
+    with concerning("column_names"):
+        named = named_columns(path, entry.column_names)
+
+    def translated(spec: Any) -> Any:
+        if isinstance(spec, dict):
+            return {key: translated(value) for key, value in spec.items()}
+        if isinstance(spec, list):
+            return [translated(value) for value in spec]
+        if spec in named or not isinstance(spec, str) or spec in named.values():
+            return named.get(spec, spec)
+        raise UnknownColumn(path.name, spec, near_names(spec, named), tuple(named))
+
+    made = {}
+    for channel, spec in columns.items():
+        with concerning("columns", channel):
+            made[channel] = translated(spec)
+    return made
+
+
+def _description(entry: RecordingEntry, folder: Path, other: Path | None = None) -> dict[str, Any]:
+    """What the file says about the columns of a log."""
     return {
-        "columns": entry.columns.model_dump(exclude_unset=True),
+        "columns": columns_in_file(entry, folder, other),
         "units": entry.units.model_dump(exclude_unset=True),
         "side": entry.side,
         "rate": entry.rate,

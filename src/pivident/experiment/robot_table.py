@@ -10,7 +10,7 @@ import numpy as np
 
 from pivident.errors import ExperimentError, RobotDescriptionError, concerning
 from pivident.experiment.schema import CouplingEntry, RobotEntry
-from pivident.robot.description import Coupling, Robot
+from pivident.robot.description import Coupling, Robot, TorqueSide
 from pivident.robot.drives import implied_coupling, with_drives
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.gallery import load_robot
@@ -18,11 +18,19 @@ from pivident.robot.modified_dh import friction_law
 from pivident.robot.naming import find_joint
 from pivident.robot.urdf import read_urdf
 
+#: Keys of friction laws that somebody chose.
+FRICTION_KEYS = ("friction", "joint_friction", "extra_friction")
 
-def robot_of(entry: RobotEntry, folder: Path) -> Robot:
-    """The described robot with everything that the experiment file adds to it."""
+
+def robot_of(entry: RobotEntry, folder: Path, torque_side: TorqueSide = "motor") -> Robot:
+    """The described robot with everything that the experiment file adds to it.
+
+    Where torques are measured behind the gears, its laws of friction are those of the file alone.
+    """
     with concerning("model"):
         robot = _described(entry, folder)
+    if torque_side == "link":
+        robot = robot.with_link_torques()
     if entry.gravity is not None:
         with concerning("gravity"):
             robot = robot.with_gravity(np.array(entry.gravity))
@@ -37,6 +45,8 @@ def robot_of(entry: RobotEntry, folder: Path) -> Robot:
         given: dict[str, Any] = {key.removesuffix("_matrix"): getattr(entry, key)}
         with concerning(key):
             robot = with_drives(robot, **given)
+    if torque_side == "link":
+        return replace(robot, rotor_inertia=np.zeros(robot.size))  # no part of these torques
     if entry.couplings is None:
         return robot
     with concerning("couplings"):

@@ -17,6 +17,7 @@ from pivident.experiment.consistency_keys import ConsistencyEntry  # consistency
 from pivident.experiment.method_keys import IdentifyEntry
 from pivident.experiment.table_values import Folder, Interval, Names, Numbers, Paths, PerJoint
 from pivident.recording.recording import Saturation, TorqueTiming
+from pivident.robot.description import TorqueSide
 from pivident.robot.mdh_schema import Entry, FrictionTerms, Gravity, JointReference
 from pivident.simulation.controllers import FeedForward
 
@@ -34,7 +35,8 @@ LAW_KEYS = {
 
 #: Keys of a recording that a public record brings along.
 SET_BY_DATASET = (
-    "columns", "units", "side", "rate", "resample", "samples_axis", "position_offset", "simulated",
+    "column_names", "columns", "units", "side", "rate", "resample", "samples_axis",
+    "position_offset", "simulated",
 )  # fmt: skip
 
 
@@ -106,9 +108,11 @@ class RecordingEntry(Entry):
     dataset: str | None = None
     run: str | None = None
     name: str | None = None
+    column_names: Names | None = None
     columns: ColumnsEntry | None = None
     units: UnitsEntry = UnitsEntry()
     side: Annotated[Any, PlainValidator(lambda value: value)] = "joint"
+    torque_side: TorqueSide | None = None
     rate: PositiveFloat | None = None
     resample: bool = False
     samples_axis: Literal[0, 1] | None = None
@@ -133,6 +137,10 @@ class RecordingEntry(Entry):
             raise ExperimentError("files need columns; name at least those of q and tau").about(
                 "files"
             )
+        if self.column_names is not None and isinstance(self.files, dict):
+            raise ExperimentError(
+                "column_names are those of one file; with several, use column_1, column_2 … of each"
+            ).about("column_names")
         if self.run is not None and self.dataset is None:
             raise ExperimentError("run belongs to a dataset; remove it").about("run")
         foreign = sorted(self.model_fields_set.intersection(SET_BY_DATASET))
@@ -287,3 +295,35 @@ class ExperimentFile(Entry):
     gains: GainsEntry = GainsEntry()  # drive gains
     consistency: ConsistencyEntry | None = None  # consistency
     payload: LoadEntry | None = None  # payload
+
+    @property
+    def torque_side(self) -> TorqueSide:
+        """What the logged torques are: of the motors, or of sensors behind the gears."""
+        return self.recording[0].torque_side or "motor"
+
+    @model_validator(mode="after")
+    def _one_kind_of_torque(self) -> ExperimentFile:
+        """All runs measure the same torque, and only a declared law acts behind the gears."""
+        tables = {
+            "[[recording]]": self.recording,
+            "[[validation.recording]]": self.validation.recording,
+            "[[gains.recording]]": self.gains.recording,
+            "[[payload.recording]]": [] if self.payload is None else self.payload.recording,
+        }
+        for table, entries in tables.items():
+            for entry in entries:
+                if (entry.torque_side or "motor") != self.torque_side:
+                    raise ExperimentError(
+                        f"torque_side of the first recording is {self.torque_side!r}, that of a "
+                        f"table {table} {entry.torque_side or 'motor'!r}: motors and sensors "
+                        "behind the gears measure different torques; set the same in all"
+                    ).about(*table.strip("[]").split("."))
+        law = self.controller
+        if self.torque_side == "link" and law is not None and law.type != "virtual_pd":
+            raise ExperimentError(
+                f'a {law.type} law drives the motors, but torque_side = "link" says that the '
+                "torques are those behind the gears: their model has no rotors and no drives that "
+                "such a law could drive; remove [controller], and instruments come from the "
+                "record itself"
+            ).about("controller", "type")
+        return self

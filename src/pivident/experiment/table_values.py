@@ -30,6 +30,13 @@ def _numbers(value: Any) -> Any:
     raise ValueError("must be a number for all joints, or a list with one number for each joint")
 
 
+def _cutoff(value: Any) -> Any:
+    listed = _numbers(value) if isinstance(value, list) else [_numbers(value)]
+    if min(listed) > 0:
+        return tuple(map(float, listed)) if isinstance(value, list) else float(value)
+    raise ValueError("must be a positive frequency in Hz, or a list with one for each joint")
+
+
 def _per_joint(value: Any) -> Any:
     listed = value.values() if isinstance(value, dict) else value
     if isinstance(value, (list, dict)) and value and all(map(_is_number, listed)):
@@ -112,6 +119,7 @@ Numbers = Annotated[float | list[float], PlainValidator(_numbers)]
 PerJoint = Annotated[list[float] | dict[str, float], PlainValidator(_per_joint)]
 Paths = Annotated[str | dict[str, str], PlainValidator(_paths)]
 Mask = Annotated[Literal["auto"] | float, PlainValidator(_mask)]
+Cutoff = Annotated[float | tuple[float, ...], PlainValidator(_cutoff)]
 Stages = Annotated[int | tuple[int, ...], PlainValidator(_stages)]
 Edge = Annotated[int | tuple[int, int], PlainValidator(_edge)]
 MotionBand = Annotated[Literal["auto"] | float, PlainValidator(_motion_band)]

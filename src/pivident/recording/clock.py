@@ -53,6 +53,9 @@ def on_one_clock(
 ) -> UniformClock:
     """The one clock of all channels; on demand, new samples on it."""
     t = logged.pop("t", None)
+    if clock.rate is not None:
+        with concerning("rate"):
+            timestamps.check_declared(clock.rate)
     if t is None and not clocked:
         if clock.rate is None or clock.resample:
             alternative = "resampling needs it" if clock.resample else "or give the rate"
@@ -115,12 +118,9 @@ def _resampled(
     logged: dict[str, np.ndarray], channels: Sequence[ClockedChannel], clock: Clock, one: bool
 ) -> UniformClock:
     """New samples on a uniform clock."""
-    rate = clock.rate
-    if one:
-        rate = timestamps.uniform_grid(channels[0].t, clock.rate)[1]
-    aligned = onto_one_clock(channels, rate, clock.part)
+    aligned = onto_one_clock(channels, clock.rate, clock.part)
     logged.update(aligned.values)
-    slowed = _slowed(channels, aligned.rate) if rate is None else ""
+    slowed = _slowed(channels, aligned.rate) if clock.rate is None and not one else ""
     return UniformClock(aligned.rate, float(aligned.t[0]), aligned.notes, slowed)
 
 

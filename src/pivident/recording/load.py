@@ -28,12 +28,16 @@ from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
+from pivident.text.plain_values import plain
 
 #: Its keywords that are not fields of the recording.
 _OPTIONS = {
     "units", "side", "robot", "transmission", "joint_names", "resample", "samples_axis",
     "position_offset", "part",
 }  # fmt: skip
+
+#: Fields of a recording that belong to the logger and its columns, rather than to one run.
+OF_LOGGER = ("control_rate", "torque_timing", "delay", "drive_delay", "torque_side")
 
 #: Whether a channel was measured before or behind the gear.
 Side = Literal["joint", "motor"]
@@ -76,9 +80,9 @@ def load_recording(
         transmission: between motor and joint side, instead of the robot's.
         joint_names: names of the joints, instead of the robot's; ``joint_1`` … without a robot.
         rate: sampling rate [Hz]; that of the time stamps where it is not given.
-        resample: interpolate onto a uniform grid at `rate`, or at the rate of the median interval,
-            that of the slowest channel where they have clocks of their own: positions and
-            references by cubic splines, torques linearly, inputs held. Gaps are refused.
+        resample: interpolate onto a uniform grid at `rate`, or at the mean rate of the stamps,
+            that of the slowest channel where they have clocks of their own: positions, references
+            and torques by cubic splines, inputs held. Gaps are refused.
         samples_axis: which axis of two-dimensional arrays is time, if their shape leaves it open.
         position_offset: what is added to the joint positions, shape (joints,) [rad or m]; the
             transmission's offset for motor positions and zero for joint positions otherwise.
@@ -109,6 +113,12 @@ def load_recording(
         name=name,
     )
     options["name"] = name or Path(log.name.removesuffix(".gz")).stem
+    if transmission is None:  # another one than the robot's is not stored with results
+        reading = {
+            "columns": columns, "units": units or {}, "side": side, "rate": rate,
+            "resample": resample, "samples_axis": samples_axis, "position_offset": position_offset,
+        }  # fmt: skip
+        options["reading"] = plain(reading | {k: options[k] for k in OF_LOGGER if k in options})
     logged, log = log.logged, replace(log, logged={})  # raw samples go as they are converted
     return _recording(log, logged, part, options)
 
@@ -204,7 +214,8 @@ def _check_arguments(columns: Any, units: Any, robot: Any, options: Mapping[str,
             raise RecordingError(f"no columns are given for {needed}; name those that hold it")
     if robot is not None and not isinstance(robot, Robot):
         raise RecordingError(f"robot is {robot!r}; give a Robot, such as load_robot({robot!r})")
-    known = {field.name for field in fields(Recording)} - {*CHANNELS, "inputs", "sources", "slowed"}
+    made_here = {*CHANNELS, "inputs", "sources", "slowed", "reading"}
+    known = {field.name for field in fields(Recording)} - made_here
     for name in options:
         if name not in known:
             raise RecordingError(
@@ -272,7 +283,9 @@ def _to_si(
                     f"{channel}{whose} is a drive command in {unit!r} without a gain; write "
                     f'{channel} = {{unit = "{unit}", gain = N m (or N) per {unit}}} under units, '
                     "or drive_gain under [robot]; a torque constant of the motor also needs "
-                    'reduction there and side = {tau = "motor"}'
+                    'reduction there and side = {tau = "motor"}. Where no gain is known, '
+                    "`pivident gains` finds them from a known payload, and their ratios without "
+                    f"one; with --in-log-units it identifies every motor in {unit}"
                 )
             logged[channel] = _scaled(logged[channel], gains)
 

@@ -16,8 +16,9 @@ from numpy.typing import ArrayLike
 from pivident.errors import RecordingError, concerning
 from pivident.logs.clocks import timestamps
 from pivident.logs.source_files import SourceFile
-from pivident.logs.torque_scale import TorqueScale, scale_sentences
+from pivident.logs.torque_scale import TorqueScale
 from pivident.recording import checks
+from pivident.robot.description import TorqueSide
 from pivident.robot.naming import nearest
 from pivident.robot.transmission import Transmission
 from pivident.scratch import working_array
@@ -78,6 +79,10 @@ class Recording:
             a half sentence; empty where it is not.
         torque_scale: joints whose torque has a scale that nobody has verified; its parameters then
             are as good as that scale.
+        reading: arguments of `load_recording` but the files, by which another log of the same
+            columns can be read; empty where the recording was not read from a log.
+        torque_side: ``motor``: torques of the motors, on the joint side; ``link``: of sensors
+            behind the gears, which feel neither rotors nor the friction of the drives.
 
     Raises:
         ShapeMismatch: a channel is not (samples, joints).
@@ -111,6 +116,8 @@ class Recording:
     notes: tuple[str, ...] = field(default=(), kw_only=True)  # how clocks were brought together
     slowed: str = field(default="", kw_only=True)  # by a channel with a slower clock
     torque_scale: tuple[TorqueScale, ...] = field(default=(), kw_only=True)
+    reading: dict[str, Any] = field(default_factory=dict, kw_only=True, repr=False)
+    torque_side: TorqueSide = field(default="motor", kw_only=True)
 
     def __post_init__(self) -> None:
         settle = object.__setattr__
@@ -167,7 +174,11 @@ class Recording:
         taken = [name for name in self.inputs if name in CHANNELS]
         if taken:
             raise RecordingError(f"an input is called {taken[0]!r} like a channel; rename it")
-        for name, choices in (("torque_timing", TorqueTiming), ("saturation", Saturation)):
+        for name, choices in (
+            ("torque_timing", TorqueTiming),
+            ("saturation", Saturation),
+            ("torque_side", TorqueSide),
+        ):
             if getattr(self, name) not in get_args(choices):
                 raise RecordingError(
                     f"{name} is {getattr(self, name)!r}; choose one of "
@@ -222,6 +233,8 @@ class Recording:
             f"{self.control_rate:.6g} Hz{', simulated' if self.simulated else ''}.",
             f"A torque sample is {TIMING_WORDS[self.torque_timing]}.",
         ]
+        if self.torque_side == "link":
+            sentences.append("The torques are those of sensors behind the gears.")
         if self.delay:
             late = "later" if self.delay > 0 else "earlier"
             sentences.append(
@@ -233,7 +246,7 @@ class Recording:
                 f"A logged torque acts {1e3 * self.drive_delay:.4g} ms after its sample, which is "
                 "allowed for."
             )
-        return (*sentences, *self.notes, *scale_sentences(self.torque_scale))
+        return (*sentences, *self.notes)
 
     def part(self, start: int, stop: int) -> Recording:
         """The samples start … stop-1 as a recording of their own, without copying.

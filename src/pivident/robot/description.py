@@ -31,6 +31,9 @@ from pivident.text.printable import is_printable
 
 JointKind = Literal["revolute", "prismatic"]
 
+#: Whose torques those of the joints are: of the motors, or of sensors behind the gears.
+TorqueSide = Literal["motor", "link"]
+
 #: Order of a link's ten inertial parameters.
 INERTIAL = ("xx", "xy", "xz", "yy", "yz", "zz", "mx", "my", "mz", "m")
 
@@ -159,6 +162,8 @@ class Robot:
         transmission: between motor and joint side.
         description: where it comes from, one line.
         urdf: the file it was read from, or None.
+        torque_side: ``motor``: its joint torques are those of the motors, on the joint side;
+            ``link``: of sensors behind the gears, see `with_link_torques`.
     """
 
     name: str
@@ -171,6 +176,7 @@ class Robot:
     couplings: tuple[Coupling, ...] = ()
     description: str = ""
     urdf: UrdfFile | None = None
+    torque_side: TorqueSide = "motor"
 
     def __post_init__(self) -> None:
         check_robot(self)
@@ -317,6 +323,35 @@ class Robot:
             index = find_joint(self.joint_names, name)
             joints[index] = joints[index].with_friction(own)
         return replace(self, joints=tuple(joints))
+
+    def with_link_torques(self, friction: FrictionLaw = DEFAULT_FRICTION) -> Robot:
+        """The same links, whose torques are those of sensors between gear and link.
+
+        With J the rotors on the joint side and f the friction of motors and gears,
+
+            τ_motor = J ddq + f(dq) + τ_link,    τ_link = M ddq + c + g + f_bearing(dq) + off
+
+        and the sensors measure τ_link. So rotor inertias, coupled motors and the laws of friction
+        of the description, which are those of its drives, leave the model.
+
+        Args:
+            friction: law of all bearings behind the sensors, their offset included; by default
+                viscous and Coulomb friction, which `pivident.friction.bearing_friction` leaves out
+                where they are not significant, and an offset.
+
+        Returns:
+            A new robot; one with such torques is returned itself.
+        """
+        if self.torque_side == "link":
+            return self
+        bare = replace(
+            self,
+            torque_side="link",
+            rotor_inertia=np.zeros(self.size),
+            couplings=(),
+            friction_nominal={},
+        )
+        return bare.with_friction(friction)
 
     def with_gravity(self, gravity: np.ndarray) -> Robot:
         """The same robot mounted differently: gravity in the base frame [m/s²]."""

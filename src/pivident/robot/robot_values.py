@@ -18,7 +18,15 @@ from pydantic import BaseModel, ConfigDict, Field, PlainSerializer, ValidationEr
 from pydantic.functional_validators import AfterValidator, BeforeValidator
 
 from pivident.errors import RobotDescriptionError
-from pivident.robot.description import MAX_JOINTS, Coupling, Joint, Link, Robot, UrdfFile
+from pivident.robot.description import (
+    MAX_JOINTS,
+    Coupling,
+    Joint,
+    Link,
+    Robot,
+    TorqueSide,
+    UrdfFile,
+)
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.friction_term import FrictionColumn, FrictionTerm, Shape, ShapeUnit, Smoothing
 from pivident.robot.naming import errors_name, nearest
@@ -167,6 +175,7 @@ class RobotValues(Values):
     couplings: list[CouplingValues]
     transmission: TransmissionValues
     urdf: UrdfValues | None
+    torque_side: TorqueSide = "motor"
 
 
 def robot_values(robot: Robot) -> dict[str, Any]:
@@ -199,6 +208,7 @@ def robot_values(robot: Robot) -> dict[str, Any]:
         "urdf": None
         if robot.urdf is None
         else vars(robot.urdf) | {"frozen": {**robot.urdf.frozen}},
+        "torque_side": robot.torque_side,
     }
     with errors_name(f"robot {robot.name!r}"):
         return checked(RobotValues, content).model_dump()
@@ -233,6 +243,7 @@ def made_robot(values: RobotValues) -> Robot:
         couplings=tuple(Coupling(**vars(coupling)) for coupling in values.couplings),
         description=values.description,
         urdf=None if values.urdf is None else UrdfFile(**vars(values.urdf)),
+        torque_side=values.torque_side,
     )
 
 

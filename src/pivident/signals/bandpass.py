@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.errors import RecordingError, RecordingTooShort
+from pivident.signals.instants import slope_at_instants
 
 #: Minimum number of samples at each end that a regression should skip.
 EDGE = 50
@@ -39,33 +40,39 @@ class BandpassedSignal:
 def bandpass(
     q: np.ndarray,
     rate: float,
-    cutoff: float = 50.0,
+    cutoff: float | np.ndarray = 50.0,
     order: int = 4,
     *,
     median: int = 1,
     padlen: int | None = None,
-    edge: int | None = None,
+    at_instants: bool = False,
 ) -> BandpassedSignal:
     """Median filter, zero-phase Butterworth low-pass and two central differences.
 
     Args:
         q: positions [rad or m], shape (samples, joints).
         rate: sampling rate [Hz].
-        cutoff: frequency of -3 dB in one run, -6 dB after both [Hz].
+        cutoff: frequency of -3 dB in one run, -6 dB after both, for all joints or for each [Hz].
         order: order of one run.
         median: samples of the median filter; 1: none.
         padlen: samples of odd extension at each end, see `butterworth`.
-        edge: samples at each end that are declared unusable; None: 50, or one period of the
-            cut-off frequency if longer.
+        at_instants: whether each difference is corrected by its own second difference, which
+            leaves an error of order h⁴ for one of order h², see `pivident.signals.instants`.
 
     Returns:
         Positions, speeds and accelerations, each of the shape of ``q``.
     """
-    smooth = butterworth(median_filter(q, median), rate, cutoff, order, padlen=padlen)
+    q, cutoff = median_filter(q, median), np.atleast_1d(cutoff)
+    if (cutoff == cutoff[0]).all():
+        smooth = butterworth(q, rate, float(cutoff[0]), order, padlen=padlen)
+    else:
+        pairs = zip(q.T, cutoff, strict=True)
+        smooth = np.stack([butterworth(x, rate, c, order, padlen=padlen) for x, c in pairs], axis=1)
     dq = central_difference(smooth, rate)
-    if edge is None:
-        edge = max(EDGE, math.ceil(rate / cutoff))
-    return BandpassedSignal(smooth, dq, central_difference(dq, rate), edge)
+    dq = slope_at_instants(dq) if at_instants else dq
+    ddq = central_difference(dq, rate)
+    ddq = slope_at_instants(ddq) if at_instants else ddq
+    return BandpassedSignal(smooth, dq, ddq, max(EDGE, math.ceil(rate / cutoff.min())))
 
 
 def butterworth(

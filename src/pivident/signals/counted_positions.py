@@ -24,6 +24,12 @@ from pivident.signals.random_walk_model import nvr_from_f50
 #: Fraction of samples that repeat the one before, above which counts are visible.
 REPEATED = 0.5
 
+#: Share of the steps that are whole counts, to a part of a count; those of more counts are rounded.
+ON_COUNTS, OFF_COUNT, MANY = 0.9, 0.1, 100
+
+#: Differences below this share of the range are none.
+ROUNDING = 1e-12
+
 #: Counts change quickly as long as none lasts longer than this [s] …
 MAX_PAUSE = 0.005
 
@@ -35,9 +41,17 @@ MIN_STRETCH, MIN_STRETCH_SAMPLES = 0.1, 100
 
 
 def has_visible_counts(y: np.ndarray) -> bool:
-    """Whether most samples of a channel repeat the one before, but not all do."""
-    repeated = np.mean(np.diff(y) == 0.0) if y.size > 1 else 0.0
-    return bool(REPEATED < repeated < 1.0)
+    """Whether most samples of a channel repeat the one before, and all others are counts away.
+
+    New samples between counts, at the instants of another clock, have a standstill as well, but no
+    count.
+    """
+    steps = np.abs(np.diff(y))
+    moves = steps[steps > ROUNDING * np.ptp(y)]
+    if not moves.size or 1.0 - moves.size / steps.size <= REPEATED:
+        return False
+    counts = moves[moves < MANY * moves.min()] / moves.min()
+    return bool(np.mean(np.abs(counts - np.round(counts)) < OFF_COUNT) > ON_COUNTS)
 
 
 def counting_stretches(y: np.ndarray, rate: float) -> list[slice]:

@@ -23,7 +23,12 @@ from numba import njit
 
 def derivatives_at_instants(dq: np.ndarray, ddq: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Speeds dq - Δ²dq/6 and accelerations ddq - Δ²ddq/12; the outermost samples are kept."""
-    return dq - _second_difference(dq) / 6.0, ddq - _second_difference(ddq) / 12.0
+    return slope_at_instants(dq), ddq - _second_difference(ddq) / 12.0
+
+
+def slope_at_instants(slope: np.ndarray) -> np.ndarray:
+    """Central differences x less their own second differences, x - Δ²x/6, along axis 0."""
+    return slope - _second_difference(slope) / 6.0
 
 
 def torque_at_instants(tau: np.ndarray) -> np.ndarray:

@@ -22,6 +22,7 @@ import numpy as np
 
 from pivident.errors import NonFiniteSamples, RecordingError
 from pivident.scratch import working_array
+from pivident.signals.counted_positions import nvr_of_counts
 from pivident.signals.random_walk_likelihood import MIN_NVR, diffuse_fit, estimate_nvr
 from pivident.signals.random_walk_model import (
     ORDERS,
@@ -30,13 +31,16 @@ from pivident.signals.random_walk_model import (
     log_nvr_std,
     required_f50,
 )
-from pivident.threads import thread_count
+from pivident.threads import run_in_threads, thread_count
 
 #: A record must have at least this many samples.
 MIN_RECORD = 20
 
 #: Samples at each end that a regression should skip: the smoother is one-sided there.
 EDGE = 50
+
+#: Order whose half power tells motion from noise, and the samples that it takes and looks at.
+HALF_POWER_ORDER, MIN_MOTION, MAX_MOTION = 3, 100, 20_000
 
 
 #: Fields of a smoothed signal that have an entry, or a column, per channel.
@@ -211,6 +215,45 @@ def differentiate(forward: np.ndarray, rate: float, dq: np.ndarray, ddq: np.ndar
     ddq[1:-1] = (forward[1:] - forward[:-1]) * rate**2
     ddq[0], ddq[-1] = ddq[1], ddq[-2]
     dq[0], dq[-1] = dq[1] - ddq[1] / rate, dq[-2] + ddq[-2] / rate
+
+
+def half_power_frequencies(q: np.ndarray, rate: float) -> np.ndarray:
+    """Frequency at which each joint's motion sinks into the noise of its encoder [Hz].
+
+    It is the half-power frequency of the smoother of order 3: accelerations above it are mostly
+    noise, whatever filter they are made with. Of a long record the part with the longest path is
+    looked at.
+
+    Args:
+        q: positions, shape (samples, joints) [rad or m].
+        rate: sampling rate [Hz].
+
+    Returns:
+        Frequencies, shape (joints,); infinite for a joint without visible noise, and in a record
+        that is too short for an estimate.
+    """
+    found = np.full(q.shape[1], np.inf)
+    if len(q) < MIN_MOTION:
+        return found
+
+    def work(j: int) -> None:
+        y = _longest_path(np.ascontiguousarray(q[:, j]))
+        nvr = nvr_of_counts(y, rate, HALF_POWER_ORDER)
+        if nvr is None:
+            nvr = estimate_nvr(y - y.mean(), rate, HALF_POWER_ORDER).nvr
+        found[j] = f50_from_nvr(nvr, HALF_POWER_ORDER, rate)
+
+    run_in_threads(work, range(q.shape[1]))
+    return found
+
+
+def _longest_path(y: np.ndarray) -> np.ndarray:
+    """The `MAX_MOTION` samples of a channel in which it travels most; a shorter one as it is."""
+    if y.size <= MAX_MOTION:
+        return y
+    path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(y, prepend=y[0])))])
+    first = int(np.argmax(path[MAX_MOTION:] - path[:-MAX_MOTION]))
+    return y[first : first + MAX_MOTION]
 
 
 def check_positions(y: np.ndarray, rate: float, order: int, passes: int) -> None:

@@ -12,15 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pivident.dynamics.parameters import Parameter
-from pivident.estimation.covariance.windows import windows_of
+from pivident.estimation.covariance.windows import degrees_of_freedom
 from pivident.estimation.equation_record import accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.normal_equations import JointSums
 from pivident.signals.prefilter import Prefilter
 from pivident.text.numbers import plus_minus
-
-#: Correlation of neighbouring windows of the sandwich, squared and counted on both sides.
-_NEIGHBOURS = 2.0 / 36.0
 
 
 @dataclass(frozen=True)
@@ -100,8 +97,7 @@ class EliminationRound:
     def __post_init__(self) -> None:
         self.kept = list(range(self.found.theta.size))
         self.theta, self.std = self.found.theta, self.found.robust_std
-        windows = sum(w.count for w in windows_of([r.t.size for r in self.found.recordings]))
-        self.freedom = windows / (1.0 + _NEIGHBOURS) - 1.0
+        self.freedom = degrees_of_freedom([r.t.size for r in self.found.recordings])
         self.sums, self.weights = torque_sums(self.found), joint_weights(self.full)
         self.effect = design_effect(self.found)
         self.worth = sum(j.rows for j in self.found.joints) / self.effect

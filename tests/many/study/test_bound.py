@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy.linalg import toeplitz
 
-from pivident.estimation.motion import central_differences
 from pivident.many.study.bench import Bench
 from pivident.many.study.bound import ENDS, ORDER, efficiency_bounds, loop_noise, whitened
+from pivident.motion.motion import central_differences
 from tests.many.study.small import small
 
 

@@ -170,7 +170,7 @@ def test_second_recording_is_predicted_and_replayed(made, problem):
     # once the start is forgotten, what is left is the torque sensor's noise
     assert result.held_out[2].replay.torque[0] == pytest.approx(1.0, rel=0.1)
     text = str(result)
-    assert "position rms" in text and "simulated loop" in text and "a recording" in text
+    assert "position rms" in text and "simulated loop" in text and "recording second" in text
 
 
 def test_replay_with_a_wrong_mass_is_worse(problem):

@@ -98,8 +98,8 @@ class JointRules:
         return LocalGroups(tuple(sorted(heads)), shares, self.reasons(shares))
 
     def row(self, **entries: Quantity | float) -> Row:
-        """A row from the stems of the link's own parameters."""
-        made = {self.of[stem]: as_quantity(x) for stem, x in entries.items()}
+        """A row from the stems of the link's own parameters, those that the model has."""
+        made = {self.of[stem]: as_quantity(x) for stem, x in entries.items() if stem in self.of}
         return {k: x for k, x in made.items() if x.value != 0.0}
 
     def revolute_rows(self) -> list[Row]:

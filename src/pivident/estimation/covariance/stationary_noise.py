@@ -24,9 +24,9 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.equation_record import EquationRecord
-from pivident.estimation.methods import MOTION_BAND
-from pivident.estimation.motion import packed_stretch
 from pivident.estimation.normal_equations import JointSums
+from pivident.motion.kinematics import MOTION_BAND
+from pivident.motion.motion import packed_stretch
 from pivident.signals.noise_models import lagged_products
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads

@@ -21,6 +21,9 @@ WINDOWS = 30
 #: Fewest windows of each record where there are many.
 FEWEST = 8
 
+#: Correlation of neighbouring windows of the sandwich, squared and counted on both sides.
+_NEIGHBOURS = 2.0 / 36.0
+
 #: Σ of the squared windows at each sample, on average: 1/2 + 1/4.
 OVERLAP = 0.75
 
@@ -61,3 +64,8 @@ def windows_of(lengths: Sequence[int]) -> list[Windows]:
         made.append(Windows(samples, count, first))
         first += count
     return made
+
+
+def degrees_of_freedom(lengths: Sequence[int]) -> float:
+    """ν of a variance from the windows of records of these lengths, which overlap."""
+    return sum(w.count for w in windows_of(lengths)) / (1.0 + _NEIGHBOURS) - 1.0

@@ -22,8 +22,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.estimation.motion import central_differences
 from pivident.many.study.bench import Bench
+from pivident.motion.motion import central_differences
 from pivident.simulation.controllers import inverse_controller
 
 #: Order of the autoregression that whitens the noise, and points of its spectrum.

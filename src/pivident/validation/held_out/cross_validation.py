@@ -23,6 +23,7 @@ from pivident.estimation.methods import Method
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
+from pivident.text.lists import listed
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
 from pivident.validation.held_out.folds import Fold, Piece, contiguous_folds, moving_part
@@ -69,6 +70,8 @@ class CrossValidation:
         training: torque errors of ``identification`` on what it was fitted to.
         gap: left out on either side of a block [s].
         notes: sentences.
+        blocks: number of held-out blocks; one that runs over the end of a recording has two parts
+            in ``held_out``.
     """
 
     method: str
@@ -78,6 +81,20 @@ class CrossValidation:
     training: PredictionError
     gap: float = 0.0
     notes: tuple[str, ...] = ()
+    blocks: int = 0
+
+    @property
+    def where(self) -> str:
+        """What was held out, in words: how many blocks, or a validation recording by its name."""
+        return f"{self.blocks} held-out blocks" if self.kind == "folds" else self.motion
+
+    @property
+    def motion(self) -> str:
+        """The motion that was judged on, in words; a validation recording by its name."""
+        if self.kind != "second recording":
+            return "held-out motion" if self.kind == "folds" else "the fitted motion"
+        names = list(dict.fromkeys(h.recording for h in self.held_out))
+        return f"the validation recording{'s' * (len(names) > 1)} {listed(names)}"
 
     @property
     def prediction(self) -> PredictionError:
@@ -116,11 +133,7 @@ class CrossValidation:
     def headline(self) -> str:
         """What was done and what came out, in a sentence or two."""
         error, band = self.prediction, self.prediction.band
-        what = {
-            "folds": f"{len(self.held_out)} held-out blocks, gaps of {self.gap:.2g} s",
-            "second recording": "a recording that was not fitted",
-            "training only": "the fitted data",
-        }[self.kind]
+        what = self.where + (f", gaps of {self.gap:.2g} s" if self.kind == "folds" else "")
         text = (
             f"{self.method} on {what}: torque error {error.total_in_band:.2f} % below {band:g} Hz, "
             f"{error.total:.2f} % over all frequencies"
@@ -234,7 +247,9 @@ def cross_validate(
         stretches += _fold(problem, method, fold, judges)
     notes += _repetition_notes(problem)
     return _checked(
-        CrossValidation(found.method, "folds", found, tuple(stretches), training, gap, notes)
+        CrossValidation(
+            found.method, "folds", found, tuple(stretches), training, gap, notes, len(divided)
+        )
     )
 
 
@@ -258,7 +273,8 @@ def _judged(
         own, judge, failure = [p for p in pieces if p.recording == k], judges[k], ""
         spans = [p.span for p in own]
         replays: list[ReplayError] | list[None] = [None] * len(own)
-        if problem.loop is not None:
+        used = found.instruments
+        if problem.loop is not None and (used is None or used.kind == "loop"):
             try:
                 replays = Replay(problem, judge).score(found, spans)
             except (SimulationDiverged, IndefiniteMass) as reason:

@@ -15,8 +15,8 @@ from itertools import pairwise
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.estimation.kinematics import Kinematics
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
 
 #: Shorter remainders are not worth their transients: seconds, and samples.

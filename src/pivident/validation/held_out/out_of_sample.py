@@ -89,6 +89,11 @@ class OutOfSample:
         return ratio is not None and ratio.value > TOLERATED and ratio.could_be_chance
 
     @property
+    def motion(self) -> str:
+        """The motion that was judged on, in words."""
+        return next(iter(self.results.values())).motion
+
+    @property
     def training_only(self) -> bool:
         """Whether nothing was held out."""
         return any(r.training_only for r in self.results.values())
@@ -121,6 +126,33 @@ class OutOfSample:
                 cells.append("–" if error is None else f"{error.total_in_band:.2f}")
             columns.append((f"#{k + 1}", ".", cells))
         return plain_table(columns)
+
+    def joint_table(self) -> str:
+        """One line for each joint: the error of each method below the motion's highest frequency.
+
+        Rms values are those of the recommended method, whose largest relative error is marked.
+        """
+        e = self.results[self.recommended].prediction
+        worst = int(np.argmax(e.relative_in_band))
+        columns: list[tuple[str, str, list[str]]] = [
+            ("joint", "<", list(e.joint_names)),
+            (f"torque rms < {e.band:g} Hz", ".", [format_significant(x) for x in e.torque_in_band]),
+            ("error rms", ".", [format_significant(x) for x in e.rms_in_band]),
+            ("unit", "<", list(e.units)),
+        ]
+        for name, judged in self.results.items():
+            cells = [format_significant(x) for x in judged.prediction.relative_in_band]
+            columns.append((f"{self._label(name)} %", ".", cells))
+        marks = ["largest" if j == worst else "" for j in range(len(e.joint_names))]
+        return plain_table([*columns, ("", "<", marks)])
+
+    def joint_heading(self) -> str:
+        """What the table by joint shows."""
+        taken = self.results[self.recommended]
+        return (
+            f"Torque error of each joint on {taken.where}, below {taken.prediction.band:g} Hz "
+            f"(rms: {self._label(self.recommended)}):"
+        )
 
     def sentences(self) -> list[str]:
         """Which estimate to take and why, with the ratio of the errors."""

@@ -15,7 +15,8 @@ from typing import Protocol
 import numpy as np
 
 from pivident.estimation.kinematics import estimate_kinematics
-from pivident.estimation.methods import MOTION_BAND, RandomWalk
+from pivident.estimation.methods import RandomWalk
+from pivident.motion.kinematics import MOTION_BAND
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.signals.bandpass import butterworth
@@ -128,20 +129,26 @@ class Judge:
     def score(self, found: Predictor, spans: Sequence[slice]) -> list[PredictionError]:
         """Errors of an estimate on stretches of the recording."""
         residual = self.residual(found)
-        low = butterworth(residual, self.recording.rate, self.band)
-        return [self._one(found, residual, low, self._usable(span)) for span in spans]
+        low = self.in_band(residual)
+        return [self.error(found.robot, residual, low, span) for span in spans]
+
+    def in_band(self, residual: np.ndarray) -> np.ndarray:
+        """A residual below ``band``, shape (samples, joints) [N m or N]."""
+        return butterworth(residual, self.recording.rate, self.band)
 
     def _usable(self, span: slice) -> slice:
         start = max(span.start, self.kinematics.start)
         return slice(start, max(min(span.stop, self.kinematics.stop), start + 1))
 
-    def _one(
-        self, found: Predictor, residual: np.ndarray, low: np.ndarray, span: slice
+    def error(
+        self, robot: Robot, residual: np.ndarray, low: np.ndarray, span: slice
     ) -> PredictionError:
+        """Errors on one stretch; ``low``: the residual below ``band``."""
+        span = self._usable(span)
         level = level_beyond(residual[span], self.recording.rate, self.band)
         return PredictionError(
             joint_names=self.recording.joint_names,
-            units=tuple("N m" if j.kind == "revolute" else "N" for j in found.robot.joints),
+            units=tuple("N m" if j.kind == "revolute" else "N" for j in robot.joints),
             rms=_rms(residual[span]),
             torque=_rms(self.kinematics.tau.T[span]),
             rms_in_band=_rms(low[span]),

@@ -14,8 +14,8 @@ import numpy as np
 
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
-from pivident.estimation.motion import SimulatedMotion
 from pivident.estimation.problem import Problem, position_units, torque_units
+from pivident.motion.motion import SimulatedMotion
 from pivident.recording.recording import Recording
 from pivident.validation.held_out.prediction import Judge, total_error
 

@@ -54,6 +54,11 @@ def instrument_tests(
 def further_kind(identification: Identification) -> ExtraInstruments:
     """Which further instruments a result can have."""
     records = kept_equations(identification).records
+    used = identification.instruments
+    if used is not None and used.further and records[0].full_rate:
+        return "other"
+    if used is not None and used.kind != "loop":
+        return "delayed"
     recorded = all(r.full_rate and r.kinematics.recording.q_ref is not None for r in records)
     virtual = identification.loop is not None and identification.loop.reference == "smoothed"
     return "reference" if recorded and not virtual else "delayed"

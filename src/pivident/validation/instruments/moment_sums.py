@@ -10,22 +10,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.covariance.windows import Share, Windows, windows_of
-from pivident.estimation.motion import central_differences
+from pivident.motion.motion import central_differences, with_inner
 
 if TYPE_CHECKING:
     from pivident.dynamics.regressor import Regressor
     from pivident.estimation.equation_record import EquationRecord
     from pivident.estimation.identification import Identification
-    from pivident.estimation.motion import Motion
     from pivident.estimation.solved_equations import Equations
+    from pivident.motion.motion import Motion
 
-ExtraInstruments = Literal["reference", "delayed"]
+ExtraInstruments = Literal["reference", "delayed", "other"]
 
 
 @dataclass(eq=False)
@@ -158,10 +158,14 @@ def moment_sums(
             f"{identification.method} has no instruments to be tested; identify with 'iv', "
             "'iv-full-rate' or 'piv'"
         )
-    more = None if extra is None else further_instruments(equations, extra)
+    if extra == "other":
+        more: Any = _other_kind(identification)
+    else:
+        more = None if extra is None else further_instruments(equations, extra)
     windows = windows_of(equations.lengths)
     sums = MomentSums.empty(equations.size, 0 if extra is None else equations.size, windows)
-    sums.extra_kind = extra or ""
+    used = identification.instruments
+    sums.extra_kind = used.further_kind if extra == "other" and used else extra or ""
     for block in equations.blocks(more):
         shares = list(windows[block.record].shares(block.span))
         for r in block.joints:
@@ -197,6 +201,15 @@ def further_instruments(
                 "use extra='delayed'"
             )
     return motions
+
+
+def _other_kind(identification: Identification) -> list[Motion]:
+    """Motions of the next best kind of instruments that the record allows."""
+    used, equations = identification.instruments, kept_equations(identification)
+    if used is None or not used.further:
+        raise IdentificationError("the record allows no other kind of instruments; use 'delayed'")
+    theta = identification.theta
+    return [with_inner(equations.regressor, motion, theta) for motion in used.further]
 
 
 @dataclass(frozen=True, eq=False)

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pivident.estimation.methods import MOTION_BAND
+from pivident.motion.kinematics import MOTION_BAND
 from pivident.validation.residuals.whitened_residual import SIGNIFICANCE, probability, reading
 
 if TYPE_CHECKING:

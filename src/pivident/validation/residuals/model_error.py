@@ -29,10 +29,11 @@ from pivident.errors import IdentificationError
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.identification import Identification
-from pivident.estimation.kinematics import estimate_kinematics, usable_samples
+from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem, torque_units
 from pivident.estimation.torque_residual import torque_of
+from pivident.motion.kinematics import usable_samples
 from pivident.recording.repeated_motion import RepeatedMotion, repeated_motion
 from pivident.signals.bandpass import butterworth
 from pivident.text.lists import listed

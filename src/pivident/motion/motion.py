@@ -20,7 +20,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.signals.instants import differences_at_instants
 
 if TYPE_CHECKING:
-    from pivident.estimation.kinematics import Kinematics
+    from pivident.motion.kinematics import Kinematics
 
 
 class Motion(Protocol):
@@ -62,6 +62,11 @@ class SimulatedMotion:
     #: Columns with memory or load of this motion, shape (inner entries, samples); None where they
     #: were not made.
     inner: np.ndarray | None = None
+    #: Samples at which it may make instruments, shape (samples,); None: all.
+    valid: np.ndarray | None = None
+    #: Whether it comes from the record, not from a model with friction: it then does not know
+    #: where the joint itself sticks.
+    from_record: bool = False
 
     @property
     def dq(self) -> np.ndarray:

@@ -7,9 +7,9 @@ import pytest
 
 from pivident.errors import SimulationDiverged
 from pivident.estimation.identify import identify
-from pivident.estimation.missing_inertia import missing_inertia
 from pivident.many.study.bench import Bench
 from pivident.many.study.scenario import read_scenario
+from pivident.validation.missing_inertia import missing_inertia
 
 ARM = """
 robot = "planar_2r"

@@ -44,6 +44,8 @@ def _links(problem: Problem) -> list[str]:
 def _rotors(problem: Problem) -> list[str]:
     """Rotors without a nominal inertia, and how much inertia their loops need."""
     robot = problem.robot
+    if robot.torque_side == "link":
+        return []  # they are no part of its model
     without = [
         j
         for j in range(robot.size)

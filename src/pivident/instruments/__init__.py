@@ -1,0 +1,1 @@
+"""Motions that make the instruments of a recording, from whatever the log has."""

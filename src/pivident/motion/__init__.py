@@ -1,0 +1,1 @@
+"""Motions of a recording: measured, simulated, and what both have in common."""

@@ -1,0 +1,50 @@
+"""The measured motion of a recording as the equations need it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pivident.recording.recording import Recording
+from pivident.signals.spectral_lines import SpectralLine
+
+#: Highest frequency of a robot's motion [Hz], twice the usual bandwidth of a position loop.
+MOTION_BAND = 20.0
+
+#: Samples that must remain between the ends that the filters distort.
+MIN_RUN = 100
+
+
+@dataclass(frozen=True, eq=False)
+class Kinematics:
+    """Estimated motion of one recording, time **last**, with the torque on the same instants."""
+
+    recording: Recording  # where it comes from
+    q: np.ndarray  # positions [rad or m], shape (joints, samples); ``dq ddq tau`` likewise
+    dq: np.ndarray  # speeds
+    ddq: np.ndarray  # accelerations
+    tau: np.ndarray  # torque [N m or N]
+    start: int  # first sample that may be used
+    stop: int  # one past the last
+    #: half-power frequency of the smoother [Hz], shape (joints,); NaN with a band-pass.
+    f50: np.ndarray
+    #: Measurement noise found [rad or m], shape (joints,); NaN with a band-pass. Where there are
+    #: lines, its white floor.
+    encoder_std: np.ndarray
+    #: Spectral lines found in each joint's measurement noise; empty where not searched.
+    lines: tuple[tuple[SpectralLine, ...], ...] = ()
+    #: Columns with memory or load, shape (inner entries, samples), see ``Regressor.inner``; None
+    #: where they were not made.
+    inner: np.ndarray | None = None
+
+    def stretch(self, span: slice) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """q, dq and ddq on some samples."""
+        return self.q[:, span], self.dq[:, span], self.ddq[:, span]
+
+
+def usable_samples(kinematics: Kinematics) -> np.ndarray:
+    """Samples between the ends that the smoother distorts, shape (joints, samples)."""
+    usable = np.zeros(kinematics.q.shape, bool)
+    usable[:, kinematics.start : kinematics.stop] = True
+    return usable

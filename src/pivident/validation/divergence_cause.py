@@ -1,0 +1,162 @@
+"""Why a loop cannot be simulated, found by changing one thing at a time until it can.
+
+What users get wrong, each with its trial: rotors that the description lacks, nominal inertias, the
+sign and the unit of gains, the rate of the control loop. Each is simulated up to where the record
+diverged and a second beyond. The first change of the robot that makes this possible is the cause
+that is named; of the changes of the law, the one whose motion is nearest to the measured one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.errors import MassMatrixNotPositiveDefinite, PividentError, SimulationDiverged
+from pivident.estimation.auxiliary_model import AuxiliaryModel
+from pivident.estimation.identify import identify
+from pivident.estimation.methods import LeastSquares, RandomWalk
+from pivident.estimation.problem import Problem
+from pivident.validation.missing_inertia import missing_inertia
+
+#: How much longer than until it diverged a loop has to be simulated [s].
+LONGER = 1.0
+
+#: Factors of the gains that are tried: those of common units, and others in between.
+GAIN_FACTORS = (np.pi / 180.0, 180.0 / np.pi, 0.1, 10.0, 0.3, 3.0)
+
+#: Factors of the control rate that are tried.
+RATE_FACTORS = (2, 4, 10)
+
+
+@dataclass(frozen=True, eq=False)
+class Trial:
+    """A change, and the sentence that names the cause if the loop can be simulated with it."""
+
+    problem: Problem
+    theta: np.ndarray
+    cause: str
+    of_law: bool = True
+
+
+def divergence_cause(
+    problem: Problem, error: SimulationDiverged | MassMatrixNotPositiveDefinite
+) -> list[str]:
+    """The cause in a sentence with the next step; that none was found, otherwise.
+
+    Args:
+        problem: what was simulated from its initial values.
+        error: how that ended.
+    """
+    shorter = _until(problem, error.time)
+    described = missing_inertia(problem)
+    away: dict[str, float] = {}
+    for trial in _trials(shorter, described):
+        away[trial.cause] = _away(trial)
+        if not trial.of_law and np.isfinite(away[trial.cause]):
+            return [trial.cause]
+    nearest = min(away, key=away.__getitem__)
+    if np.isfinite(away[nearest]):
+        return [nearest]
+    advice = (
+        "Neither rotors, inertias, gains nor rate make the loop one that can be simulated: the "
+        "law has another form, or reference and torque belong to another one. "
+        'instruments = "response" or "virtual" do without it'
+    )
+    return [*described, advice]
+
+
+def _until(problem: Problem, time: float) -> Problem:
+    """The records up to a little after the instant at which the loop diverged."""
+    parts = []
+    for own in problem.recordings:
+        samples = int((time + LONGER) * own.rate)
+        parts.append(own.part(0, samples) if 100 < samples < own.samples else own)
+    return replace(problem, recordings=tuple(parts))
+
+
+def _trials(problem: Problem, described: list[str]) -> Iterator[Trial]:
+    """All changes, the most frequent cause first."""
+    nominal, fitted = problem.initial_values(), _least_squares(problem)
+    if fitted is not None:
+        rotors = np.array([name.startswith("ia") for name in problem.names])
+        with_rotors = np.where(rotors, np.maximum(fitted, nominal), nominal)
+        lacking = "; ".join(described) if described else "the nominal rotor inertias are too small"
+        yield Trial(
+            problem,
+            with_rotors,
+            f"With the rotor inertia of least squares the loop can be simulated: {lacking}",
+            of_law=False,
+        )
+        yield Trial(
+            problem,
+            fitted,
+            "With the estimate of least squares the loop can be simulated: the nominal values of "
+            f"{_farthest(problem, nominal, fitted)} are far from it. Use piv, which starts from "
+            "least squares, or enter its estimate under initial",
+            of_law=False,
+        )
+        nominal = fitted
+    loop = problem.loop
+    assert loop is not None
+    turned = replace(loop, drive_gain=-np.asarray(loop.drive_gain, float))
+    yield Trial(
+        replace(problem, loop=turned),
+        nominal,
+        "With torque of the other sign the loop can be simulated: check the sign of drive_gain and "
+        "of the torque",
+    )
+    for times in RATE_FACTORS:
+        faster = tuple(
+            replace(own, control_rate=times * own.control_rate) for own in problem.recordings
+        )
+        rate = faster[0].control_rate
+        yield Trial(
+            replace(problem, recordings=faster),
+            nominal,
+            f"With a control rate of {rate:g} Hz the loop can be simulated: the controller runs "
+            "faster than the log; enter its rate as control_rate under [recording]",
+        )
+    for factor in GAIN_FACTORS:
+        gain = factor * np.asarray(loop.drive_gain, float)
+        yield Trial(
+            replace(problem, loop=replace(loop, drive_gain=gain)),
+            nominal,
+            f"With gains {factor:.3g} times as large the loop can be simulated: check their unit "
+            "(N m per rad on the joint side) and drive_gain",
+        )
+
+
+def _least_squares(problem: Problem) -> np.ndarray | None:
+    """What least squares makes of the records, None where it cannot."""
+    try:
+        whole = replace(problem, loop=None)
+        return identify(whole, LeastSquares(signals=RandomWalk())).theta
+    except PividentError:
+        return None
+
+
+def _farthest(problem: Problem, nominal: np.ndarray, fitted: np.ndarray) -> str:
+    """The inertias that differ most from their nominal values."""
+    inertial = [k for k, name in enumerate(problem.names) if name[:2] in ("zz", "ia", "xx", "yy")]
+    ratio = np.abs(fitted - nominal) / np.maximum(np.abs(nominal), 1e-3 * np.abs(fitted).max())
+    worst = sorted(inertial, key=lambda k: -ratio[k])[:3]
+    return (
+        ", ".join(f"{problem.names[k]} ({nominal[k]:.3g} for {fitted[k]:.3g})" for k in worst)
+        or "the parameters"
+    )
+
+
+def _away(trial: Trial) -> float:
+    """Rms of simulated less measured positions over each joint's range; ∞ if it diverges."""
+    try:
+        auxiliary = AuxiliaryModel(trial.problem, differences=True, torque=False)
+        motions = auxiliary.simulate(trial.theta)
+    except (SimulationDiverged, MassMatrixNotPositiveDefinite):
+        return np.inf
+    shares = [
+        np.mean((motion.q.T - own.q) ** 2, axis=0) / np.maximum(np.ptp(own.q, axis=0), 1e-9) ** 2
+        for motion, own in zip(motions, trial.problem.recordings, strict=True)
+    ]
+    return float(np.sqrt(np.mean(shares)))

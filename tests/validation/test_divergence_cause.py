@@ -1,0 +1,54 @@
+"""The cause of a simulation that diverges is the one that was put in."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pivident.errors import PividentError
+from pivident.estimation.identify import identify
+from pivident.many.study.bench import Bench
+from pivident.many.study.scenario import read_scenario
+from tests.validation.test_missing_inertia import ARM
+
+
+@pytest.fixture(scope="module")
+def fine():
+    return Bench(read_scenario(ARM, "arm")).problem(0)
+
+
+def noted(problem, method="iv-full-rate"):
+    with pytest.raises(PividentError) as caught:
+        identify(problem, method)
+    return " ".join(caught.value.__notes__)
+
+
+def test_rotors(fine):
+    robot = replace(fine.robot, rotor_inertia=np.zeros(2))
+    assert noted(replace(fine, robot=robot, initial={})).startswith("With the rotor inertia of")
+
+
+def test_the_sign_of_the_torque(fine):
+    turned = replace(fine.loop, drive_gain=-1.0)
+    assert "other sign" in noted(replace(fine, loop=turned))
+
+
+def test_gains_in_the_wrong_unit(fine):
+    law = fine.loop.controller
+    degrees = replace(fine.loop, controller=type(law)(law.kp * 57.3, law.kd * 57.3))
+    text = noted(replace(fine, loop=degrees), "piv")
+    assert "0.0175 times as large" in text and "N m per rad" in text
+
+
+def test_a_log_that_is_slower_than_the_controller(fine):
+    slow = tuple(
+        replace(r, q=r.q[::10], tau=r.tau[::10], q_ref=r.q_ref[::10],
+                dq_ref=None, ddq_ref=None, rate=r.rate / 10, control_rate=r.rate / 10)
+        for r in fine.recordings
+    )  # fmt: skip
+    assert "control rate of" in noted(replace(fine, recordings=slow), "piv")
+
+
+def test_nominal_inertias_that_are_far_off(fine):
+    far = replace(fine, initial={"zz1r": 1e-3, "ia2": 1e-4})
+    assert "estimate of least squares" in noted(far) or "rotor inertia" in noted(far)
