@@ -188,3 +188,31 @@ def test_fewer_samples_than_any_check_needs():
     for samples in (1, 2, 3, 10, 60):
         audit = audit_log(only_rows(planar(), np.arange(samples)))
         assert audit.model is None
+
+
+def test_units_in_the_names_of_columns_are_used(tmp_path):
+    """Degrees, millimetres and amperes, by the joint; what has no unit is in SI."""
+    rng = np.random.default_rng(1)
+    table = rng.normal(size=(60, 7))
+    names = ["t", "A1.Pos [deg]", "A2.Pos [mm]", "A1.Trq [Nm]", "A2.Trq [kN]", "r1", "r2"]
+    path = tmp_path / "log.csv"
+    np.savetxt(path, table, fmt="%.17g", delimiter=",", header=",".join(names), comments="")
+    log = bare_log(path)
+    assert np.allclose(log.channels["q"], table[:, 1:3] * [np.pi / 180.0, 1e-3])
+    assert np.allclose(log.channels["tau"], table[:, 3:5] * [1.0, 1e3])
+    assert np.allclose(log.channels["q_ref"], table[:, 5:7])
+    assert np.array_equal(log.logged["q"], table[:, 1:3]) and log.commands == ()
+
+
+def test_currents_of_a_bare_log_are_commands_without_a_gain(tmp_path):
+    table = np.random.default_rng(1).normal(size=(60, 4))
+    path = tmp_path / "log.csv"
+    for names, factor in (
+        ("q1,q2,i1 [A],i2 [A]", 1.0),
+        ("q_1,q_2,current_1,current_2", 1.0),
+        ("q1,q2,i1 [mA],i2 [mA]", 1e-3),
+    ):
+        np.savetxt(path, table, fmt="%.17g", delimiter=",", header=names, comments="")
+        log = bare_log(path)
+        assert log.commands == (0, 1), names
+        assert np.allclose(log.channels["tau"], factor * table[:, 2:])

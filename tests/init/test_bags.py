@@ -9,6 +9,7 @@ from pivident.check.experiment_check import check_experiment
 from pivident.cli.app import main
 from pivident.errors import RecordingError
 from pivident.estimation.identify import identify
+from pivident.estimation.methods import Bandpass, LeastSquares
 from pivident.experiment.experiment import load_experiment
 from pivident.init.draft import draft_experiment
 from tests.init.jittery_bag import CONTROLLER, STATES, jittery_bag
@@ -29,7 +30,8 @@ def recording(bag):
     """The tables of the recording that are drafted."""
     draft = draft_experiment([bag], "planar_2r", out=bag.parent / "experiment.toml")
     assert not draft.troubles
-    return tomllib.loads(draft.text)["recording"], tomllib.loads(draft.text)["controller"]["type"]
+    content = tomllib.loads(draft.text)
+    return content["recording"], content.get("controller", {}).get("type")
 
 
 def test_the_reference_of_another_topic_is_found(drafted):
@@ -76,10 +78,14 @@ def test_a_slow_channel_that_sets_the_rate_is_named(drafted):
     experiment = load_experiment(path)
     (made,) = experiment.recordings()
     assert made.rate == pytest.approx(CONTROLLER)
+    literature = LeastSquares(signals=Bandpass(cutoff=50.0))
     with pytest.raises(RecordingError, match=r"q_ref comes at 100 Hz .* write rate = 500 under"):
-        identify(experiment.problem(), experiment.methods()["ls"])
-    (remark,) = [r for r in check_experiment(path).remarks if r.kind == "cutoff"]
-    assert "rate = 500 under [recording]" in remark.next_step and "unit of" not in remark.next_step
+        identify(experiment.problem(), literature)
+    used = identify(experiment.problem(), experiment.methods()["ls"]).method_used.signals
+    assert max(used.cutoff) < 0.5 * CONTROLLER and used.bandwidth == pytest.approx(CONTROLLER / 8)
+    (remark,) = [r for r in check_experiment(path).remarks if r.kind == "slowed"]
+    assert "rate = 500 under [recording]" in remark.next_step and remark.severity == "warning"
+    assert remark.quantity.value == pytest.approx(CONTROLLER)
 
 
 def test_messages_without_stamps_are_taken_when_they_were_received(tmp_path):
@@ -94,7 +100,7 @@ def test_messages_without_stamps_are_taken_when_they_were_received(tmp_path):
                          ids=["another clock", "too slow", "mostly silent"])  # fmt: skip
 def test_a_reference_that_costs_the_record_is_left_aside(tmp_path, how):
     log, law = recording(jittery_bag(tmp_path, **how))
-    assert "q_ref" not in log["columns"] and "rate" not in log and law == "virtual_pd"
+    assert "q_ref" not in log["columns"] and "rate" not in log and law is None
 
 
 def test_torques_of_another_topic_are_not_taken_faster_than_they_came(tmp_path):

@@ -50,7 +50,7 @@ def test_torques_without_a_number_leave_the_scale_open():
 def test_a_joint_that_is_not_logged_says_nothing_about_the_unit():
     robot = load_robot("planar_2r")
     q = np.column_stack([np.linspace(-90.0, 90.0, 50), np.full(50, np.nan)])
-    assert position_unit(robot, q, None, None).units == ("deg", "deg")
+    assert position_unit(robot, q, {}, None).units == ("deg", "deg")
 
 
 def test_millimetres_in_the_names_are_believed():
@@ -58,9 +58,9 @@ def test_millimetres_in_the_names_are_believed():
     assert robot.joints[0].kind == "prismatic"
     bare = replace(robot, joints=(replace(robot.joints[0], position_limits=None),))
     q = np.linspace(0.0, 5.0, 50)[:, None]
-    found = position_unit(bare, q, "mm", None)
+    found = position_unit(bare, q, {bare.joints[0].name: "mm"}, None)
     assert found.units == ("mm",) and found.sure == "certain"
-    assert position_unit(bare, q, None, None).units == ("m",)
+    assert position_unit(bare, q, {}, None).units == ("m",)
 
 
 def test_a_pause_of_the_logger_leaves_the_longest_stretch(tmp_path):

@@ -50,7 +50,9 @@ def test_each_basis_has_its_sentence():
     assumed, masses = scale_sentences([*marks, *marks])
     assert assumed.startswith("The torque of a is in units of the log (A)")
     assert "torque of b (V) was taken from the masses" in masses
-    assert all("[recording.units]" in s and "pivident gains" in s for s in (assumed, masses))
+    for last in (masses, *scale_sentences(marks[:1]), *scale_sentences(marks[1:])):
+        assert "[recording.units]" in last and "pivident gains" in last
+    assert "pivident gains" not in assumed  # what to enter is said once
 
 
 @pytest.mark.parametrize(

@@ -135,7 +135,7 @@ CASES = [
     signals("torques have too few digits", torques(lambda x: np.round(x / 5) * 5), "tau of shoulder", "steps of 5", code=0),
     signals("nothing moves", {n: (0.3 + 1e-5 * np.random.default_rng(k).standard_normal(len(v)) if n[0] == "q" else v) for k, (n, v) in enumerate(log().items())}, "standstill", "the whole arm"),
     signals("only one joint moves", still("2"), "standstill", "elbow", "mrad"),
-    signals("the record is too short", {n: v[500:600] for n, v in log().items()}, "too short", "100 samples for"),
+    signals("the record is too short", {n: v[500:600] for n, v in log().items()}, "too short", "100 samples for", code=1),
     signals("the record lasts a second", {n: v[:1000] for n, v in log().items()}, "record is short", "1 s of motion", code=0),
     signals("the record has five samples", {n: v[:5] for n, v in log().items()}, "5 sample(s)", "16", code=1),
     signals("the rate is too low for the motion", every(40), "rate of 25 Hz is low for this motion", code=1),

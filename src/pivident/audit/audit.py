@@ -25,10 +25,14 @@ from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, worst
+from pivident.threads import linear_algebra_in_one_thread
 from pivident.version import __version__
 
 #: Version of the layout of ``audit.json``.
 SCHEMA = 2
+
+#: Delays of all torques that are made good for the checks behind that of the delay.
+MADE_GOOD = (("error", "late"), ("error", "early"), ("note", "timing"))
 
 #: Share of a joint's torque that its inverse model may leave unexplained.
 UNEXPLAINED = 0.5
@@ -134,10 +138,15 @@ def audit_log(log: Log, progress: Callable[[str], None] | None = None) -> Audit:
     Returns:
         The findings, with the clock and the resolution of every channel.
     """
-    say = progress or (lambda line: None)
+    with linear_algebra_in_one_thread():
+        return _audit(log, progress or (lambda line: None))
+
+
+def _audit(log: Log, say: Callable[[str], None]) -> Audit:
+    """Every check in its order."""
     say("looking at clock and channels")
     timing = check_timing(log)
-    quantisation = check_quantisation(log)
+    quantisation = check_quantisation(log, timing)
     findings = [Finding("ok", "reading", "columns", note) for note in log.notes]
     findings += check_assumed(log)
     findings += [*timing.findings, *check_channels(log), *quantisation.findings]
@@ -179,7 +188,7 @@ def _with_model(
         model = model.reordered(order.torque_of)
     say("looking for a delay")
     delay = check_delay(log, model)
-    if any(f.severity == "error" and f.subject == "" for f in delay.findings):
+    if any(f.subject == "" and (f.severity, f.kind) in MADE_GOOD for f in delay.findings):
         model = model.delayed(delay.common[0])
     say("looking at signs, gains and excitation")
     power = check_power(log, model)

@@ -20,6 +20,7 @@ def audit_file(
     robot: Robot | None = None,
     experiment: str | Path | None = None,
     progress: Callable[[str], None] | None = None,
+    column_names: Sequence[str] = (),
 ) -> tuple[Audit, ...]:
     """Audit a log, or every log that an experiment file names.
 
@@ -28,6 +29,7 @@ def audit_file(
         robot: the robot, for a log without experiment file.
         experiment: experiment file that says what the columns of the log are.
         progress: called with one line at each stage.
+        column_names: of a log without header and without experiment file, in their order.
 
     Returns:
         One audit for each log.
@@ -45,9 +47,14 @@ def audit_file(
             f"{path.name} is an experiment file, which names robot and columns itself; leave "
             "--robot and --experiment out, or name the log instead"
         )
+    if column_names and (is_experiment or experiment is not None):
+        raise RecordingError(
+            "the experiment file describes the columns; write column_names under its [recording] "
+            "and leave --columns out"
+        )
     if not is_experiment and experiment is None:
         say(f"reading {path.name}")
-        return (audit_log(bare_log(path, robot), say),)
+        return (audit_log(bare_log(path, robot, column_names), say),)
 
     given = load_experiment(path if is_experiment else Path(str(experiment)))
     entries = given.content.recording if is_experiment else given.content.recording[:1]

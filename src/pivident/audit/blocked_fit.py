@@ -21,9 +21,11 @@ def orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal basis Q of some columns, and T with columns · T = Q."""
     length = np.linalg.norm(columns, axis=0)
     scale = 1.0 / np.where(length > 0, length, 1.0)
-    u, s, vt = np.linalg.svd(columns * scale, full_matrices=False)
+    # the triangle has the same singular values, and is as small as the number of columns
+    _, s, vt = np.linalg.svd(np.linalg.qr(columns * scale, mode="r"), full_matrices=False)
     kept = s > DEPENDENT * s[0] if s.size else np.zeros(0, bool)
-    return u[:, kept], (scale[:, None] * vt.T[:, kept]) / s[kept]
+    back = (scale[:, None] * vt.T[:, kept]) / s[kept]
+    return columns @ back, back
 
 
 @dataclass(frozen=True, eq=False)

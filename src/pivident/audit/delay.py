@@ -12,13 +12,16 @@ column, and its coefficient the step. Intervals come from a jackknife over stret
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
 from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
 from pivident.audit.inverse_model import InverseModel
 from pivident.logs.log import Log
+from pivident.recording.recording import TIMING_WORDS
+from pivident.signals.alignment import torque_shift
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.numbers import with_spread
 
@@ -37,6 +40,12 @@ EFFECT_WARNING, EFFECT_ERROR = 0.001, 0.003
 #: Delays below these shares of a sampling period are not reported, or only as a warning.
 SHORT, LONG = 0.3, 1.0
 
+#: How far in sampling periods a delay may be from that of another timing, besides its error.
+OFF_TIMING = 0.1
+
+#: Share of a sampling period below which one joint's torque is not late: it comes with the others.
+ONE_JOINT = 0.7
+
 #: Above this standard error [s] a joint's delay is not used.
 BLUNT = 5e-3
 
@@ -54,9 +63,41 @@ class Delay:
     gains: np.ndarray  # share of the sum of squares that goes away with it, by joint
     effects: np.ndarray  # torque that it explains, as share of the joint's torque
 
+    def beside(self, joint: int | None) -> tuple[float, float]:
+        """Delay of a joint against the others, or of all for None, and its standard error [s]."""
+        if joint is None:
+            return self.common
+        others = np.where(np.arange(len(self.estimates)) == joint, np.nan, self.estimates)
+        none = np.full((0, len(others)), np.nan)
+        rest, uncertain = _common(others, self.standard_errors, none)
+        apart = float(self.estimates[joint] - rest)
+        return apart, float(np.hypot(self.standard_errors[joint], uncertain))
+
 
 def check_delay(log: Log, model: InverseModel) -> Delay:
-    """Estimate how much later the torque was logged than the positions."""
+    """Estimate how much later the torque was logged than the positions.
+
+    Static friction of a standstill reaches into the motion beside it and can look like a delay. One
+    that is not there without those rows is none.
+    """
+    found = _estimated(log, model)
+    if all(finding.severity == "ok" for finding in found.findings):
+        return found
+    apart = _estimated(log, model.away_from_rest())
+    names = {name: j for j, name in enumerate(model.robot.joint_names)}
+    findings = []
+    for finding in found.findings:
+        j = names.get(finding.subject)
+        pair = found.beside(j), apart.beside(j)
+        same = pair[0][0] * pair[1][0] > 0 and abs(pair[1][0]) > 0.5 * CLEAR * pair[1][1]
+        if finding.severity != "ok" and not same:
+            finding = replace(finding, severity="ok", next_step="")
+        findings.append(finding)
+    return replace(found, findings=tuple(findings))
+
+
+def _estimated(log: Log, model: InverseModel) -> Delay:
+    """The same on the rows of a model."""
     reach = min(max(MAX_SHIFT, MIN_SHIFT_SAMPLES / model.rate), model.at[0] / model.rate)
     shifts = np.linspace(-reach, reach, 81)
     torques = [model.tau(s) for s in shifts]
@@ -76,12 +117,10 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     )
     sharp = np.isfinite(estimates) & (standard_errors > 0) & (standard_errors < BLUNT)
     estimates[~sharp] = np.nan
-    common = _common(estimates, standard_errors, replicates)
     effects = model.relative_errors * np.sqrt(np.clip(gains, 0.0, 1.0))
-    findings = _findings(log, model, estimates, standard_errors, common, gains, effects)
-    return Delay(
-        tuple(findings), shifts, errors, estimates, standard_errors, common, gains, effects
-    )
+    common = _common(estimates, standard_errors, replicates)
+    made = Delay((), shifts, errors, estimates, standard_errors, common, gains, effects)
+    return replace(made, findings=tuple(_findings(log, model, made)))
 
 
 def _joint_delay(
@@ -130,18 +169,11 @@ def _common(
     return mean, max(spread, own) * max(1.0, birge)
 
 
-def _findings(
-    log: Log,
-    model: InverseModel,
-    estimates: np.ndarray,
-    standard_errors: np.ndarray,
-    common: tuple[float, float],
-    gains: np.ndarray,
-    effects: np.ndarray,
-) -> list[Finding]:
+def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
     """The delay of all joints, then those of joints that differ from it."""
     period = 1.0 / model.rate
-    mean, standard_error = common
+    estimates, gains, effects = found.estimates, found.gains, found.effects
+    mean, standard_error = found.common
     if not np.isfinite(mean):
         text = "The motion does not show whether torque and position were logged together."
         step = "Log a motion with reversals and accelerations."
@@ -167,18 +199,21 @@ def _findings(
         if abs(abs(mean) / period - 0.5) < 0.15 and log.torque_timing == "held" and mean > 0:
             step += ' torque_timing = "sampled" would also explain half a sample.'
     kind, evidence = "late" if mean > 0 else "early", _evidence(mean, standard_error, period)
+    timing = undeclared_timing(log, model.rate, found.common) if severity != "ok" else None
+    if timing is not None:
+        severity, kind = "note", "timing"
+        text = (
+            f"The torque is {TIMING_WORDS[timing]}: {text[14:].partition(' later')[0]} later than "
+            "one that is held from its instant on."
+        )
+        step = f'Set torque_timing = "{timing}" under [recording].'
     findings = [Finding(severity, "delay", kind, text, next_step=step, evidence=evidence)]
     for j in np.flatnonzero(sharp):
-        others = sharp & (np.arange(len(sharp)) != j)
-        if not others.any():
+        if sharp.sum() < 2:
             continue
-        rest, rest_error = _common(
-            np.where(others, estimates, np.nan), standard_errors, np.full((0, len(sharp)), np.nan)
-        )
-        apart = float(estimates[j] - rest)
-        uncertain = float(np.hypot(standard_errors[j], rest_error))
+        apart, uncertain = found.beside(int(j))
         own = _severity(apart, uncertain, float(gains[j]), float(effects[j]), period)
-        if own == "ok":
+        if own == "ok" or abs(apart) < ONE_JOINT * period:
             continue
         name = model.robot.joints[j].name
         kind, side = ("joint late", "later") if apart > 0 else ("joint early", "earlier")
@@ -190,6 +225,34 @@ def _findings(
         evidence = _evidence(apart, uncertain, period)
         findings.append(Finding(own, "delay", kind, text, name, step, evidence))
     return findings
+
+
+def undeclared_timing(
+    log: Log, rate: float, common: tuple[float, float]
+) -> Literal["sampled", "averaged"] | None:
+    """Which instant torque samples belong to, if nobody has said and it explains a delay.
+
+    Held is what an unknown torque is taken for; a value at its instant is then found half a period
+    late, and a mean over the period before it a whole one.
+
+    Args:
+        log: the log.
+        rate: its sampling rate [Hz].
+        common: delay of all joints and its standard error [s].
+    """
+    if log.torque_timing:
+        return None
+    control = log.control_rate or rate
+    held, *others = (
+        torque_shift(rate, timing, control_rate=control)
+        for timing in ("held", "sampled", "averaged")
+    )
+    found, standard_error = (rate * value for value in common)
+    allowed = CLEAR * standard_error + OFF_TIMING
+    apart = [abs(found - (held - shift)) for shift in others]
+    if abs(found) <= min(apart) or min(apart) > allowed:
+        return None
+    return "sampled" if apart[0] < apart[1] else "averaged"
 
 
 def _evidence(delay: float, standard_error: float, period: float) -> dict[str, Quantity]:

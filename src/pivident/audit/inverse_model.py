@@ -21,6 +21,7 @@ from pivident.dynamics.base_parameters import BaseParameters, base_parameters
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import RecordingError
+from pivident.logs.clocks.timestamps import resample_smooth
 from pivident.logs.log import Log
 from pivident.robot.description import Robot
 from pivident.signals.alignment import torque_shift
@@ -41,6 +42,9 @@ LOW_SPEED = 0.01
 #: Band of the positions before they are differentiated, in bandwidths. Narrower, it rounds the
 #: reversals of dry friction, which then look like a delay of milliseconds.
 WIDER = 10.0
+
+#: Time in periods of the band over which the low-pass mixes rest and motion.
+MIXED = 1.0
 
 #: Share of samples that may be missing and are then interpolated.
 TOLERATED_MISSING = 0.05
@@ -82,6 +86,17 @@ class InverseModel:
     def delayed(self, delay: float) -> InverseModel:
         """The same rows with a delay of the torque [s] made good."""
         return replace(self, shift=self.shift - delay * self.rate)
+
+    def away_from_rest(self) -> InverseModel:
+        """The same without the rows beside a standstill, which share its static friction.
+
+        Friction holds a joint that stands with any torque up to its own, and the low-pass mixes
+        that into the motion before and behind. A reversal is no standstill.
+        """
+        period = float(self.at[1] - self.at[0]) / self.rate
+        reach = int(np.ceil(MIXED / (min(BANDWIDTH, 0.1 * self.rate) * period)))
+        near = [_near_standstill(~column, reach) for column in self.moving.T]
+        return replace(self, moving=self.moving & ~np.column_stack(near))
 
     @cached_property
     def bases(self) -> tuple[np.ndarray, ...]:
@@ -141,7 +156,9 @@ def build_inverse_model(log: Log, timing: Timing, scale: float | np.ndarray = 1.
     fastest = np.abs(dq).max(axis=0)
     limit = LOW_SPEED * np.where(np.isfinite(rated), np.minimum(rated, 2 * fastest), fastest)
     control = log.control_rate or rate
-    shift = torque_shift(rate, log.torque_timing, control_rate=control, delay=log.delay)  # type: ignore[arg-type]
+    held = log.torque_timing or "held"
+    shift = torque_shift(rate, held, control_rate=control, delay=log.delay)  # type: ignore[arg-type]
+    moving = _moving(robot, dq, limit)
     return InverseModel(
         robot,
         base,
@@ -150,7 +167,7 @@ def build_inverse_model(log: Log, timing: Timing, scale: float | np.ndarray = 1.
         at.astype(float),
         tuple(columns),
         tuple(own),
-        _moving(robot, dq, limit) & (fastest > 0) & ~_near(invented, margin)[at, None],
+        moving & (fastest > 0) & ~_near(invented, margin)[at, None],
         q_,
         dq,
         ddq,
@@ -171,6 +188,16 @@ def _moving(robot: Robot, dq: np.ndarray, limit: np.ndarray) -> np.ndarray:
         fast[:, c.motor] &= together
         fast[:, c.joint] &= together
     return fast
+
+
+def _near_standstill(still: np.ndarray, reach: int) -> np.ndarray:
+    """Rows within ``reach`` of standstills that last twice as long; still (rows,)."""
+    edges = np.flatnonzero(np.diff(np.r_[False, still, False].astype(int)))
+    near = np.zeros(len(still), bool)
+    for start, stop in edges.reshape(-1, 2):
+        if stop - start > 2 * reach:
+            near[max(0, start - reach) : stop + reach] = True
+    return near
 
 
 def _near(invented: np.ndarray, margin: int) -> np.ndarray:
@@ -212,8 +239,7 @@ def uniform(
             raise RecordingError("the gaps in the log are longer than its samples")
         near = np.searchsorted(t, grid).clip(1, len(t) - 1)
         invented = t[near] - t[near - 1] > 2.5 / rate
-        q = np.column_stack([np.interp(grid, t, x) for x in q[index].T])
-        tau = np.column_stack([np.interp(grid, t, x) for x in tau[index].T])
+        q, tau = (resample_smooth(t, x[index], grid) for x in (q, tau))
     first = 0
     if len(q) > MAX_SAMPLES:
         speed = np.abs(np.diff(q, axis=0, prepend=q[:1])).max(axis=1)

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.audit.timing import Timing, at_equal_intervals
+from pivident.estimation.kinematics import ABOVE_HALF_POWER
+from pivident.estimation.methods import MOTION_BAND, SAMPLES_OF_A_PERIOD
 from pivident.logs.log import Log
+from pivident.signals.bandpass import bandpass
+from pivident.signals.random_walk import half_power_frequencies
 from pivident.text.finding import Finding, Quantity
 
 #: Values examined of a channel.
@@ -18,6 +23,14 @@ ON_GRID = 0.97
 
 #: Fewer levels than this over the motion of a joint: the derivatives are made of steps.
 MIN_LEVELS = {"q": 5000, "q_ref": 0, "tau": 200}
+
+#: Share of rounding noise in the accelerations of a joint from which on it matters: inertias then
+#: come out too small by its square.
+ROUNDED = 0.2
+
+#: Counts that a joint passes in a sample, on average, below which it moves on a staircase; a count
+#: that lasts longer than this is a standstill [s].
+COUNTS_PER_SAMPLE, MAX_COUNT = 2.0, 0.1
 
 #: Digits beyond which a text file does not limit a log.
 ENOUGH_DIGITS = 7
@@ -41,7 +54,7 @@ class Quantisation:
     grids: tuple[Grid, ...]  # of each signal
 
 
-def check_quantisation(log: Log) -> Quantisation:
+def check_quantisation(log: Log, timing: Timing) -> Quantisation:
     """Find the grid of every signal and say what it means."""
     findings, grids = [], []
     for name, values in log.signals().items():
@@ -50,7 +63,12 @@ def check_quantisation(log: Log) -> Quantisation:
             continue
         grid = find_grid(name, finite)
         grids.append(grid)
-        findings += _findings(log, name, grid, finite)
+        rounded = math.nan
+        if name.startswith("q of ") and timing.rate and grid.levels < MIN_LEVELS["q"]:
+            uniform = at_equal_intervals(values[:, None], log.clock, timing)[:, 0]
+            if not _is_staircase(grid, finite, timing.rate):
+                rounded = _rounded_share(grid, uniform, timing.rate)
+        findings += _findings(log, name, grid, finite, rounded)
     return Quantisation(tuple(findings), tuple(grids))
 
 
@@ -111,8 +129,29 @@ def significant_digits(values: np.ndarray) -> int | None:
     return None
 
 
-def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Finding]:
-    """What the grid of one signal means for it."""
+def _is_staircase(grid: Grid, values: np.ndarray, rate: float) -> bool:
+    """Whether counts last for several samples in motion: their noise is not white then."""
+    lasting = np.diff(np.r_[0, np.flatnonzero(np.diff(values)) + 1, values.size])
+    moving = int(lasting[lasting < max(MAX_COUNT * rate, 3)].sum())
+    return bool(np.abs(np.diff(values)).sum() < COUNTS_PER_SAMPLE * grid.step * moving)
+
+
+def _rounded_share(grid: Grid, values: np.ndarray, rate: float) -> float:
+    """Rms of rounding noise in the accelerations over theirs, below their cut-off.
+
+    White noise of variance Δ²/12 makes accelerations of variance (Δ²/12)(2/f_s)(2π)⁴ f_c⁵/5 below
+    f_c, where least squares cuts them off.
+    """
+    x = values[:, None] - values.mean()
+    cutoff = ABOVE_HALF_POWER * float(half_power_frequencies(x, rate)[0])
+    cutoff = min(cutoff, MOTION_BAND, rate / SAMPLES_OF_A_PERIOD)
+    motion = float(np.std(bandpass(x, rate, cutoff, at_instants=True).ddq))
+    noise = grid.step**2 / 12.0 * 2.0 / rate * (2.0 * math.pi) ** 4 * cutoff**5 / 5.0
+    return math.sqrt(noise) / motion if motion > 0 else math.inf
+
+
+def _findings(log: Log, name: str, grid: Grid, values: np.ndarray, rounded: float) -> list[Finding]:
+    """What the grid of one signal means for it; ``rounded``: share in its accelerations."""
     kind, _, joint = name.partition(" of ")
     findings = []
     largest = float(np.abs(values).max())
@@ -138,11 +177,13 @@ def _findings(log: Log, name: str, grid: Grid, values: np.ndarray) -> list[Findi
         )
     if not math.isfinite(grid.step):
         return findings
-    few = grid.levels < MIN_LEVELS.get(kind, 0)
+    few = grid.levels < MIN_LEVELS.get(kind, 0) and not rounded < ROUNDED
     text = f"{name} moves in steps of {grid.step:.4g}, {grid.levels:.4g} of them over its range."
     j = log.joint_names.index(joint) if joint in log.joint_names else None
     if kind == "q" and j is not None:
         text += _counts(log, j, grid.step)
+        if math.isfinite(rounded):
+            text += f" Rounding makes up {100 * rounded:.2g} % of its accelerations."
     step = ""
     if few:
         step = (

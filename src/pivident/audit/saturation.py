@@ -16,6 +16,12 @@ SPIKE = 12.0
 #: Samples on each side that make up the neighbourhood.
 NEIGHBOURS = 15
 
+#: Share of the usual range below which a logged speed has no spike: a single count makes one.
+LEAST_SPEED = 0.2
+
+#: Step of a position below which its joint stands, as share of its fastest ones.
+SLOW = 0.02
+
 #: Share of the samples that one value of a torque may have while its joint moves.
 ONE_VALUE = 0.5
 
@@ -32,13 +38,14 @@ def check_channels(log: Log) -> tuple[Finding, ...]:
         if np.ptp(x) == 0:
             findings.append(_constant(name, float(x[0])))
             continue
-        findings += _spikes(log, name, x, finite)
         kind, _, joint = name.partition(" of ")
+        q = None
         if kind == "tau" and "q" in log.logged and joint in log.joint_names:
             q = log.logged["q"][finite, log.joint_names.index(joint)]
             findings += _clipped(log, name, x, q, finite) or _one_value(name, x, q)
         elif kind == "q":
             findings += _wrapped(log, name, x, finite)
+        findings += _spikes(log, name, x, finite, q)
     return tuple(findings)
 
 
@@ -68,8 +75,14 @@ def _constant(name: str, value: float) -> Finding:
     )
 
 
-def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Finding]:
-    """Single samples of height A with second difference (-A/2, A, -A/2), unlike a step."""
+def _spikes(
+    log: Log, name: str, x: np.ndarray, place: np.ndarray, q: np.ndarray | None
+) -> list[Finding]:
+    """Single samples of height A with second difference (-A/2, A, -A/2), unlike a step.
+
+    Where the joint of a torque, at ``q``, turns round or stops for a moment, dry friction changes
+    from one sample to the next; there only more than half of the usual range is a spike.
+    """
     if x.size < 4 * NEIGHBOURS:
         return []
     second = x[1:-1] - 0.5 * (x[:-2] + x[2:])
@@ -84,7 +97,12 @@ def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Findi
         usual, 0.3 * float(np.std(second[np.abs(second) <= np.quantile(abs(second), 0.99)]))
     )
     spikes = []
+    turning = np.zeros(x.size, bool) if q is None else _turning(q)
+    least = LEAST_SPEED if name.startswith("dq of ") else 0.0
+    usual_range = float(np.ptp(np.quantile(x, [0.005, 0.995])))
     for k in np.flatnonzero((height > SPIKE * usual) & (sides < 0.2 * height)):
+        if (turning[k + 2] and height[k] < 0.5 * usual_range) or height[k] < least * usual_range:
+            continue
         around = np.r_[second[max(0, k - NEIGHBOURS) : k], second[k + 3 : k + 3 + NEIGHBOURS]]
         if height[k] > SPIKE * np.std(around):
             spikes.append(int(k))
@@ -102,6 +120,17 @@ def _spikes(log: Log, name: str, x: np.ndarray, place: np.ndarray) -> list[Findi
         **at_sample(first, log.time_of(first)),
     }
     return [Finding("warning", "channels", "spike", text, name, step, evidence)]
+
+
+def _turning(q: np.ndarray) -> np.ndarray:
+    """Samples beside which a joint turns round or stands, shape (samples,)."""
+    if not np.isfinite(q).all():
+        return np.zeros(q.size, bool)
+    step = np.diff(q)
+    still = np.abs(step) <= SLOW * np.quantile(np.abs(step), 0.995)
+    still[1:] |= step[1:] * step[:-1] <= 0
+    beside = np.r_[False, still, False]
+    return np.convolve(beside, np.ones(5), "same")[:-1] > 0
 
 
 def _clipped(

@@ -7,7 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.logs.clocks.gaps import GAP, bridged_interval, stretches
-from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, LIKELY_RATES, lacking, round_rate
+from pivident.logs.clocks.timestamps import (
+    EVEN,
+    JITTER_TOLERANCE,
+    LIKELY_RATES,
+    MIN_SAMPLES,
+    lacking,
+    mean_rate,
+    resample_smooth,
+    stamp_error,
+)
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
 
@@ -25,6 +34,9 @@ CLEAR_STEP = 10.0
 
 #: Intervals that differ by less differ by the rounding of their stamps, relative.
 ROUNDING = 1e-9
+
+#: Intervals that are shorter than this share of the usual one tell nothing of the speed.
+SHORTEST = 0.1
 
 #: How far from a whole number the samples lost at one place may seem to be.
 WHOLE = 0.25
@@ -63,10 +75,24 @@ def check_timing(log: Log) -> Timing:
             findings += _against_clock(name, clock, other, log.clocks[other])
     steps = np.empty((0, 2))
     if "q" in log.channels and rate:
-        steps = unsteady_steps(log.channels["q"])
-        unexplained = steps if clock is None else steps[~_stamped_as_lost(clock, steps)]
-        findings += _step_findings(log, unexplained, regular and clock is not None)
+        steps = unsteady_steps(log.channels["q"], clock)
+        findings += _step_findings(log, steps, regular and clock is not None)
     return Timing(tuple(findings), intervals, rate, regular, steps)
+
+
+def at_equal_intervals(values: np.ndarray, t: np.ndarray | None, timing: Timing) -> np.ndarray:
+    """Finite samples, at equal intervals where the stamps t are not, shape (samples, columns)."""
+    whole = np.isfinite(values).all(axis=1)
+    if t is None or timing.regular or len(t) != len(values):
+        return values[whole]
+    whole &= np.isfinite(t)
+    t, values = t[whole], values[whole]
+    forward = np.diff(np.maximum.accumulate(t), prepend=-np.inf) > 0
+    t, values = t[forward], values[forward]
+    grid = np.arange(t[0], t[-1], 1.0 / (timing.rate or 1.0)) if len(t) > MIN_SAMPLES else t
+    if not MIN_SAMPLES < len(grid) < 2 * len(t):  # a clock that says nothing
+        return values
+    return resample_smooth(t, values, grid)
 
 
 def _one_clock(
@@ -141,6 +167,12 @@ def _one_clock(
     spread = float(np.std(inside - 1.0))
     late = int(place[min(int(np.argmax(np.abs(ratio - 1.0))), len(place) - 1)])
     text = f"The clock ticks every {1e3 * period:.6g} ms; "
+    if largest > JITTER_TOLERANCE:
+        kept = steps[steps > 0]
+        text = (
+            f"The clock ticks every {1e3 * np.mean(kept):.5g} ms on average, after "
+            f"{1e3 * kept.min():.4g} to {1e3 * kept.max():.4g} ms: "
+        )
     text += (
         "all intervals are equal."
         if largest < ROUNDING
@@ -153,16 +185,16 @@ def _one_clock(
         text += " New samples are made at equal intervals, as requested by resample = true."
         findings.append(replace(harmless, message=text))
         regular = False
+    elif largest > JITTER_TOLERANCE and log.rate and not _moves_as_stamped(log, t):
+        text += f" The samples are taken for equally spaced, as rate = {log.rate:.6g} says."
+        findings.append(replace(harmless, message=text))
     elif largest > JITTER_TOLERANCE:
-        step = (
-            "Resample onto a uniform grid (resample = true), or give the rate if only the stamps "
-            "are irregular and the samples are not."
-        )
+        step = _resample_or_rate(log, t)
         findings.append(finding("error", "jitter", text, late, step, jitter=jitter))
         regular = False
     else:
         findings.append(harmless)
-    rate = round_rate((len(finite) - 1) / (finite[-1] - finite[0])) if regular else 1.0 / period
+    rate = mean_rate(finite[np.r_[True, np.diff(np.maximum.accumulate(finite)) > 0]])
     if not LIKELY_RATES[0] <= rate <= LIKELY_RATES[1]:
         text = f"The stamps advance at {rate:.4g} Hz, unlike any robot's log."
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
@@ -170,12 +202,35 @@ def _one_clock(
     return steps, rate, regular, findings
 
 
-def _stamped_as_lost(t: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """Which steps over lost samples the stamps show as a gap too."""
-    intervals = np.diff(t)
-    forward = intervals[intervals > 0]
-    at = np.minimum(steps[:, 0].astype(int), len(intervals) - 1)
-    return (steps[:, 1] >= 1) & (intervals[at] > GAP * (np.median(forward) if forward.size else 0))
+def _error_of_stamps(log: Log, t: np.ndarray) -> float:
+    """How much worse the motion fits the stamps than equal steps; NaN: nothing moves."""
+    q = log.channels.get("q")
+    if q is None or len(q) != len(t):
+        return np.nan
+    use = np.isfinite(q).all(axis=1) & np.isfinite(t)
+    use &= np.diff(np.fmax.accumulate(np.where(use, t, -np.inf)), prepend=-np.inf) > 0
+    return stamp_error(q[use], t[use])
+
+
+def _moves_as_stamped(log: Log, t: np.ndarray) -> bool:
+    """Whether the motion contradicts equally spaced samples."""
+    return _error_of_stamps(log, t) < 1.0 / EVEN
+
+
+def _resample_or_rate(log: Log, t: np.ndarray) -> str:
+    """What to do about irregular stamps: the motion shows whether the samples are irregular too."""
+    error = _error_of_stamps(log, t)
+    if error > EVEN:
+        return (
+            "The joints move as if the samples were equally spaced, and only the stamps are not: "
+            f"set rate = {mean_rate(t[np.isfinite(t)]):.6g} under [recording]."
+        )
+    if error < 1.0 / EVEN:
+        return "The joints move as the stamps say: resample onto a uniform grid (resample = true)."
+    return (
+        "Resample onto a uniform grid (resample = true), or give the rate if only the stamps "
+        "are irregular and the samples are not."
+    )
 
 
 def _against_rate(rate: float, t: np.ndarray, name: str) -> Finding:
@@ -241,18 +296,30 @@ def _drift_finding(name: str, against: str, drift: float, standard_error: float)
     return Finding(severity, "timing", "drift", text, name, step, evidence)
 
 
-def unsteady_steps(q: np.ndarray) -> np.ndarray:
+def unsteady_steps(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
     """Places at which all moving joints step too far, or not at all, at the same time.
 
     With d_k = q_{k+1} - q_k and v_k the median of the two steps before and the two after, lost
     samples show as d_k = (1 + m) v_k with one whole m for all joints; m = -1 is a repeated sample.
     m is estimated by least squares over the joints, each weighted with the usual spread of
-    d_k - v_k. Returns (places, 2).
+    d_k - v_k. Steps that the stamps t explain, d_k as long as the interval, are none. Returns
+    (places, 2).
     """
     if len(q) < 50:
         return np.empty((0, 2))
-    step = np.diff(q, axis=0)
-    around = np.median([step[:-4], step[1:-3], step[3:-1], step[4:]], axis=0)
+    found = _unsteady(np.diff(q, axis=0), np.ones(len(q) - 1))
+    if t is None or len(t) != len(q) or not len(found):
+        return found
+    length = np.diff(t) / np.nanmedian(np.diff(t))
+    length = np.where(np.isfinite(length) & (length > SHORTEST), length, 1.0)
+    stamped = {tuple(place) for place in _unsteady(np.diff(q, axis=0), length)}
+    return np.array([place for place in found if tuple(place) in stamped]).reshape(-1, 2)
+
+
+def _unsteady(step: np.ndarray, length: np.ndarray) -> np.ndarray:
+    """The same for steps of some lengths of time, in periods."""
+    speed, length = step / length[:, None], length[2:-2, None]
+    around = length * np.median([speed[:-4], speed[1:-3], speed[3:-1], speed[4:]], axis=0)
     excess = step[2:-2] - around
     with np.errstate(invalid="ignore"):
         spread = 1.4826 * np.nanmedian(np.abs(excess), axis=0)

@@ -28,6 +28,7 @@ from pivident.experiment.schema import RecordingEntry
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.text.finding import Severity, merged, worst
+from pivident.threads import linear_algebra_in_one_thread
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +94,8 @@ def check_experiment(
     plan = None
     if experiment is not None:
         worker = _Check(experiment, say)
-        worker.run()
+        with linear_algebra_in_one_thread():
+            worker.run()
         remarks += worker.remarks
         looked_at += worker.looked_at
         plan = worker.plan

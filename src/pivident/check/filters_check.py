@@ -1,27 +1,35 @@
-"""Filters that the recordings' rates do not allow."""
+"""Filters that recordings are too slow or too short for, and rates that one channel sets."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 
 from pivident.check.remark import Remark
-from pivident.estimation.methods import Bandpass, Method
+from pivident.estimation.kinematics import MIN_RUN, settled_recipe
+from pivident.estimation.methods import Bandpass, Method, RandomWalk
 from pivident.recording.recording import Recording
+from pivident.signals.bandpass import EDGE
+from pivident.text.finding import Quantity
 
 
 def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]) -> list[Remark]:
-    """Cut-off frequencies of position filters beyond half the rate of a recording."""
+    """Filters that a recording is too slow or too short for."""
+    recordings = list(recordings)
+    remarks = [_slowed(r) for r in recordings if r.slowed]
+    remarks += [r for own in recordings for r in _too_short(own, methods)]
     slowest = min(recordings, key=lambda r: r.rate, default=None)
     if slowest is None:
-        return []
-    remarks = []
+        return remarks
     for name, method in methods.items():
         signals = getattr(method, "signals", None)
-        if not isinstance(signals, Bandpass) or signals.cutoff < slowest.rate / 2:
+        if not isinstance(signals, Bandpass) or signals.cutoff is None:
+            continue
+        highest = float(signals.cutoffs(slowest.joints).max())
+        if highest < slowest.rate / 2:
             continue
         step = (
-            f"Set bandpass = {{cutoff = {slowest.rate / 10:g}}} or so, above the band of the "
-            "motion; or check the unit of the time stamps."
+            "Leave cutoff out, and it is chosen from the record; or check the unit of the time "
+            "stamps."
         )
         if slowest.slowed:
             step = f"{slowest.slowed[0].upper()}{slowest.slowed[1:]}."
@@ -30,7 +38,7 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
                 "error",
                 "methods",
                 "cutoff",
-                f"The position filter of {name!r} has a cutoff of {signals.cutoff:g} Hz, but at "
+                f"The position filter of {name!r} has a cutoff of {highest:g} Hz, but at "
                 f"{slowest.rate:g} Hz {slowest.name} holds nothing above {slowest.rate / 2:g} Hz.",
                 slowest.name,
                 step,
@@ -39,3 +47,43 @@ def check_filters(methods: Mapping[str, Method], recordings: Iterable[Recording]
             )
         )
     return remarks
+
+
+def _too_short(recording: Recording, methods: Mapping[str, Method]) -> list[Remark]:
+    """A recording of which the filters leave too little between its ends."""
+    needed = {}
+    for name, method in methods.items():
+        signals = settled_recipe(method.signals, [recording])
+        ends = (EDGE, EDGE) if isinstance(signals, RandomWalk) else signals.ends(recording.rate)
+        needed[name] = sum(ends) + MIN_RUN
+    name = max(needed, key=needed.__getitem__, default="")
+    if not needed or recording.samples >= needed[name]:
+        return []
+    seconds = needed[name] / recording.rate
+    text = (
+        f"{recording.name} is too short for {name!r}: {recording.samples} samples, of which its "
+        f"filters drop {needed[name] - MIN_RUN} at the ends; {needed[name]} are needed, "
+        f"{seconds:.3g} s at {recording.rate:g} Hz."
+    )
+    step = "Take a longer part, or log for longer."
+    place = ("recording", "part")
+    return [
+        Remark(
+            "error", "methods", "too short", text, recording.name, step, place=place, refused=True
+        )
+    ]
+
+
+def _slowed(recording: Recording) -> Remark:
+    """A recording that has lost samples of its positions to a slower channel."""
+    return Remark(
+        "warning",
+        "timing",
+        "slowed",
+        f"{recording.name} is used at {recording.rate:g} Hz, slower than its positions were "
+        "logged.",
+        recording.name,
+        f"{recording.slowed[0].upper()}{recording.slowed[1:]}.",
+        place=("recording", "rate"),
+        evidence={"rate": Quantity(recording.rate, "Hz")},
+    )

@@ -19,6 +19,7 @@ from pivident.check.gravity_check import check_gravity
 from pivident.check.motion_check import check_motion
 from pivident.check.reference_check import check_reference
 from pivident.check.remark import Place, Remark, of_error, of_finding
+from pivident.check.torque_side import check_torque_side
 from pivident.dynamics.base_parameters import base_parameters
 from pivident.errors import (
     BadCell,
@@ -31,7 +32,7 @@ from pivident.errors import (
     PositionsBeyondLimits,
     SaturatedSignal,
 )
-from pivident.experiment.recording_tables import log_of, recording_of
+from pivident.experiment.recording_tables import columns_in_file, log_of, recording_of
 from pivident.experiment.schema import ControllerEntry, RecordingEntry
 from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.logs.file_columns import read_columns
@@ -105,11 +106,11 @@ def check_log(
     grave = [f.kind for f in audit.findings if f.severity == "error"]
     if audit.model is not None and not set(grave) & set(HIDES_GEOMETRY):
         remarks += check_geometry(log, audit.timing, audit.model, place)
+        side = entry.torque_side or "motor"
+        remarks += check_torque_side(log, audit.timing, audit.model, side, place)
     slow = entry.rate is not None and entry.rate < LOWEST_RATE
     if entry.delay is not None and abs(entry.delay) > MAX_DELAY:
         remarks.append(_long_delay(entry.delay, place))
-    if slow:
-        remarks.append(_no_rate(float(entry.rate or 0.0), place))
     if not slow and not any(f.kind in ("rate", "no clock") for f in audit.of("timing")):
         every = _with_other_columns(log, entry, folder)
         stretch, timing = _without_gaps(every, audit.timing, failure)
@@ -153,8 +154,8 @@ def _with_other_columns(log: Log, entry: RecordingEntry, folder: Path) -> Log:
     """The log with the columns of its file that the experiment does not use."""
     if not isinstance(entry.files, str) or entry.columns is None:
         return log
-    used = str(entry.columns.model_dump(exclude_unset=True))
     try:
+        used = str(columns_in_file(entry, folder))
         every = read_columns(folder / entry.files)
     except PividentError:
         return log
@@ -200,13 +201,6 @@ def _long_delay(delay: float, place: Place) -> Remark:
     text = f"The torque is declared to be {delay:g} s late."
     step = f"delay is in seconds; {delay:g} ms are {1e-3 * delay:g}."
     return Remark("error", "timing", "delay", text, "tau", step, place=(*place, "delay"))
-
-
-def _no_rate(rate: float, place: Place) -> Remark:
-    """A declared rate that no log has."""
-    text = f"The rate is {rate:g} Hz, unlike any robot's log."
-    step = "It may be a period in seconds, or a rate in kHz; rate is in Hz."
-    return Remark("error", "timing", "rate", text, next_step=step, place=(*place, "rate"))
 
 
 def _kind(failure: PividentError) -> str:

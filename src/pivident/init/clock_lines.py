@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
+from pivident.audit.timing import unsteady_steps
 from pivident.init.assumption import Assumption, Question
 from pivident.logs.bags.bag_table import OwnClock
 from pivident.logs.bags.read_bag import STAMP
 from pivident.logs.clocks.clock_alignment import ClockedChannel
+from pivident.logs.clocks.timestamps import EVEN, mean_rate, stamp_error
 from pivident.logs.recognition.log_clock import LogClock
 
 
@@ -40,6 +45,27 @@ def clock_lines(clock: LogClock, others: Mapping[str, OwnClock]) -> list[Assumpt
             seen = f"the clock is irregular ({clock.seen}), so that samples are interpolated"
         lines.append(Assumption("recording", "resample", True, "certain", seen))
     return lines
+
+
+def as_the_joints_move(clock: LogClock, q: np.ndarray) -> LogClock:
+    """The clock with its rate instead of new samples, where only its stamps are irregular.
+
+    Args:
+        clock: the clock as its stamps are.
+        q: positions, shape (samples, joints) [rad or m].
+    """
+    rows = np.isfinite(q).all(axis=1)
+    if not clock.resample or clock.by_rate or unsteady_steps(q).size:
+        return clock
+    error = stamp_error(q[rows], clock.seconds[rows])
+    if not error > EVEN:
+        return clock
+    seen = (
+        f"the stamps are irregular ({clock.seen}), but the joints move as if the samples were "
+        f"equally spaced: equal steps fit the motion {error:.3g} times better than the stamps"
+    )
+    rate = mean_rate(clock.seconds)
+    return replace(clock, rate=rate, sure="likely", seen=seen, resample=False, by_rate=True)
 
 
 def clock_place(column: str, others: Mapping[str, OwnClock], channels: Iterable[str]) -> Any:

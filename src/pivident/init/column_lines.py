@@ -9,7 +9,7 @@ from typing import Any
 from pivident.init.assumption import Assumption, Question
 from pivident.init.clock_lines import clock_place
 from pivident.init.kept_joints import KeptJoints
-from pivident.init.torque_unit import TorqueUnit
+from pivident.init.torque_unit import Comparison, TorqueUnit
 from pivident.logs.bags.bag_table import OwnClock
 from pivident.logs.recognition.joint_columns import JointMap
 from pivident.logs.recognition.log_clock import LogClock
@@ -35,15 +35,28 @@ def window_line(
     return []
 
 
-def side_line(torque: TorqueUnit) -> list[Assumption]:
-    """The side of the gear."""
+def side_lines(torque: TorqueUnit, found: Comparison) -> list[Assumption]:
+    """The side of the gear, and whether torques are those of motors or of sensors behind it."""
     if torque.motor_side:
         value: Any = {"q": "joint", "tau": "motor"}
         return [Assumption("recording", "side", value, "likely", torque.seen, torque.correct)]
-    seen = "positions and torques are taken for those of the joints, behind the gear"
-    return [
+    seen = "positions and torques are taken for those of the joints, a motor's times its gear ratio"
+    lines = [
         Assumption("recording", "side", "joint", "likely", seen, 'Or {q = "joint", tau = "motor"}.')
     ]
+    if measures_link_torques(torque, found):
+        seen = f"the torques seem to be those of sensors behind the gears: {found.torque_side}"
+        correct = 'Set "motor" if they are of the motors: then rotors and drives are in the model.'
+        lines.append(Assumption("recording", "torque_side", "link", "likely", seen, correct))
+    return lines
+
+
+def measures_link_torques(torque: TorqueUnit, found: Comparison) -> bool:
+    """Whether torques in N m contain neither rotors nor friction of drives."""
+    listed = torque.value if isinstance(torque.value, list) else [torque.value]
+    units = [unit.get("unit") if isinstance(unit, Mapping) else unit for unit in listed]
+    in_si = all(unit in ("N m", "Nm", "N") for unit in units) and not torque.motor_side
+    return in_si and found.torque_side is not None and found.torque_side.side == "link"
 
 
 def column_lines(
@@ -78,7 +91,7 @@ def column_lines(
         sure = joints.sure if name == "q" or joints.sure == "assumed" else "likely"
         lines.append(Assumption("recording.columns", name, value, sure, seen))
     speed = joints.channels.get("dq")
-    if "q_ref" not in references:
+    if not references:
         seen = "no column follows the positions as their reference; name one if there is"
         lines.append(
             Assumption("recording.columns", "q_ref", None, "likely", seen, example='["r1", "r2"]')

@@ -48,6 +48,7 @@ def draft_experiment(
     *,
     out: str | Path = "experiment.toml",
     joints: Sequence[str] = (),
+    column_names: Sequence[str] = (),
     answers: Answers | None = None,
     progress: Callable[[str], None] | None = None,
 ) -> Draft:
@@ -62,6 +63,7 @@ def draft_experiment(
         robot: gallery name, .toml, .urdf or .urdf.gz; None: the only URDF beside the logs.
         out: where the file is going to be; its paths are relative to that folder.
         joints: joints of a URDF that are to be identified; all that are in the log otherwise.
+        column_names: of logs without a header, in the order of their columns.
         answers: what a person answered to `Draft.questions`, by what they are about.
         progress: called with one line at each stage.
 
@@ -82,14 +84,14 @@ def draft_experiment(
         if name not in machine.joint_names:
             raise DraftError(f"there is no joint {name!r}; {nearest(name, machine.joint_names)}")
     say("reading the log")
-    runs = read_runs(paths, machine.joint_names)
+    runs = read_runs(paths, machine.joint_names, column_names)
     say("comparing log and robot")
     found = recording_lines(runs[0], machine, tuple(joints), answers or {})
     findings = Findings()
     while True:
         say("trying the file")
         lines = [*_robot_lines(machine, found, out), *control_lines(found, findings)]
-        recordings = [_recording(run, found, findings, out) for run in runs]
+        recordings = [_recording(run, found, findings, out, column_names) for run in runs]
         heading = HEADING.format(
             names=", ".join(f.shown for run in runs for f in run.files), file=out.name
         )
@@ -128,15 +130,14 @@ def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[A
     lines = [Assumption("robot", "model", model, sure, seen)]  # type: ignore[arg-type]
     lines += found.robot
     law = found.machine.joints[0].friction
-    lines.append(
-        Assumption(
-            "robot", "friction", None, "likely",
-            f"friction of every joint is {law}, as of the robot's description or by default; "
-            "`pivident laws` compares others",
-            example='["viscous", "coulomb", "offset"]',
-        )
-    )  # fmt: skip
-    if not np.any(found.machine.rotor_inertia):
+    seen = f"friction of every joint is {law}, as of the robot's description or by default; "
+    seen += "`pivident laws` compares others"
+    if found.link_torques:
+        seen = "behind the gears only bearings rub: viscous and Coulomb friction stay in the model "
+        seen += "of a joint where they are significant; laws given here stay as they are"
+    example = '["viscous", "coulomb", "offset"]'
+    lines.append(Assumption("robot", "friction", None, "likely", seen, example=example))
+    if not found.link_torques and not np.any(found.machine.rotor_inertia):
         lines.append(
             Assumption(
                 "robot", "rotor_inertia", None, "likely",
@@ -148,13 +149,18 @@ def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[A
     return lines
 
 
-def _recording(run: Run, found: RecordingLines, findings: Findings, out: Path) -> list[Assumption]:
+def _recording(
+    run: Run, found: RecordingLines, findings: Findings, out: Path, column_names: Sequence[str]
+) -> list[Assumption]:
     """The tables of one recording."""
     files = {key: relative_path(run.files[k].path, out) for key, k in found.file_keys.items()}
     single = len(files) == 1 and not any(c in next(iter(files.values())) for c in "*?")
     value = next(iter(files.values())) if single else files
     seen = "as given" if len(files) == 1 else "one run in files side by side, with the same rows"
     lines = [Assumption("recording", "files", value, "certain", seen)]
+    if column_names:
+        seen = "the log has no header; as given, in the order of its columns"
+        lines.append(Assumption("recording", "column_names", list(column_names), "certain", seen))
     tried = {line.key for line in findings.recording}
     others = [a for a in found.recording if a.table != "recording" or a.key not in tried]
     return [*lines, *findings.recording, *others]

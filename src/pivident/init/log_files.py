@@ -9,9 +9,11 @@ from pivident.init.assumption import DraftError
 from pivident.logs.recognition.log_file import Run, file_reading, read_log_file
 
 
-def read_runs(paths: Sequence[Path], joint_names: Sequence[str]) -> list[Run]:
+def read_runs(
+    paths: Sequence[Path], joint_names: Sequence[str], column_names: Sequence[str] = ()
+) -> list[Run]:
     """Read the files: those with the same columns are runs, all others parts of one run."""
-    files = [read_log_file(path, joint_names) for path in paths]
+    files = [read_log_file(path, joint_names, column_names) for path in paths]
     kinds = {reading.channel for f in files if (reading := file_reading(f.path)).channel}
     alike = len({tuple(n for n in f.columns if n not in f.own_clocks) for f in files}) == 1
     if len(files) > 1 and alike and len(kinds) < 2:

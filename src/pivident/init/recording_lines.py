@@ -9,16 +9,24 @@ from typing import Any
 import numpy as np
 
 from pivident.init.assumption import Answers, Assumption, DraftError
-from pivident.init.clock_lines import clock_lines
-from pivident.init.column_lines import MARGIN, column_lines, side_line, unit_lines, window_line
+from pivident.init.clock_lines import as_the_joints_move, clock_lines
+from pivident.init.column_lines import (
+    MARGIN,
+    column_lines,
+    measures_link_torques,
+    side_lines,
+    unit_lines,
+    window_line,
+)
 from pivident.init.kept_joints import KeptJoints, kept_joints
 from pivident.init.motion_window import motion_window
 from pivident.init.robot_file import RobotFile
 from pivident.init.torque_unit import Comparison, compare, torque_unit
-from pivident.logs.recognition.joint_columns import JointMap, joint_map
+from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
 from pivident.logs.recognition.log_clock import LogClock, read_clock, speed_rate
 from pivident.logs.recognition.log_file import Run
 from pivident.logs.recognition.position_units import AssumedUnits, following_unit, position_unit
+from pivident.logs.tables.column_names import header_advice
 from pivident.logs.units import POSITION, SPEED, TORQUE
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
@@ -32,6 +40,9 @@ MIN_ROWS = 10
 #: Tracking error below which a reference is only a copy of the measurement, relative.
 COPY = 1e-6
 
+#: Samples whose mean speed is compared with a command.
+MEAN_OF = 10
+
 
 @dataclass(frozen=True, eq=False)
 class RecordingLines:
@@ -44,6 +55,7 @@ class RecordingLines:
     has_reference: bool  # whether a reference of the positions was found
     rate: float  # sampling rate [Hz]
     comparison: Comparison  # torque and motion against the description
+    link_torques: bool  # whether the torques are those of sensors behind the gears
 
 
 def recording_lines(
@@ -67,14 +79,16 @@ def recording_lines(
             f"of every joint ({', '.join(kept.names)}); export the joints on one clock without "
             "empty cells, or a longer log"
         )
-    unit = position_unit(logged, raw[rows], q.unit, answers.get("unit of q"))
+    unit = position_unit(logged, raw[rows], q.units, answers.get("unit of q"))
     si = raw * unit.factors(POSITION)
+    if all(c.own_clock(run) is None for c in joints.channels.values()):
+        clock = as_the_joints_move(clock, si[:, own])
     first, last, still = motion_window(si[rows][:, own], clock.seconds[rows])
     frozen = _frozen(machine, logged, kept, si, clock, (first, last))
     robot = machine.robot(kept.names, {n: v for n, (v, _) in frozen.items()})
     window = _window(clock, first, last)
     tau = joints.channels["tau"].values(run, kept.names)
-    named = joints.channels["tau"].unit
+    named = next(iter(joints.channels["tau"].units.values()), None)
     tau = tau * TORQUE.get(answers.get("unit of tau", named or ""), 1.0)
     rows = rows & np.isfinite(tau).all(axis=1)
     rows &= (clock.seconds >= window[0]) & (clock.seconds <= window[1])
@@ -84,7 +98,7 @@ def recording_lines(
         si = raw * unit.factors(POSITION)
         found = compare(robot, si[rows][:, own], tau[rows], clock.seconds[rows])
     channel = joints.channels["tau"]
-    torque = torque_unit(robot, found, channel.unit, channel.is_current, answers.get("unit of tau"))
+    torque = torque_unit(robot, found, named, channel.is_current, answers.get("unit of tau"))
     keys = _file_keys(run, joints)
     references = _references(run, joints, kept, si[:, own], clock, unit, own)
     used = ("tau", *references)
@@ -92,7 +106,7 @@ def recording_lines(
     lines = [
         *clock_lines(clock, others),
         *window_line(clock, window, still, (first, last)),
-        *side_line(torque),
+        *side_lines(torque, found),
         *column_lines(joints, kept, clock, others, references, keys),
         *unit_lines(clock, unit, own, torque, references),
     ]
@@ -104,12 +118,15 @@ def recording_lines(
         "q_ref" in references,
         clock.rate,
         found,
+        measures_link_torques(torque, found),
     )
 
 
 def _not_found(what: str, run: Run) -> str:
     """That no column seems to hold a channel, and what columns there are."""
     names = [name for file in run.files for name in file.columns]
+    if advice := header_advice(run.files[0].shown, list(run.files[0].columns)):
+        return advice
     listed = ", ".join(names[:12]) + (f" and {len(names) - 12} more" if len(names) > 12 else "")
     near = nearest(what, names)
     hint = f"; {near}" if near.startswith("did you mean") else ""
@@ -230,32 +247,54 @@ def _references(
 ) -> dict[str, tuple[Any, str]]:
     """References that follow the measurement, with their unit and what was seen."""
     found: dict[str, tuple[Any, str]] = {}
-    channel = joints.channels.get("q_ref")
-    if channel is None or not set(kept.names) <= set(channel.columns):
-        return found
-    values = channel.values(run, kept.names)
-    rows = np.full(len(si), True)
-    if channel.own_clock(run) is not None:  # it begins later, ends earlier, has gaps of its own
-        rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
-        values, si = values[rows], si[rows]
     turning = [k for k, j in enumerate(own) if unit.units[j] not in ("m", "mm")]
     judged = turning or list(range(len(own)))
-    names = ("rad", "deg", "rev") if turning else ("m", "mm")
-    match = following_unit(values[:, judged], si[:, judged], names, POSITION)
-    if match is None or match[1] < COPY:
+    position = _reference_channel("q_ref", run, joints, kept)
+    followed = si
+    if position is not None:
+        values, rows = position.values(run, kept.names), np.full(len(si), True)
+        if position.own_clock(run) is not None:  # it begins later, ends earlier, has its own gaps
+            rows = np.isfinite(values).all(axis=1) & np.isfinite(si).all(axis=1)
+        names = ("rad", "deg", "rev") if turning else ("m", "mm")
+        match = following_unit(values[rows][:, judged], si[rows][:, judged], names, POSITION)
+        if match is not None and match[1] >= COPY:
+            units = [match[0] if k in judged else unit.units[j] for k, j in enumerate(own)]
+            value = units[0] if len(set(units)) == 1 else units
+            seen = f"the position follows it to {100 * match[1]:.2g} % of the motion"
+            found["q_ref"] = (value, seen)
+            followed = np.where(rows[:, None], values * POSITION[match[0]], np.nan)
+    speed = _reference_channel("dq_ref", run, joints, kept)
+    if speed is None or len(judged) < len(own):
         return found
-    units = [match[0] if k in judged else unit.units[j] for k, j in enumerate(own)]
-    value = units[0] if len(set(units)) == 1 else units
-    found["q_ref"] = (value, f"the position follows it to {100 * match[1]:.2g} % of the motion")
-    speed = joints.channels.get("dq_ref")
-    if speed is None or not set(kept.names) <= set(speed.columns) or len(judged) < len(own):
-        return found
-    slope = np.gradient(values * POSITION[match[0]], clock.seconds[rows], axis=0)
+    values = speed.values(run, kept.names)
+    rows = np.isfinite(values).all(axis=1) & np.isfinite(followed).all(axis=1)
+    slope = _slope(followed[rows], clock.seconds[rows])
     tried = tuple(SPEED) if turning else ("m/s", "mm/s")
-    fits = following_unit(speed.values(run, kept.names)[rows], slope, tried, SPEED)
-    if fits is not None:
-        found["dq_ref"] = (fits[0], f"the derivative of q_ref up to {100 * fits[1]:.2g} %")
+    fits = following_unit(_thinned(values[rows]), _thinned(slope), tried, SPEED)
+    if fits is not None and (found or fits[1] >= COPY):
+        whose = "the derivative of q_ref" if found else "the speed follows it"
+        found["dq_ref"] = (fits[0], f"{whose} up to {100 * fits[1]:.2g} %")
     return found
+
+
+def _reference_channel(
+    name: str, run: Run, joints: JointMap, kept: KeptJoints
+) -> ChannelColumns | None:
+    """A reference that is there for all joints."""
+    channel = joints.channels.get(name)
+    return channel if channel is not None and set(kept.names) <= set(channel.columns) else None
+
+
+def _slope(x: np.ndarray, seconds: np.ndarray) -> np.ndarray:
+    """Slope of each column of a signal, shape (samples, joints)."""
+    return np.gradient(x, seconds, axis=0)
+
+
+def _thinned(x: np.ndarray) -> np.ndarray:
+    """Means of a few neighbouring samples, in which the noise of differences averages out."""
+    width = max(1, min(MEAN_OF, len(x) // MIN_ROWS))
+    whole = len(x) // width * width
+    return x[:whole].reshape(-1, width, x.shape[1]).mean(axis=1)
 
 
 def _other_angle(unit: AssumedUnits) -> AssumedUnits:

@@ -21,6 +21,7 @@ from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.power import check_power
 from pivident.audit.scale import check_positions, check_scale
 from pivident.audit.timing import check_timing
+from pivident.check.torque_side import TorqueSideEvidence, torque_side_evidence
 from pivident.errors import PividentError
 from pivident.init.assumption import Question, Sureness
 from pivident.logs.log import Log
@@ -59,6 +60,7 @@ class Comparison:
     errors: np.ndarray | None = None  # share of each joint's torque that no parameters explain
     trouble: str = ""  # why nothing could be compared, or empty
     load: FlangeLoad | None = None  # on the flange, not in the description
+    torque_side: TorqueSideEvidence | None = None  # what the log shows of rotors and drives
 
 
 @dataclass(frozen=True)
@@ -99,6 +101,7 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         model = better or model
         power = check_power(log, model)
         factors, standard_errors = description_factors(log, model)
+        side = torque_side_evidence(log, timing, model)
         load = flange_load(model, factors)
         if load is not None:
             factors, standard_errors = load.factors.copy(), load.standard_errors.copy()
@@ -107,7 +110,12 @@ def compare(robot: Robot, q: np.ndarray, tau: np.ndarray, seconds: np.ndarray) -
         return Comparison(nothing, nothing, trouble=str(error))
     reversed_ = tuple(j for j in power.reversed if not factors[j] > 0)
     return Comparison(
-        factors, standard_errors, reversed_, errors=model.relative_errors.copy(), load=load
+        factors,
+        standard_errors,
+        reversed_,
+        errors=model.relative_errors.copy(),
+        load=load,
+        torque_side=side,
     )
 
 
@@ -219,7 +227,8 @@ def _sliding(robot: Robot, unit: str) -> Any:
         return unit
     force = unit.replace(" m", "").replace("Nm", "N")
     force = force if force in TORQUE else "N"
-    return [unit if joint.kind == "revolute" else force for joint in robot.joints]
+    torque = f"{unit} m" if unit == force else unit
+    return [torque if joint.kind == "revolute" else force for joint in robot.joints]
 
 
 def _command(robot: Robot, found: Comparison, unit: str, reason: str) -> TorqueUnit:

@@ -6,21 +6,24 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from pivident.audit.audit import audit_log
+from pivident.audit.delay import undeclared_timing
 from pivident.errors import (
     ConstantChannel,
     GapInClock,
-    IdentificationError,
     IrregularSampling,
     MissingSamples,
     PividentError,
     SaturatedSignal,
 )
 from pivident.errors.recordings import written
+from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
+from pivident.experiment.recording_tables import log_of
 from pivident.init.assumption import Assumption
 from pivident.recording.recording import Recording
 from pivident.text.toml import parse_toml
@@ -36,7 +39,7 @@ class Findings:
     recording: tuple[Assumption, ...] = ()  # lines of ``[recording]`` that became necessary
     law_failed: str = ""  # why no law could be identified, or empty
     law_found: str = ""  # what the identified law is like, or empty
-    loop_failed: str = ""  # why no loop can be simulated, or empty
+    instruments: str = ""  # what the instruments are made of, where no loop is simulated
     failed: dict[str, str] = field(default_factory=dict)  # why, by method
     troubles: tuple[str, ...] = ()  # what a person has to do before it runs
     explained: dict[str, float] = field(default_factory=dict)  # relative error by joint
@@ -57,11 +60,9 @@ def try_out(text: str, out: Path, known: Findings, say: Callable[[str], None]) -
     try:
         problem = experiment.problem(say, recordings)
     except PividentError as error:
-        if controller is None:
-            return _stuck(known, error)
-        if controller.type == "identify":
-            return replace(known, law_failed=f"no law can be identified ({_short(error)})")
-        return replace(known, loop_failed=f"no law can be declared ({_short(error)})")
+        return _stuck(known, error)
+    if controller is not None and problem.loop is None:
+        return replace(known, law_failed=problem.without_loop.rstrip("."))
     return _try_methods(experiment, problem, known, say)
 
 
@@ -71,33 +72,60 @@ def _try_methods(
     """The first solution of every method."""
     shorter = replace(problem, recordings=tuple(_shortened(r) for r in problem.recordings))
     explained: dict[str, float] = {}
-    failed = dict(known.failed)
+    failed, made = dict(known.failed), ""
     for name, method in experiment.methods().items():
         if isinstance(method, (InstrumentalVariables, PrefilteredIV)):
             try:
-                identify(shorter, replace(method, max_iterations=1), say)
-            except IdentificationError as error:
+                result = identify(shorter, replace(method, max_iterations=1), say)
+            except PividentError as error:
                 failed[name] = _short(error)
+                continue
+            made = _instead(result)
         else:
             try:
                 result = identify(problem, method, say)
             except PividentError as error:
                 return _stuck(known, error)
             explained = {joint.name: float(joint.relative_error) for joint in result.joints}
-    if failed == known.failed:
-        return replace(known, explained=explained, settled=True)
+    timing = _timing(experiment, known)
+    if timing is not None:
+        return replace(known, recording=(*known.recording, timing))
     loops = [m for m in experiment.methods() if m != "ls"]
-    controller = experiment.content.controller
-    if controller is not None and set(loops) <= set(failed):
+    if experiment.content.controller is not None and set(loops) <= set(failed):
         reason = next(failed[m] for m in loops)
-        if controller.type == "identify":
-            return replace(
-                known, law_failed=f"the identified law does not carry the simulation ({reason})"
-            )
-        return replace(
-            known, loop_failed=f"a declared law does not carry the simulation ({reason})"
-        )
-    return replace(known, failed=failed, explained=explained, settled=True)
+        return replace(known, law_failed=f"the identified law does not carry the loop ({reason})")
+    return replace(known, failed=failed, explained=explained, instruments=made, settled=True)
+
+
+def _instead(result: Identification) -> str:
+    """What instruments are made of, where it is not the simulated loop."""
+    used = result.instruments
+    if used is None or used.kind == "loop":
+        return ""
+    return f"{used.title} ({used.instead_of.rstrip('.')})" if used.instead_of else used.title
+
+
+def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
+    """The line that says which instant a torque sample belongs to, where the motion tells."""
+    if any(line.key == "torque_timing" for line in known.recording):
+        return None
+    entry = experiment.content.recording[0]
+    try:
+        log = replace(log_of(entry, experiment.robot, experiment.path.parent), torque_timing="")
+        audit = audit_log(log)
+    except PividentError:
+        return None
+    if audit.delay is None or audit.model is None:
+        return None
+    said = next((f for f in audit.delay.findings if f.kind == "timing"), None)
+    timing = undeclared_timing(log, audit.model.rate, audit.delay.common)
+    if said is None or timing is None:
+        return None
+    return Assumption(
+        "recording", "torque_timing", timing, "likely", said.message[:1].lower() + said.message[1:],
+        "Or held from its instant until the next (held), the mean over the period before it "
+        "(averaged).",
+    )  # fmt: skip
 
 
 def _remedy(error: PividentError) -> Assumption | None:

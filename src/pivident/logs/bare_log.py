@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Container
+from collections.abc import Container, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,28 +10,31 @@ import numpy as np
 
 from pivident.errors import FileFormatError
 from pivident.logs.bags.read_bag import is_bag, open_bag
-from pivident.logs.described_log import described_log
-from pivident.logs.log import Log
-from pivident.logs.recognition.joint_columns import JointMap, joint_map
+from pivident.logs.described_log import described_log, in_si
+from pivident.logs.log import Description, Log
+from pivident.logs.recognition.joint_columns import ChannelColumns, JointMap, joint_map
 from pivident.logs.recognition.log_file import Run, read_log_file
 from pivident.logs.recognition.time_columns import clocks_in, is_clock
 from pivident.logs.source_files import SourceFile
+from pivident.logs.tables.column_names import header_advice
+from pivident.logs.units import UNITS_OF
 from pivident.robot.description import Robot
 from pivident.text.printable import escaped
 
 #: What a bare log is taken for.
 TAKEN = (
-    "Columns were recognised by {source} ({taken}) and taken for rad, N m and the joint side; an "
-    "experiment file gives both with certainty."
+    "Columns were recognised by {source} ({taken}) and taken for rad, N m and the joint side where "
+    "their names say no unit; an experiment file gives both with certainty."
 )
 
 
-def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
+def bare_log(path: str | Path, robot: Robot | None = None, column_names: Sequence[str] = ()) -> Log:
     """A log of which nothing is known but its columns' names.
 
     Args:
         path: .csv, .txt, .tsv (also gzipped), .npz, .mat, .parquet, or a bag.
         robot: the robot, where it is known.
+        column_names: of a table without a header, in their order.
 
     Returns:
         The log, judged by nobody yet.
@@ -40,7 +43,9 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         FileFormatError: the file cannot be read at all, or a bag has no topic with positions and
             torques of these joints.
     """
-    file = read_log_file(Path(path), robot.joint_names if robot else ())
+    file = read_log_file(Path(path), robot.joint_names if robot else (), column_names)
+    if advice := header_advice(file.shown, list(file.columns)):
+        raise FileFormatError(advice)
     run = Run((file,))
     found = joint_map(run, file.joint_names)
     if is_bag(file.path):
@@ -57,18 +62,29 @@ def bare_log(path: str | Path, robot: Robot | None = None) -> Log:
         taken = "; ".join(f"{kind} = {', '.join(own)}" for kind, own in names.items())
         notes.append(TAKEN.format(source="their names", taken=taken))
     claimed = {n for own in names.values() for n in own}
-    return Log(
+    units = {kind: _units(found.channels[kind], joints) for kind in names}
+    log = Log(
         file.shown,
         tuple(joints),
         {n: v for n, v in file.columns.items() if n not in claimed},
         clocks,
         logged=logged,
-        channels={kind: np.array(values) for kind, values in logged.items()},
         robot=robot,
         sources=(SourceFile.of(file.path),),
         notes=tuple(notes),
         clock_unit=unit,
+        description=Description(units),
     )
+    channels, commands = in_si(log)
+    return replace(log, channels=channels, commands=commands)
+
+
+def _units(channel: ChannelColumns, joints: Sequence[str]) -> list[str | None]:
+    """Unit of each joint's column, None where its name says none; a current is in amperes."""
+    known = UNITS_OF["dq_ref" if channel.name == "dq" else channel.name]
+    other = "A" if channel.is_current else None
+    units = [channel.units.get(joint, other) for joint in joints]
+    return [unit if unit in known else other for unit in units]
 
 
 def _joints(found: JointMap, robot: Robot | None) -> list[str]:

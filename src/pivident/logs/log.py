@@ -43,7 +43,8 @@ class Log:
         logged: channels in the units and on the side of the file, shape (samples, joints).
         channels: the same in SI and on the joint side.
         robot: the robot, or None.
-        torque_timing: which instant a torque sample belongs to, as in a `Recording`.
+        torque_timing: which instant a torque sample belongs to, as in a `Recording`; empty where
+            nobody has said, and then held.
         control_rate: declared rate of the control loop [Hz], zero for the sampling rate.
         delay: declared delay of the torque [s].
         commands: joints whose torque is a drive command without a known gain.
@@ -66,7 +67,7 @@ class Log:
     logged: dict[str, np.ndarray] = field(default_factory=dict)
     channels: dict[str, np.ndarray] = field(default_factory=dict)
     robot: Robot | None = None
-    torque_timing: str = "held"
+    torque_timing: str = ""
     control_rate: float = 0.0
     delay: float = 0.0
     commands: tuple[int, ...] = ()

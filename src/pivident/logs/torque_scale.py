@@ -25,7 +25,8 @@ EARLIER = {"guessed": ASSUMED}
 #: What to write, for both.
 _ENTER = (
     "Enter the drives' own gains (torque constant times gear ratio) as gain of tau under "
-    "[recording.units], without scale; `pivident gains` finds them from a known payload"
+    "[recording.units], without scale; `pivident gains` finds them from a known payload, and with "
+    "--in-log-units it identifies every motor in the unit of its log"
 )
 
 
@@ -49,7 +50,7 @@ def torque_scales(spec: Any, joint_names: Sequence[str]) -> tuple[TorqueScale, .
 
 
 def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
-    """What assumed scales mean for parameters, and what to enter, for each basis."""
+    """What assumed scales mean for parameters, for each basis, and at the end what to enter."""
     assumed, masses = (
         [s for s in dict.fromkeys(scales) if s.basis == basis] for basis in (ASSUMED, MASSES)
     )
@@ -58,16 +59,15 @@ def scale_sentences(scales: Sequence[TorqueScale]) -> tuple[str, ...]:
         found.append(
             f"The torque of {_joints(assumed)} is in units of the log ({_units(assumed)}), and the "
             "scale to N m is an assumption: so are the sizes of all parameters, whatever their "
-            'intervals say; torque errors in per cent hold. Write "N m" where the log has that. '
-            f"{_ENTER}."
+            'intervals say; torque errors in per cent hold. Write "N m" where the log has that.'
         )
     if masses:
         found.append(
             f"The scale of the torque of {_joints(masses)} ({_units(masses)}) was taken from the "
             "masses of the robot's description: parameters are as wrong as these, whatever their "
-            f"intervals say; torque errors in per cent hold. {_ENTER}."
+            "intervals say; torque errors in per cent hold."
         )
-    return tuple(found)
+    return (*found[:-1], f"{found[-1]} {_ENTER}.") if found else ()
 
 
 def scale_headline(scales: Sequence[TorqueScale]) -> str:

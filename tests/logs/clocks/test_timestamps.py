@@ -5,6 +5,7 @@ from hypothesis import strategies as st
 
 from pivident.errors import IrregularSampling, MissingSamples, RecordingError, RecordingTooShort
 from pivident.logs.clocks import timestamps
+from pivident.logs.clocks.clock_alignment import ClockedChannel, resampled
 
 
 @given(st.floats(0.5, 2e4), st.floats(-1e3, 1e3), st.integers(20, 2000))
@@ -121,3 +122,37 @@ def test_stamps_that_are_hardly_seconds_are_refused(scale, unit):
     timestamps.check_seconds(np.arange(100) / 100.0)
     with pytest.raises(RecordingError, match=f't = "{unit}"'):
         timestamps.check_seconds(np.arange(100) / 1000.0 * scale)
+
+
+def test_the_mean_rate_is_that_of_the_recorded_time():
+    alternating = np.cumsum(np.r_[0.0, np.tile([0.010, 0.012], 500)])
+    assert timestamps.mean_rate(alternating) == pytest.approx(1000 / 11, rel=1e-9)
+    rng = np.random.default_rng(3)
+    jittery = np.cumsum(0.01 * (1.0 + np.clip(0.3 * rng.standard_normal(4000), -0.9, 2.0)))
+    elapsed = (len(jittery) - 1) / (jittery[-1] - jittery[0])
+    assert timestamps.mean_rate(jittery) == pytest.approx(elapsed, rel=1e-3)
+    regular = np.delete(np.arange(4000) / 100.0, [700, 701, 2000])
+    assert timestamps.mean_rate(regular) == 100.0  # lost samples leave the rate of a clock
+    paused = np.r_[jittery, jittery[-1] + 30.0 + jittery]
+    assert timestamps.mean_rate(paused) == pytest.approx(elapsed, rel=1e-3)
+
+
+def test_torques_keep_their_amplitude_on_another_grid():
+    """Straight lines would damp a sine at 5 Hz by 0.8 % on average, a spline by a hundredth."""
+    rng = np.random.default_rng(4)
+    t = np.cumsum(0.01 * (1.0 + 0.15 * rng.standard_normal(4000)))
+    tau = ClockedChannel("tau", "t", t, np.sin(2 * np.pi * 5.0 * t)[:, None])
+    grid = np.arange(t[10], t[-10], 0.01)
+    wave = np.sin(2 * np.pi * 5.0 * grid)
+    kept = resampled(tau, grid, 100.0)[:, 0] @ wave / (wave @ wave)
+    assert kept == pytest.approx(1.0, abs=2e-4)
+    linear = timestamps.resample_linear(t, tau.values, grid)[:, 0] @ wave / (wave @ wave)
+    assert linear < 0.995
+
+
+def test_samples_that_nearly_coincide_make_no_steep_spline():
+    """Two messages of one instant, a microsecond apart, that differ by the encoder's noise."""
+    t = np.arange(400) / 100.0
+    t[201] = t[200] + 1e-6
+    q = 1e-4 * np.random.default_rng(5).standard_normal((400, 1))
+    assert np.abs(timestamps.resample_smooth(t, q, np.arange(1, 390) / 100.0)).max() < 1e-3

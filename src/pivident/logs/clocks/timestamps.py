@@ -23,6 +23,12 @@ LOWEST_RATE = 5.0
 #: Rates that the log of a robot may well have [Hz].
 LIKELY_RATES = (20.0, 20e3)
 
+#: Ratio of `stamp_error` from which on samples are equally spaced, and their stamps are not.
+EVEN = 2.0
+
+#: Samples that are closer than this share of the median interval nearly coincide.
+CLOSE = 0.1
+
 #: Most samples of a uniform grid for each sample that was logged.
 MAX_NEW_SAMPLES = 100
 
@@ -84,6 +90,63 @@ def rate_of(t: np.ndarray) -> float:
     return round_rate((len(t) - 1) / (t[-1] - t[0]))
 
 
+def mean_rate(t: np.ndarray) -> float:
+    """Samples per second of recorded time, gaps left out; t (samples,) [s].
+
+    The most frequent interval is no rate: of stamps that are 10 and 12 ms apart in turn it is one
+    of the two. On a regular clock longer intervals are lost samples, on an irregular one they are
+    its own.
+    """
+    intervals = np.diff(t)
+    period = float(np.median(intervals))
+    whole = intervals[intervals <= bridged_interval(period)]
+    regular = whole[whole <= GAP * period]
+    if np.abs(regular / period - 1.0).max() > JITTER_TOLERANCE:
+        regular = whole
+    return round_rate(1.0 / float(np.mean(regular)))
+
+
+def stamp_error(q: np.ndarray, t: np.ndarray) -> float:
+    """How much worse motion fits the stamps than equal steps, median over the moving joints.
+
+    Each sample is interpolated by a cubic from its four neighbours, at the stamps and at equal
+    steps. A ratio of the two errors far below one says that the stamps are when the samples were
+    taken; far above one, that the samples were taken at equal intervals and stamped late or early.
+
+    Args:
+        q: positions, shape (samples, joints) [rad or m].
+        t: increasing stamps, shape (samples,) [s].
+
+    Returns:
+        Ratio of the median errors; NaN where nothing moves.
+    """
+    length = np.diff(t) / np.median(np.diff(t))
+    even = _interpolation_error(q, np.arange(len(t), dtype=float))
+    stamped = _interpolation_error(q, np.r_[0.0, np.cumsum(length)])
+    speed = np.abs(q[4:] - q[:-4])
+    moving = speed > 0.2 * np.quantile(speed, 0.995, axis=0)
+    ratios = [
+        np.median(stamped[rows, j]) / max(np.median(even[rows, j]), 1e-300)
+        for j, rows in enumerate(moving.T)
+        if rows.sum() > MIN_SAMPLES
+    ]
+    return float(np.median(ratios)) if ratios else float("nan")
+
+
+def _interpolation_error(q: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """|q_k - cubic through its four neighbours| at x_k, shape (samples - 4, joints)."""
+    last = len(x) - 4
+    nodes = [x[i : i + last] for i in (0, 1, 3, 4)]
+    here, predicted = x[2 : 2 + last], np.zeros((last, q.shape[1]))
+    for i, node in zip((0, 1, 3, 4), nodes, strict=True):
+        weight = np.ones(last)
+        for other in nodes:
+            if other is not node:
+                weight *= (here - other) / (node - other)
+        predicted += weight[:, None] * q[i : i + last]
+    return np.abs(q[2 : 2 + last] - predicted)
+
+
 def _check_complete(t: np.ndarray, intervals: np.ndarray, deviation: np.ndarray) -> None:
     """Distinguish missing samples from an irregular clock."""
     gaps = lacking(intervals, float(np.median(intervals)))
@@ -107,6 +170,16 @@ def round_rate(rate: float) -> float:
     return float(round(rate)) if abs(rate - round(rate)) < 1e-5 * rate else float(rate)
 
 
+def check_declared(rate: float) -> None:
+    """Refuse a declared rate that no robot's log has."""
+    check_positive("rate", rate)
+    if rate < LOWEST_RATE:
+        raise RecordingError(
+            f"the rate is {rate:g} Hz, unlike any robot's log; it may be a period in seconds, or a "
+            "rate in kHz: rate is in Hz"
+        )
+
+
 def check_rate(rate: float, t: np.ndarray) -> None:
     """Refuse a given rate that contradicts the stamps, which need not be regular."""
     check_positive("rate", rate)
@@ -125,7 +198,7 @@ def uniform_grid(
 ) -> tuple[np.ndarray, float]:
     """Times t₀ + k/rate over a stretch of time [s], and the rate [Hz]."""
     check_increasing(t)
-    rate = 1.0 / float(np.median(np.diff(t))) if rate is None else float(rate)
+    rate = mean_rate(t) if rate is None else float(rate)
     check_positive("rate to resample to", rate)
     rate = round_rate(rate)
     start, stop = (t[0], t[-1]) if span is None else span
@@ -141,14 +214,18 @@ def uniform_grid(
 
 
 def resample_smooth(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Cubic spline through a smooth channel (positions, references)."""
+    """Cubic spline through a channel; of samples that nearly coincide only the first one counts."""
     from scipy.interpolate import CubicSpline
 
+    intervals = np.diff(t)
+    apart = np.r_[True, intervals >= CLOSE * np.median(intervals)]
+    if not apart.all():  # through two such samples the spline would be steep
+        t, values = t[apart], values[apart]
     return CubicSpline(t, values)(grid)
 
 
 def resample_linear(t: np.ndarray, values: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Straight lines between the samples of a rough channel (torques)."""
+    """Straight lines between the samples."""
     return np.column_stack([np.interp(grid, t, column) for column in values.T])
 
 

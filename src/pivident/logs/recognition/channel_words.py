@@ -60,7 +60,8 @@ UNITS: dict[str, tuple[str, str]] = {
     "m/s": ("m/s", "dq"), "mm/s": ("mm/s", "dq"), "rpm": ("rpm", "dq"), "1/min": ("rpm", "dq"),
     "deg/s^2": ("deg/s^2", "ddq"), "rad/s^2": ("rad/s^2", "ddq"), "rad/s²": ("rad/s^2", "ddq"),
     "nm": ("N m", "tau"), "n m": ("N m", "tau"), "n*m": ("N m", "tau"), "n·m": ("N m", "tau"),
-    "n.m": ("N m", "tau"), "mnm": ("mN m", "tau"), "a": ("A", "current"), "amp": ("A", "current"),
+    "n.m": ("N m", "tau"), "mnm": ("mN m", "tau"), "n": ("N", "tau"),
+    "kn": ("kN", "tau"), "a": ("A", "current"), "amp": ("A", "current"),
     "ma": ("mA", "current"), "v": ("V", "tau"),
 }  # fmt: skip
 

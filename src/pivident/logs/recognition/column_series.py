@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from pivident.logs.recognition.channel_words import Reading, read_words, without_unit, words_of
 
@@ -24,6 +24,7 @@ class Series:
     columns: Mapping[str, str]  # by joint's name or number, empty without either
     named: bool  # whether the keys are names of the robot's joints
     reading: Reading  # what the words say
+    units: Mapping[str, str] = field(default_factory=dict)  # beside the names, by joint
 
     @property
     def channel(self) -> str | None:
@@ -55,10 +56,15 @@ def column_series(columns: Sequence[str], joint_names: Sequence[str] = ()) -> li
     grouped: dict[tuple[tuple[str, ...], bool, str | None], dict[str, str]] = {}
     for column in columns:
         pattern, key, named = found[column]
-        grouped.setdefault((pattern, named, bare[column][1]), {}).setdefault(key, column)
+        # Degrees of a turning joint and millimetres of a sliding one are one series.
+        grouped.setdefault((pattern, named, bare[column][2]), {}).setdefault(key, column)
     return [
         Series(
-            pattern, own, named, read_words([w for w in pattern if w != JOINT], *_unit(own, bare))
+            pattern,
+            own,
+            named,
+            read_words([w for w in pattern if w != JOINT], *_unit(own, bare)),
+            {key: unit for key, column in own.items() if (unit := bare[column][1]) is not None},
         )
         for (pattern, named, _), own in grouped.items()
     ]

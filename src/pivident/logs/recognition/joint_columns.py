@@ -29,7 +29,7 @@ class ChannelColumns:
     name: str  # ``q``, ``tau`` …
     file: int  # number of its file in the run
     columns: Mapping[str, str]  # column of each joint of the robot that it has, by the joint's name
-    unit: str | None  # unit written in the names, or None
+    units: Mapping[str, str]  # units written in the names, by the joint's name
     is_current: bool  # whether the name is that of a current
     contested: bool = False  # whether another series could have been meant just as well
     others: tuple[str, ...] = ()  # first columns of further such series
@@ -253,5 +253,12 @@ def _channel(
         columns = {}
     others = tuple(next(iter(s.columns.values())) for _, s in ranked[1:])
     columns = {joint: columns[joint] for joint in joint_names if joint in columns}
-    unit, is_current = series.reading.unit, series.channel == "current"
-    return ChannelColumns(name, file, columns, unit, is_current, contested, others)
+    own_unit = {column: key for key, column in series.columns.items()}
+    units = {
+        joint: unit
+        for joint, column in columns.items()
+        if (unit := series.units.get(own_unit[column], series.reading.unit)) is not None
+    }
+    return ChannelColumns(
+        name, file, columns, units, series.channel == "current", contested, others
+    )

@@ -15,6 +15,7 @@ from pivident.logs.recognition.channel_words import Reading, read_words, words_o
 from pivident.logs.recognition.column_series import JOINT, Series, column_series
 from pivident.logs.recognition.time_columns import is_clock
 from pivident.logs.source_files import printable_name
+from pivident.logs.tables.column_names import named_columns
 
 #: Endings that say nothing about a log.
 ENDINGS = (".gz", ".csv", ".txt", ".tsv", ".npz", ".npy", ".mat", ".parquet")
@@ -51,13 +52,21 @@ class Run:
     files: tuple[LogFile, ...]
 
 
-def read_log_file(path: Path, joint_names: Sequence[str] = ()) -> LogFile:
-    """The columns of a file, of a bag those of its arm; see `joint_columns` for the next step."""
+def read_log_file(
+    path: Path, joint_names: Sequence[str] = (), column_names: Sequence[str] = ()
+) -> LogFile:
+    """The columns of a file, of a bag those of its arm; see `joint_columns` for the next step.
+
+    ``column_names``: of a table without a header.
+    """
     if is_bag(path):
         arm = bag_table(path, tuple(joint_names))
         series = column_series(list(arm.columns), arm.joint_names)
         return LogFile(path, arm.columns, tuple(series), arm.own_clocks, arm.joint_names, arm.aside)
     columns = read_columns(path)
+    if column_names:
+        named = named_columns(path, column_names)
+        columns = {name: columns[own] for name, own in named.items() if own in columns}
     names = [name for name, values in columns.items() if not is_clock(name, values)]
     own = file_reading(path)
     series = []

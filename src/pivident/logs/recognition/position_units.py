@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,15 +43,21 @@ class AssumedUnits:
 
 
 def position_unit(
-    robot: Robot, q: np.ndarray, named: str | None, answer: str | None
+    robot: Robot, q: np.ndarray, names: Mapping[str, str], answer: str | None
 ) -> AssumedUnits:
-    """Unit of the logged positions; q (samples, joints)."""
+    """Unit of the logged positions; q (samples, joints).
+
+    ``names``: units that the names of columns say, by joint.
+    """
     turning = [j for j, joint in enumerate(robot.joints) if joint.kind == "revolute"]
     some = any(np.isfinite(q[:, j]).any() for j in turning)
     sliding = [j for j, joint in enumerate(robot.joints) if joint.kind == "prismatic"]
     slide = _best(robot, q, sliding, ("m", "mm"))[0] if sliding else "m"
-    by_name = bool(sliding) and named in ("m", "mm")
-    slide = str(named) if by_name else slide
+    said = {j: names[joint.name] for j, joint in enumerate(robot.joints) if joint.name in names}
+    named = next((said[j] for j in turning if j in said), None)
+    length = next((said[j] for j in sliding if j in said), None)
+    by_name = length in ("m", "mm")
+    slide = str(length) if by_name else slide
     if answer in POSITION or (named in POSITION and named not in ("m", "mm")):
         unit, sure = str(answer or named), "certain"
         seen = "answered" if answer else f"the columns' names say {unit}"
