@@ -242,7 +242,7 @@ def test_both_distances_are_what_they_say():
     x = np.linalg.solve(metric.root, base.values(model.values) - metric.center)
     assert model.distance == pytest.approx(np.linalg.norm(x), rel=1e-6)
     assert 0.0 < model.least_distance <= model.distance
-    assert model.distance**2 <= model.least_distance**2 * (1.0 + 1e-4) + 1.0 + 1e-3
+    assert model.distance**2 <= model.least_distance**2 * (1.0 + 1e-4) + 1.96**2 + 1e-3
     values = model.to_values()
     assert values["least_distance"] == model.least_distance
     assert values["distance"] == model.distance

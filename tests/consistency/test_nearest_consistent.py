@@ -19,6 +19,9 @@ cvxpy = pytest.importorskip("cvxpy")
 HEAVIEST = 30.0
 LIGHT = Bounds(total_mass=(None, HEAVIEST))
 
+#: Growth of d² that is left to the prior: that of a 95 % interval.
+ROOM = 1.96**2
+
 #: A steel ball of 10 mm: mass [kg] and second moment ∫ x² dm about its centre [kg m²].
 BALL_MASS = 7850.0 * 4.0 / 3.0 * np.pi * 0.005**3
 BALL_MOMENT = BALL_MASS * 0.005**2 / 5.0
@@ -35,8 +38,8 @@ def inconsistent(robot="planar_2r"):
     return replace(free, recordings=())
 
 
-def oracle(free, reference, prior=None, distance=None):
-    """Least distance, or least prior within a distance: φ in plain units."""
+def oracle(free, reference, prior=None, near=None):
+    """Least d² and its θ, or least ½ d² + prior near those: φ in plain units."""
     from pivident.dynamics.base_parameters import base_parameters
 
     base = base_parameters(free.robot)
@@ -69,10 +72,13 @@ def oracle(free, reference, prior=None, distance=None):
     if prior is None:
         objective = squared
     else:
-        conditions.append(squared <= distance**2)
-        rest = [k for k, p in enumerate(base.standard) if not p.is_inertial]
+        least, at = near
+        conditions.append(squared <= least * (1 + 1e-4) + ROOM)
+        relative = np.clip(free.std / np.abs(free.theta), 0.1, 1.0)
+        conditions.append(cvxpy.abs(beta - at) <= relative * free.std)
+        rest = pulled(base)
         error = cvxpy.multiply(phi[rest] - reference.values[rest], 1 / reference.scales[rest])
-        objective = 0.5 * cvxpy.sum_squares(error)
+        objective = 0.5 * squared + 0.5 * cvxpy.sum_squares(error)
         for b in bodies:
             if prior == "entropic":
                 objective += cvxpy.trace(b) - cvxpy.log_det(b)
@@ -80,21 +86,26 @@ def oracle(free, reference, prior=None, distance=None):
                 objective += 0.5 * cvxpy.sum_squares(b - np.eye(4))
     problem = cvxpy.Problem(cvxpy.Minimize(objective), conditions)
     problem.solve(solver="CLARABEL")
-    return problem.value
+    return problem.value, beta.value
+
+
+def pulled(base):
+    """Rotor inertias and friction among the dropped parameters, or grouped with some of these."""
+    members = set(base.dropped) | set(base.kept[np.abs(base.regrouping).max(axis=1) > 1e-12])
+    return [k for k in sorted(members) if not base.standard[k].is_inertial]
 
 
 def prior_value(prior, model, reference):
-    """The prior at a model, from its definition."""
-    total = 0.0
+    """½ d² and the prior at a model, from their definitions."""
+    total = 0.5 * model.distance**2
     for i, place in enumerate(model._space.links):
         scaled = reference.scaled(i, pseudo_inertia(model.values[place]))
         if prior == "entropic":
             total += np.trace(scaled) - np.linalg.slogdet(scaled)[1]
         else:
             total += 0.5 * np.sum((scaled - np.eye(4)) ** 2)
-    for k, p in enumerate(model.parameters):
-        if not p.is_inertial:
-            total += 0.5 * ((model.values[k] - reference.values[k]) / reference.scales[k]) ** 2
+    for k in pulled(model._base):
+        total += 0.5 * ((model.values[k] - reference.values[k]) / reference.scales[k]) ** 2
     return total
 
 
@@ -103,13 +114,13 @@ def test_the_least_distance(robot):
     free = inconsistent(robot)
     model = make_consistent(free, bounds=LIGHT)
     reference = make_reference(free.robot, model.parameters, 0.01)
-    squared = oracle(free, reference)
+    squared, _ = oracle(free, reference)
     assert model.least_distance > 0.1
     assert model.least_distance == pytest.approx(np.sqrt(squared), rel=1e-4)
     half = np.linalg.inv(np.linalg.cholesky(free.covariance))
     own = np.linalg.norm(half @ (model.theta - free.theta))
     assert model.distance == pytest.approx(own, rel=1e-6)
-    assert squared - 1e-3 <= own**2 <= squared * (1 + 1e-4) + 1.0 + 1e-3
+    assert squared - 1e-3 <= own**2 <= squared * (1 + 1e-4) + ROOM + 1e-3
     np.testing.assert_allclose(model.moved, (model.theta - free.theta) / free.std)
 
 
@@ -118,11 +129,12 @@ def test_the_prior_chooses_among_the_near_ones(prior):
     free = inconsistent()
     model = make_consistent(free, prior=prior, bounds=LIGHT)
     reference = make_reference(free.robot, model.parameters, 0.01)
-    radius = np.sqrt(model.least_distance**2 * (1 + 1e-4) + 1.0)
-    best = oracle(free, reference, prior, radius)
+    near = oracle(free, reference)
+    best, _ = oracle(free, reference, prior, near)
     assert prior_value(prior, model, reference) == pytest.approx(best, rel=1e-3, abs=1e-3)
     half = np.linalg.inv(np.linalg.cholesky(free.covariance))
-    assert np.linalg.norm(half @ (model.theta - free.theta)) <= radius * (1 + 1e-6)
+    squared = np.sum((half @ (model.theta - free.theta)) ** 2)
+    assert squared <= near[0] * (1 + 1e-4) + ROOM + 1e-3
 
 
 def test_no_prior_goes_inside():

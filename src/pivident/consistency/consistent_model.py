@@ -16,6 +16,7 @@ import numpy as np
 
 from pivident.consistency.consistent_tables import link_table
 from pivident.consistency.constraints import Bounds, Constraint, make_constraints
+from pivident.consistency.geometric_bodies import density_of_estimate
 from pivident.consistency.metric import make_metric
 from pivident.consistency.nearest_consistent import (
     ROOM,
@@ -24,6 +25,7 @@ from pivident.consistency.nearest_consistent import (
     nearest_consistent,
     standard_space,
 )
+from pivident.consistency.plausible_masses import plausible_masses
 from pivident.consistency.priors import PRIORS
 from pivident.consistency.profile_intervals import ProfileIntervals, profile_intervals
 from pivident.consistency.pseudo_inertia import LinkBody, link_body
@@ -34,7 +36,7 @@ from pivident.dynamics.parameters import Parameter
 from pivident.errors import ExperimentError, NoConsistentModelNear
 from pivident.estimation.identification import Identification
 from pivident.estimation.solved_equations import TorqueSums
-from pivident.estimation.torque_sums import torque_sums
+from pivident.estimation.torque_sums import estimated_in_base, torque_sums
 from pivident.robot.description import Robot
 from pivident.robot.naming import nearest
 from pivident.text.numbers import format_significant
@@ -53,8 +55,8 @@ class ConsistentModel:
         free: the unchanged estimate.
         robot: the robot.
         parameters: all standard parameters.
-        values: their values, shape (standard,): the point nearest to the reference within ``room``
-            of the least distance.
+        values: their values, shape (standard,): near the least distance, and near the reference
+            where the data say little.
         names: names of the estimated base parameters, as in ``free``.
         theta: these at the consistent point, shape (parameters,).
         was_consistent: whether the estimate itself was consistent; then its torques are kept
@@ -343,16 +345,23 @@ def make_consistent(
     sums = _sums(identification)
     base = base_parameters(identification.robot)
     began = time.perf_counter()
-    near = make_reference(identification.robot, base.standard, margin, reference)
+    near = make_reference(
+        identification.robot,
+        base.standard,
+        margin,
+        reference,
+        density_of_estimate(base, estimated_in_base(identification, base)),
+    )
     metric = make_metric(identification, base, sums, near.scales[base.kept])
     constraints = make_constraints(identification.robot, base.standard, near, bounds)
+    plausible = plausible_masses(identification.robot, base.standard, near, bounds)
     space = standard_space(identification.robot, metric, near)
-    found = nearest_consistent(space, constraints, near, prior, room)
+    found = nearest_consistent(space, constraints, near, prior, plausible, room)
     errors = _torque_errors(sums, metric.center, base.values(found.values))
     for narrower in (0.1, 0.01):
         if found.was_consistent or not errors[1] > (1.0 + NOTABLE_COST) * errors[0]:
             break
-        found = nearest_consistent(space, constraints, near, prior, narrower * room)
+        found = nearest_consistent(space, constraints, near, prior, plausible, narrower * room)
         errors = _torque_errors(sums, metric.center, base.values(found.values))
     seconds = time.perf_counter() - began
     values, beta = found.values, base.values(found.values)

@@ -181,9 +181,9 @@ def _declared(
     made = []
     for name, interval in bounds.mass.items():
         mass = places[robot.link_index(name), 9:]
-        made += _interval(name, "mass", interval, mass, reference)
+        made += mass_interval(name, "mass", interval, mass, reference)
     if bounds.total_mass is not None:
-        made += _interval("all links", "total mass", bounds.total_mass, places[:, 9], reference)
+        made += mass_interval("all links", "total mass", bounds.total_mass, places[:, 9], reference)
     for name, box in bounds.center_of_mass.items():
         place = places[robot.link_index(name)]
         if len(box) != 3:
@@ -215,19 +215,23 @@ def _declared(
     return made
 
 
-def _interval(
+def mass_interval(
     subject: str,
     what: str,
     interval: Interval,
     places: np.ndarray,
     reference: Reference,
 ) -> list[Constraint]:
-    """Lowest ≤ Σ φ ≤ highest."""
+    """Lowest ≤ Σ φ ≤ highest [kg], ``places`` the indices of the masses.
+
+    Raises:
+        ExperimentError: bounds that are not an interval.
+    """
     _check(subject, what, interval)
     made = []
     for bound, sign, words in zip(interval, (1, -1), ("at least", "at most"), strict=True):
         if bound is not None:
-            kind = f"{what} {words} {bound:g} kg"
+            kind = f"{what} {words} {bound:.4g} kg"
             made.append(_at_least(subject, kind, places, bound, reference, sign))
     return made
 

@@ -5,8 +5,18 @@ standard errors (see `metric`), z the standard parameters that the torques do no
 
     d*² = min |x|²    over the consistent φ(x, z),
 
-then, among the points with |x|² ≤ d*² + room, the one nearest to the reference (see `priors`).
-If the estimate itself is consistent, x = 0, and only z is searched.
+at a point x* where bodies degenerate to points, lines and plates. Then, with D the distance to the
+reference (see `priors`),
+
+    min ½ |x|² + D(φ)    over the consistent φ(x, z) with  |x|² ≤ d*² + room
+                         and  |θ_k - θ*_k| ≤ r_k σ_k ,
+
+r_k = σ_k/|θ_k| between 0.1 and 1: a parameter that the data determine to a tenth of its value or
+better keeps the value of the nearest point to a tenth of its standard error, and where they say
+nothing the reference decides. If the estimate itself is consistent, x = 0, and only z is searched.
+
+Masses of the chosen point that are not plausible (see `plausible_masses`) are made so if the least
+distance to consistent parameters with plausible masses is not significantly larger.
 """
 
 from __future__ import annotations
@@ -27,16 +37,21 @@ from pivident.consistency.metric import Metric
 from pivident.consistency.priors import prior_terms
 from pivident.consistency.pseudo_inertia import from_triangle
 from pivident.consistency.reference import Reference
+from pivident.consistency.significance import HALF_INTERVAL
 from pivident.errors import ContradictoryBounds, IdentificationError
 from pivident.robot.description import Robot
+from pivident.text.numbers import format_significant
 
 #: Distance below which an estimate is consistent: a thousandth of a standard error.
 CONSISTENT = 1e-3
 
-#: Growth of d² that is left to the prior: one unit of χ², the standard error of a single parameter.
-#: With a hundredth the result would be close to the nearest point itself, where bodies degenerate:
-#: links whose mass is a point, at no smaller torque error (TX40 record).
-ROOM = 1.0
+#: Growth of d² that is left to the prior: that of a 95 % interval, so that every chosen value lies
+#: within its interval. With a hundredth the result would be close to the nearest point itself,
+#: where bodies degenerate, at no smaller torque error (TX40 record).
+ROOM = HALF_INTERVAL**2
+
+#: Smallest and largest move of a parameter by the prior [σ]; between them σ/|θ|.
+LEAST_MOVE, MOST_MOVE = 0.1, 1.0
 
 #: The same relative to d², within the accuracy of the solver.
 RELATIVE_ROOM = 1e-4
@@ -87,6 +102,10 @@ class StandardSpace:
     slope: np.ndarray  # shape (standard, base + undetermined)
     distances: int  # number of unknowns x
     links: np.ndarray  # indices of each link's inertial parameters, shape (joints, 10)
+    # rotor inertias and friction that torques do not determine: the prior pulls them too
+    pulled: np.ndarray
+    moves: np.ndarray  # (θ - θ_free)/σ of the estimated parameters over x, (parameters, base)
+    allowed_moves: np.ndarray  # largest move of each by the prior [σ], shape (parameters,)
 
     def values(self, u: np.ndarray) -> np.ndarray:
         """Standard parameters at u = (x, z), shape (standard,)."""
@@ -121,7 +140,21 @@ def standard_space(robot: Robot, metric: Metric, reference: Reference) -> Standa
     start[base.kept] = metric.center - base.regrouping @ start[base.dropped]
     slope[base.kept, :size] = metric.root
     slope[base.kept, size:] = -base.regrouping @ slope[base.dropped, size:]
-    return StandardSpace(start, slope, size, link_places(robot, base.standard))
+    # a pull on rotors and friction that torques determine would compete with that on the bodies
+    others = np.array([not p.is_inertial for p in base.standard])
+    pulled = np.flatnonzero(others & slope[:, size:].any(axis=1))
+    moves = metric.root[metric.estimated]
+    std = np.linalg.norm(moves[:, metric.estimated], axis=1)
+    relative = std / np.maximum(np.abs(metric.center[metric.estimated]), std)
+    return StandardSpace(
+        start,
+        slope,
+        size,
+        link_places(robot, base.standard),
+        pulled,
+        moves / std[:, None],
+        np.clip(relative, LEAST_MOVE, MOST_MOVE),
+    )
 
 
 def nearest_consistent(
@@ -129,32 +162,63 @@ def nearest_consistent(
     constraints: Sequence[Constraint],
     reference: Reference,
     prior: str,
+    plausible: Sequence[Constraint] = (),
     room: float = ROOM,
 ) -> Nearest:
-    """The nearest consistent parameters; ``room`` is the growth of d² that is left to the prior."""
+    """The nearest consistent parameters; ``room`` is the growth of d² that is left to the prior.
+
+    Conditions that are ``plausible`` restrict the choice unless the data contradict them.
+    """
     requirements = imposed(space, constraints)
     closest = _closest(space, requirements, constraints)
     x = closest.u[: space.distances]
     least = float(np.linalg.norm(x))
     if least < CONSISTENT:
-        kept = _nearest_to_reference(space, constraints, reference, prior, None)
+        kept = _kept(space, constraints, reference, prior)
+        if kept.found and (outside := _violated(space, plausible, _wide(space, kept.u))):
+            within = _kept(space, [*constraints, *plausible], reference, prior)
+            kept, notes = (within, ()) if within.found else (kept, _implausible(outside, None))
+        else:
+            notes = ()
         if kept.found:
-            undetermined = kept.u[: space.slope.shape[1] - space.distances]
-            u = np.r_[np.zeros(space.distances), undetermined]
-            return Nearest(space.values(u), 0.0, 0.0, True, (), 0)
-    radius = np.sqrt(least**2 * (1.0 + RELATIVE_ROOM) + room)
-    found = _nearest_to_reference(space, constraints, reference, prior, float(radius))
-    notes: tuple[str, ...] = ()
-    u = found.u[: space.slope.shape[1]]
-    if not found.found:
-        u = closest.u
-        notes = (
-            f"The search with the prior {prior!r} ended with {found.status}: the solver's own "
-            "choice among the nearest parameters was used",
-        )
+            return Nearest(space.values(_wide(space, kept.u)), 0.0, 0.0, True, (), 0, notes)
+    u, notes = _chosen(space, constraints, reference, prior, room, closest)
+    if outside := _violated(space, plausible, u):
+        every = [*constraints, *plausible]
+        within = _closest(space, imposed(space, every), every)
+        bounded = float(np.linalg.norm(within.u[: space.distances]))
+        if bounded**2 <= least**2 + HALF_INTERVAL**2:
+            u, notes = _chosen(space, every, reference, prior, room, within)
+        else:
+            notes = (*notes, *_implausible(outside, np.sqrt(bounded**2 - least**2)))
     active, directions = active_constraints(space, constraints, closest)
     distance = float(np.linalg.norm(u[: space.distances]))
     return Nearest(space.values(u), least, distance, False, active, directions, notes)
+
+
+def _wide(space: StandardSpace, undetermined: np.ndarray) -> np.ndarray:
+    """(0, z), the point at distance zero; further unknowns of the prior are left out."""
+    free = space.slope.shape[1] - space.distances
+    return np.r_[np.zeros(space.distances), undetermined[:free]]
+
+
+def _violated(
+    space: StandardSpace, conditions: Sequence[Constraint], u: np.ndarray
+) -> list[Constraint]:
+    """Linear conditions that a point does not satisfy."""
+    values = space.values(u)
+    return [c for c in conditions if (c.matrix @ values + c.offset).min() < -OUTSIDE]
+
+
+def _implausible(outside: Sequence[Constraint], farther: float | None) -> tuple[str, ...]:
+    """A sentence about bounds that the data contradict."""
+    words = "; ".join(f"{c.subject}: {c.kind}" for c in outside)
+    growth = "" if farther is None else f" by {format_significant(farther)} σ"
+    return (
+        f"The data contradict plausible masses{growth} ({words}), so they were not imposed: "
+        "check torque constants, gear ratios and the description's masses, or declare a mass in "
+        "[consistency.bounds]",
+    )
 
 
 def imposed(
@@ -196,22 +260,60 @@ def _closest(
     )
 
 
-def _nearest_to_reference(
+def _kept(
+    space: StandardSpace, constraints: Sequence[Constraint], reference: Reference, prior: str
+) -> Solved:
+    """The prior's choice at distance zero: z alone."""
+    slope = space.slope[:, space.distances :]
+    terms = prior_terms(prior, reference, space.links, slope, space.start, space.pulled)
+    requirements = [*imposed(space, constraints, without_distance=True), *terms.requirements]
+    return _solved(terms.quadratic, terms.linear, requirements)
+
+
+def _chosen(
     space: StandardSpace,
     constraints: Sequence[Constraint],
     reference: Reference,
     prior: str,
-    radius: float | None,
-) -> Solved:
-    """The prior's choice among the points within a distance; None: at distance zero."""
-    requirements = imposed(space, constraints, without_distance=radius is None)
-    slope = space.slope[:, space.distances :] if radius is None else space.slope
-    if radius is not None:
-        requirements.append(within_distance(space, radius))
-    terms = prior_terms(prior, reference, space.links, slope, space.start)
-    requirements += terms.requirements
+    room: float,
+    closest: Solved,
+) -> tuple[np.ndarray, tuple[str, ...]]:
+    """The prior's choice near the nearest point, u and notes."""
+    nearest = closest.u[: space.distances]
+    size = space.distances
+    terms = prior_terms(prior, reference, space.links, space.slope, space.start, space.pulled)
+    squared = float(nearest @ nearest) * (1.0 + RELATIVE_ROOM) + room
+    requirements = [
+        *imposed(space, constraints),
+        *terms.requirements,
+        within_distance(space, float(np.sqrt(squared))),
+        _near(space, nearest),
+    ]
+    quadratic = terms.quadratic.copy()
+    if prior != "none":
+        quadratic[:size, :size] += np.eye(size)
+    solved = _solved(quadratic, terms.linear, requirements)
+    if solved.found:
+        return solved.u[: space.slope.shape[1]], ()
+    note = (
+        f"The search with the prior {prior!r} ended with {solved.status}: the solver's own "
+        "choice among the nearest parameters was used"
+    )
+    return closest.u, (note,)
+
+
+def _near(space: StandardSpace, nearest: np.ndarray) -> Requirement:
+    """No estimated parameter farther from the nearest point than the prior may move it."""
+    at = space.moves @ nearest
+    rows = np.r_[space.moves, -space.moves]
+    offset = np.r_[space.allowed_moves - at, space.allowed_moves + at]
+    return Requirement("nonnegative", offset.size, rows, offset)
+
+
+def _solved(quadratic: np.ndarray, linear: np.ndarray, requirements: list[Requirement]) -> Solved:
+    """The prior's choice to the accuracy that it deserves."""
     for gap in CHOICE_GAPS:
-        solved = solve_cone_program(terms.quadratic, terms.linear, requirements, gap)
+        solved = solve_cone_program(quadratic, linear, requirements, gap)
         if solved.found or solved.infeasible:
             break
     return solved

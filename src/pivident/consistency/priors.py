@@ -44,12 +44,12 @@ def prior_terms(
     links: np.ndarray,
     slope: np.ndarray,
     start: np.ndarray,
+    others: np.ndarray,
 ) -> PriorTerms:
     """Objective of a prior for links that are φ = slope · v + start.
 
-    Undetermined rotor inertias and friction contribute ½ ((φ - φ₀)/scale)².
+    ``others``, further standard parameters, contribute ½ ((φ - φ₀)/scale)².
     """
-    others = np.setdiff1d(np.arange(start.size), links.ravel())
     rest = slope[others] / reference.scales[others, None]
     error = (start[others] - reference.values[others]) / reference.scales[others]
     quadratic, linear = rest.T @ rest, rest.T @ error

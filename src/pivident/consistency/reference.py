@@ -1,7 +1,7 @@
 """The reference: prior values of the links, and the scale of each parameter.
 
 The nominal inertias of a robot, made consistent if necessary. A link without nominal inertia is
-assumed to be a solid cylinder from its frame to the next joint, a quarter as thick as it is long.
+assumed to be a uniform body, see `geometric_bodies`.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.consistency.geometric_bodies import (
+    DENSITY,
+    density_of_bodies,
+    geometric_bodies,
+)
 from pivident.consistency.pseudo_inertia import STEEL, inertial_parameters, pseudo_inertia
 from pivident.dynamics.forward import mass_matrix
 from pivident.dynamics.parameters import Parameter, nominal_values
 from pivident.errors import ExperimentError
 from pivident.robot.description import Robot
-
-#: Density of a link without nominal inertia: aluminium, a quarter hollow [kg/m³].
-DENSITY = 2000.0
-
-#: Thickness of such a link over its length, and the shortest length [m].
-SLENDERNESS, SHORTEST = 0.25, 0.05
+from pivident.text.numbers import format_significant
 
 #: Smallest second moment of a reference link about its centre of mass over its largest one.
 FLATTEST = 1e-4
@@ -43,6 +43,7 @@ class Reference:
     # of the steel ball that bounds each link from below [m], shape (joints,): smaller for a light
     # or thin link
     diameters: np.ndarray
+    assumed: np.ndarray  # which links have no nominal inertia, shape (joints,)
     notes: tuple[str, ...]  # where it comes from, sentences
 
     def scaled(self, link: int, matrix: np.ndarray) -> np.ndarray:
@@ -55,42 +56,51 @@ def make_reference(
     standard: Sequence[Parameter],
     diameter: float,
     given: Robot | np.ndarray | None = None,
+    density: float = DENSITY,
 ) -> Reference:
     """Nominal values made consistent; links without any are assumed to be solid cylinders.
 
-    A cylinder reaches from the link's frame to the next joint and is a quarter as thick as long.
+    The cylinders have the density of the other links, or ``density`` [kg/m³] if there are none.
     Every link is at least as large as a steel ball of ``diameter`` [m]. Another description with
     the same joints, or standard parameters, may be ``given`` in place of the nominal ones.
     """
     values = _given_values(robot, standard, given)
     notes: list[str] = []
-    assumed, repaired = [], []
+    repaired = []
+    places = [
+        [k for k, p in enumerate(standard) if p.is_inertial and p.joint == i]
+        for i in range(robot.size)
+    ]
+    assumed = np.array([not values[place].any() for place in places])
+    if assumed.any():
+        bodies = geometric_bodies(robot)
+        masses = np.array([values[place[9]] for place in places])
+        if (known := masses > 0.0).any():
+            density = density_of_bodies(bodies[known], masses[known])
     roots, diameters = np.empty((robot.size, 4, 4)), np.empty(robot.size)
     scales = np.ones(len(standard))
     for i, link in enumerate(robot.links):
         # in the order of INERTIAL, which is that of the standard parameters
-        place = [k for k, p in enumerate(standard) if p.is_inertial and p.joint == i]
-        matrix = pseudo_inertia(values[place])
-        if not values[place].any():
-            assumed.append(link.name)
-            matrix = _solid_cylinder(robot, i)
+        place = places[i]
+        matrix = density * bodies[i] if assumed[i] else pseudo_inertia(values[place])
         real = _real_body(matrix)
-        if not np.allclose(real, matrix, rtol=1e-9, atol=0.0):
+        if not (assumed[i] or np.allclose(real, matrix, rtol=1e-9, atol=0.0)):
             repaired.append(link.name)
         values[place] = inertial_parameters(real)
         scales[place] = _inertial_scales(real)
         roots[i] = _inverse_root(real)
         diameters[i] = _ball_within(real, diameter)
-    if assumed:
+    if assumed.any():
+        named = ", ".join(link.name for link, own in zip(robot.links, assumed, strict=True) if own)
         notes.append(
-            f"No nominal inertia of {', '.join(assumed)}: undetermined parameters are close to "
-            "those of solid cylinders along the link; give CAD values (reference)"
+            f"No nominal inertia of {named}: undetermined parameters are close to those of solid "
+            f"cylinders along the link, {format_significant(density)} kg/m³; give CAD values "
+            "(reference)"
         )
-    if set(repaired) - set(assumed):
-        named = ", ".join(name for name in repaired if name not in assumed)
+    if repaired:
         notes.append(
-            f"The reference inertias of {named} are physically impossible (or flat); the nearest "
-            "possible ones are used instead"
+            f"The reference inertias of {', '.join(repaired)} are physically impossible (or flat); "
+            "the nearest possible ones are used instead"
         )
     carried = _carried_inertia(robot, standard, values)
     unknown = []
@@ -109,7 +119,7 @@ def make_reference(
             "distinguish the rotors of the first joints from the links; give rotor_inertia under "
             "[robot]"
         )
-    return Reference(values, scales, roots, diameters, tuple(notes))
+    return Reference(values, scales, roots, diameters, assumed, tuple(notes))
 
 
 def _given_values(
@@ -136,24 +146,6 @@ def _given_values(
             f"{len(standard)} standard parameters"
         )
     return values
-
-
-def _solid_cylinder(robot: Robot, link: int) -> np.ndarray:
-    """Pseudo-inertia of a solid cylinder from the link's frame to the farthest child's."""
-    ends = [j.translation for j in robot.joints if j.parent == link]
-    end = max(ends, key=lambda e: float(np.linalg.norm(e)), default=np.zeros(3))
-    length = float(np.linalg.norm(end))
-    if length < SHORTEST:
-        end, length = np.array([0.0, 0.0, SHORTEST]), SHORTEST
-    radius = SLENDERNESS / 2.0 * length
-    mass = DENSITY * np.pi * radius**2 * length
-    axis = end / length
-    across = radius**2 / 4.0 * (np.eye(3) - np.outer(axis, axis))
-    second = mass * (across + np.outer(end, end) / 3.0)
-    matrix = np.zeros((4, 4))
-    matrix[:3, :3], matrix[3, 3] = second, mass
-    matrix[:3, 3] = matrix[3, :3] = mass * end / 2.0
-    return matrix
 
 
 def _real_body(matrix: np.ndarray) -> np.ndarray:

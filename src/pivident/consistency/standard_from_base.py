@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from pivident.consistency.geometric_bodies import density_of_estimate
 from pivident.consistency.reference import make_reference
 from pivident.dynamics.base_parameters import BaseParameters
 from pivident.dynamics.parameters import Parameter
@@ -41,7 +42,8 @@ def standard_from_base(
     Raises:
         ExperimentError: a reference that does not fit the robot.
     """
-    near = make_reference(base.robot, base.standard, diameter=0.01, given=reference)
+    density = density_of_estimate(base, values)
+    near = make_reference(base.robot, base.standard, 0.01, reference, density)
     weight = 1.0 / near.scales
     weight[_masses(base.standard)] *= MASS_WEIGHT
     start = near.values.copy()

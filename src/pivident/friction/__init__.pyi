@@ -1,3 +1,4 @@
+from .bearing_friction import bearing_friction as bearing_friction
 from .friction_study import FrictionStudy as FrictionStudy
 from .friction_study import study_friction as study_friction
 from .laws.chosen_laws import LawChoice as LawChoice

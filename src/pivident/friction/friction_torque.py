@@ -24,9 +24,10 @@ import numpy as np
 
 from pivident.dynamics.regressor import Regressor
 from pivident.estimation.identification import Identification
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import LOW_SPEED, Problem
+from pivident.motion.kinematics import Kinematics
 from pivident.validation.held_out.prediction import motion_band
 
 #: Samples on which the standard error of the rigid torque is computed.

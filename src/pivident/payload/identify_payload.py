@@ -28,6 +28,7 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
+from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.payload.arm_and_load import ArmAndLoad, arm_and_load, widened
 from pivident.payload.compatibility import (
     check_recordings,
@@ -35,10 +36,17 @@ from pivident.payload.compatibility import (
     link_index,
     tool_frame,
 )
+from pivident.payload.joint_masses import joint_masses
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import NATURAL, LoadEstimate
 from pivident.payload.loaded_record import LoadedRecords
-from pivident.payload.payload_findings import refuse_negative, warnings_about, worse_explained
+from pivident.payload.payload_findings import (
+    disagreement,
+    refuse_negative,
+    scale_sentence,
+    warnings_about,
+    worse_explained,
+)
 from pivident.payload.payload_identification import PayloadIdentification
 from pivident.payload.restricted_solution import (
     RestrictedSolution,
@@ -125,6 +133,11 @@ def identify_payload(
     noise = _noise(records, sums, solution, unknowns, chosen)
     covariance, moved = with_known(noise, unknowns, solution)
     load = _load(problem.robot, carrier, unknowns, solution, covariance)
+    masses = None
+    if load.is_seen and load.determined[9]:
+        masses = joint_masses(arm, sums, unknowns, solution)
+        if masses is not None and masses.disagree:
+            load = replace(load, covariance=load.covariance + masses.added)
     if frame is not None:
         load = load.seen_from(frame, tool_frame(problem.robot, carrier, frame))
     refuse_negative(load)
@@ -132,15 +145,17 @@ def identify_payload(
     change = _arm_change(unknowns, solution, moved)
     relative_errors, rms_errors = records.errors(solution.theta)
     warnings = warnings_about(load, arm, change, converged, iterations)
+    warnings += disagreement(masses)
     if isinstance(empty, Problem):  # another method's error would refer to other samples
         warnings += worse_explained(arm, rms_errors)
     from pivident.version import __version__
 
+    instruments = InstrumentsUsed("loop") if chosen.simulates_loop else None
     return PayloadIdentification(
         load=load,
         link=problem.robot.links[carrier].name,
         joint=problem.robot.joint_names[carrier],
-        method=method_label(problem, chosen),
+        method=method_label(problem, chosen, instruments),
         arm=arm,
         arm_change=change,
         friction_names=tuple(arm.names[k] for k in unknowns.friction),
@@ -153,6 +168,8 @@ def identify_payload(
         converged=converged and arm.converged,
         iterations=iterations,
         known=known,
+        masses=masses,
+        scale=scale_sentence(problem.recordings),
         warnings=tuple(warnings),
         sources={s.name: s.sha256 for r in problem.recordings for s in r.sources},
         version=__version__,

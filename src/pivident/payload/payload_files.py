@@ -7,6 +7,7 @@ from os import PathLike
 from typing import Any
 
 from pivident.files import atomic_folder
+from pivident.payload.joint_masses import JointMasses
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
 from pivident.payload.payload_identification import PayloadIdentification
@@ -78,6 +79,8 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
         "undetermined": load.undetermined.T,
         "possible": possible,
         "known": known,
+        "scale": found.scale,
+        "masses": _mass_values(found.masses),
         "friction": [
             {"name": name, "change": change, "std": std}
             for name, change, std in zip(
@@ -96,6 +99,20 @@ def payload_values(found: PayloadIdentification) -> dict[str, Any]:
         "version": found.version,
     }
     return plain(content)
+
+
+def _mass_values(masses: JointMasses | None) -> dict[str, Any] | None:
+    """The mass by each joint, and whether they agree."""
+    if masses is None:
+        return None
+    joints = zip(masses.joints, masses.mass, masses.std, strict=True)
+    return {
+        "joints": [{"joint": name, "mass": m, "std": std} for name, m, std in joints],
+        "statistic": masses.statistic,
+        "p_value": masses.p_value,
+        "spread": masses.spread,
+        "disagree": masses.disagree,
+    }
 
 
 def payload_csv(load: LoadEstimate) -> str:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
 
 from pivident.errors import NegativePayload
 from pivident.estimation.identification import Identification
+from pivident.logs.joint_side import factors_of
+from pivident.logs.torque_scale import scale_sentences
+from pivident.payload.joint_masses import JointMasses
 from pivident.payload.load_estimate import LoadEstimate
+from pivident.recording.recording import Recording
 from pivident.text.finding import Finding, Quantity
-from pivident.text.numbers import plus_minus
+from pivident.text.numbers import percent, plus_minus
 
 #: Standard errors from which a negative mass is no matter of noise: the records are swapped.
 SWAPPED = 3.0
@@ -83,6 +89,49 @@ def warnings_about(
         evidence = {"change": Quantity(float(abs(change[worst])), "σ", bound=ARM_DIFFERS)}
         found.append(Finding("warning", "arm", "differs", text, arm.names[worst], "", evidence))
     return found
+
+
+def scale_sentence(recordings: Sequence[Recording]) -> str:
+    """What the scale of the mass rests on: gains, or logged torques.
+
+    Args:
+        recordings: with the load.
+    """
+    if scales := [s for r in recordings for s in r.torque_scale]:
+        return " ".join(scale_sentences(scales))
+    specs = [r.reading.get("units", {}).get("tau") for r in recordings]
+    units = [u for spec in specs for u in (spec if isinstance(spec, list) else [spec])]
+    gains = any(isinstance(u, Mapping) or factors_of("tau", [u])[1].any() for u in units if u)
+    return (
+        f"The mass has the scale of {'the declared drive gains' if gains else 'the logged torque'}"
+        ": an error of 1 % that all joints share is one of 1 % in the mass, and does not show here."
+    )
+
+
+def disagreement(masses: JointMasses | None) -> list[Finding]:
+    """A warning where the joints disagree on the mass.
+
+    Args:
+        masses: the mass by each joint; None: it is not determined.
+    """
+    if masses is None or not masses.disagree:
+        return []
+    text = (
+        f"The joints do not agree on the mass: {masses.listed} by their own equations (F = "
+        f"{masses.statistic:.3g}, p = {masses.p_value:.2g}). Their torque scales differ by about "
+        f"{percent(100 * masses.spread)}, and an error that they have in common does not show; "
+        "the intervals of the load are widened for the differences."
+    )
+    step = (
+        "Check the drive gains (`pivident gains` finds them from a load of known mass), friction "
+        "that grows with the load, and the link that carries it."
+    )
+    evidence = {
+        "spread": Quantity(100 * masses.spread, "%"),
+        "F": Quantity(masses.statistic),
+        "p": Quantity(masses.p_value),
+    }
+    return [Finding("warning", "load", "joints disagree", text, "", step, evidence)]
 
 
 def worse_explained(arm: Identification, rms_errors: np.ndarray) -> list[Finding]:

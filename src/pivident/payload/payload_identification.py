@@ -8,6 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from pivident.estimation.identification import Identification
+from pivident.payload.joint_masses import JointMasses
 from pivident.payload.known_parts import KnownParts
 from pivident.payload.load_estimate import LoadEstimate
 from pivident.payload.load_rows import load_rows
@@ -42,6 +43,9 @@ class PayloadIdentification:
         converged: whether the iteration converged.
         iterations: number of estimates.
         known: known parts of the load.
+        masses: mass by the equations of each joint; None where none is determined,
+            or the record without load is not there.
+        scale: what the scale of the mass rests on, a sentence.
         warnings: reservations.
         sources: SHA-256 of the loaded recordings' files by name.
         version: version of pivident.
@@ -63,6 +67,8 @@ class PayloadIdentification:
     converged: bool
     iterations: int
     known: KnownParts
+    masses: JointMasses | None
+    scale: str
     warnings: tuple[Finding, ...]
     sources: dict[str, str]
     version: str
@@ -84,6 +90,8 @@ class PayloadIdentification:
             f"Frame: {load.frame}.",
             load_table(load_rows(load)),
             *load_sentences(load, self.possible),
+            self.scale,
+            *self._mass_sentences(),
             f"Torque error with the load (and without): {errors}.",
             "The arm in both records: largest difference "
             f"{abs(self.arm_change[worst]):.1f} standard errors ({self.arm.names[worst]}).",
@@ -92,6 +100,16 @@ class PayloadIdentification:
             parts.append(changed)
         parts += [str(warning) for warning in self.warnings]
         return "\n\n".join(parts)
+
+    def _mass_sentences(self) -> list[str]:
+        """The mass by each joint, where two or more determine one."""
+        masses = self.masses
+        if masses is None or len(masses.joints) < 2 or masses.disagree:
+            return []
+        return [
+            f"The joints agree on the mass (p = {masses.p_value:.2g}). By their own equations: "
+            f"{masses.listed}."
+        ]
 
     def _friction_sentence(self) -> str:
         """Friction parameters that change significantly with the load."""

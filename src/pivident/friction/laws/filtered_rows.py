@@ -17,10 +17,10 @@ from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.equation_record import EquationRecord, accumulate
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import Bandpass, Method
-from pivident.estimation.motion import Motion
 from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.estimation.solved_equations import Equations
+from pivident.motion.motion import Motion
 from pivident.signals.decimation import parallel_decimation
 
 
@@ -47,7 +47,8 @@ class LastPass:
         """From an estimate; the motion of a decimated record is not kept and simulated again."""
         assert found.equations is not None
         equations, motions = found.equations, None
-        signals = method.signals if isinstance(method.signals, Bandpass) else None
+        recipe = (found.method_used or method).signals
+        signals = recipe if isinstance(recipe, Bandpass) else None
         if equations.has_instruments and signals is None:
             motions = tuple(r.motion for r in equations.records if r.motion is not None)
         elif equations.has_instruments:

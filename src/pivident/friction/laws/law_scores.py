@@ -16,10 +16,10 @@ import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.estimation.motion import with_inner
 from pivident.friction.laws.filtered_rows import LastPass
 from pivident.friction.laws.shape_constants import ShapeConstant, shape_constants
 from pivident.friction.laws.variable_projection import least_norm_solution
+from pivident.motion.motion import with_inner
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionColumn, FrictionLaw, FrictionTerm
 from pivident.validation.held_out.segment_sums import Segments, SegmentSums

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pivident.errors import ExperimentError
-from pivident.estimation.kinematics import Kinematics
+from pivident.motion.kinematics import Kinematics
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, Shape
 from pivident.robot.naming import find_joint, nearest
