@@ -1,7 +1,9 @@
 """The command line: results, exit codes, error lines, and nothing half-written."""
 
+import html
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -58,6 +60,33 @@ def test_one_method_writes_its_files_and_the_report(experiment, tmp_path, capsys
     assert json.loads((out / "verdict.json").read_text("utf-8"))["method"] == "IDIM-WLS"
     assert "zz1r" in printed.out and str(out / "report.html") in printed.out
     assert "reading the recordings" in printed.err
+
+
+@pytest.mark.parametrize("methods", ["piv", "ls,iv-full-rate,piv"])
+def test_no_warning_is_said_twice(tmp_path, capsys, methods):
+    """Assumed scales and a virtual law, which estimator, verdict and report all know."""
+    scale = '{unit = "A", gain = 1.0, scale = "assumed"}'
+    masses = '{unit = "A", gain = 0.9, scale = "masses"}'
+    text = EXPERIMENT.replace('tau = "N m"', f"tau = [{scale}, {masses}]")
+    text = text.replace('type = "pd"\nkp = [6000, 2500]\nkd = [180, 60]', 'type = "virtual_pd"')
+    out = tmp_path / "out"
+    code = run("identify", write_experiment(tmp_path, text), "-m", methods, "--out", out)
+    assert code in (0, 3)
+    printed = capsys.readouterr()
+    page = (out / "report.html").read_text("utf-8")
+    shown = re.sub(r"<script.*?</script>", " ", page, flags=re.DOTALL)
+    words = " ".join(html.unescape(re.sub(r"<[^>]+>", "", shown)).split())
+    sentences = {
+        sentence
+        for s in json.loads((out / "verdict.json").read_text("utf-8"))["statements"]
+        for sentence in re.split(r"(?<=[a-z)])\. ", f"{s['message']} {s['next_step']}")
+        if s["severity"] in ("warning", "error") and len(sentence) > 40
+    }
+    assert len(sentences) >= 3
+    both = printed.out + printed.err
+    once = dict.fromkeys(sentences, 1)
+    assert {s: both.count(s) for s in sentences} == once
+    assert {s: words.count(s.replace("`", "")) for s in sentences} == once
 
 
 @pytest.mark.parametrize(

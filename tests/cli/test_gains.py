@@ -82,7 +82,9 @@ def run(folder, text, *options) -> int:
 def test_with_a_payload_the_lines_turn_the_log_into_newton_metres(folder, capsys):
     assert run(folder, HEAD + LOADED, "--out", folder / "lines.toml") == 0
     printed = capsys.readouterr().out
-    assert "Known: the gains of shoulder, elbow, by the payload of 1.2 kg." in printed
+    assert (
+        "Known: the gains of shoulder, elbow, by the payload of 1.2 kg: an error of 1 %" in printed
+    )
     assert "N m/A" in printed and "none given" in printed
     lines = (folder / "lines.toml").read_text("utf-8")
     assert lines.strip() in printed
@@ -125,7 +127,7 @@ def test_weighted_and_total_least_squares_beside_it(folder, capsys):
 def test_a_trusted_gain_anchors_the_other(folder, capsys):
     assert run(folder, HEAD + "\n[gains]\ntrusted = {elbow = 5.0}\ntrusted_within = 0.01\n") == 0
     printed = capsys.readouterr().out
-    assert "Known: the gains of shoulder, elbow, by the trusted elbow." in printed
+    assert "Known: the gains of shoulder, elbow, by the trusted elbow: an error of 1 %" in printed
     gain = float(printed.splitlines()[1].split()[1])
     assert gain == pytest.approx(GAINS[0], rel=0.03)
 

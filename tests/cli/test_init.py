@@ -112,7 +112,7 @@ def test_weird_names_and_several_runs(folder):
     assert first.files == {"log": "run*1.csv"} and second.files == "run 2.csv"
     assert first.columns.q == names[1:3]
     assert [r.samples for r in experiment.recordings()] == [len(columns)] * 2
-    assert experiment.content.controller.type == "virtual_pd"
+    assert experiment.content.controller is None
 
 
 def test_files_of_the_same_columns_hold_what_their_names_say(folder):

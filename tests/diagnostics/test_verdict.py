@@ -11,13 +11,17 @@ from pivident.diagnostics.diagnostics import diagnose, diagnose_one
 from pivident.diagnostics.estimate_statements import further_warnings
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
 from pivident.diagnostics.residual_statements import friction_law
-from pivident.diagnostics.verdict import Verdict, save_verdict, verdict
+from pivident.diagnostics.verdict import Verdict, beside_verdict, verdict
+from pivident.diagnostics.verdict_file import held_out_errors, recommended_method, save_verdict
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.summary_tables import identification_table
 from pivident.experiment.simulated_tx40 import tx40_fine
 from pivident.signals.spectral_lines import SpectralLine
 from pivident.text.finding import Finding
+from pivident.text.numbers import with_spread
 
 
 @pytest.fixture(scope="module")
@@ -91,7 +95,7 @@ def test_undetermined_parameters_are_named_with_a_motion(simulated):
     for name in ("fv4", "xx3r"):
         k = piv.names.index(name)
         covariance[k, k] = (3.0 * piv.theta[k]) ** 2
-    doubtful = dataclasses.replace(piv, covariance=covariance)
+    doubtful = dataclasses.replace(piv, covariance=covariance, robust_covariance=covariance)
     found = verdict(diagnose_one({"piv": doubtful}))
     text = statement(found, "parameters").message
     assert "26 of 28" in text and "fv4" in text and "xx3r" in text
@@ -187,11 +191,23 @@ def test_without_friction_parameters_nothing_is_said_of_their_law(quiet):
     assert list(friction_law(diagnosed, "piv")) == []
 
 
+def with_joints(error, wrist: float = 3.0, noise: float = 0.01):
+    """Errors of two joints below 20 Hz, that of the second in per cent and with its noise."""
+    error.joint_names, error.units = ("shoulder", "wrist"), ("N m", "N m")
+    error.torque_in_band = np.array([50.0, 0.8])
+    error.relative_in_band = np.array([1.9, wrist])
+    error.rms_in_band = error.torque_in_band * error.relative_in_band / 100.0
+    error.noise_in_band = np.array([0.01, noise])
+    return error
+
+
 def diagnostics_with(loop_error: float, direct_error: float, reference: str = "recorded"):
     """Held-out errors over all frequencies [%], of a method called piv."""
     judged = SimpleNamespace(
         replay=SimpleNamespace(total=loop_error),
-        prediction=SimpleNamespace(total=direct_error, total_in_band=2.0, band=20.0),
+        prediction=with_joints(SimpleNamespace(total=direct_error, total_in_band=2.0, band=20.0)),
+        motion="held-out motion",
+        where="3 held-out blocks",
         training=SimpleNamespace(total_in_band=1.9),
         held_out=[SimpleNamespace(prediction=1, failure="")],
         identification=SimpleNamespace(loop=SimpleNamespace(reference=reference)),
@@ -248,3 +264,77 @@ def test_many_uncertainties_of_one_law_are_one_statement():
     assert first == other and "has 11 uncertainties" in one.message
     assert uncertain[0].message in one.message
     assert list(further_warnings(SimpleNamespace(warnings=uncertain[:2]))) == uncertain[:2]
+
+
+def test_a_joint_that_a_small_error_of_all_joints_hides_is_named():
+    diagnosed = diagnostics_with(2.0, 2.5)
+    judged = diagnosed.out_of_sample.results["piv"]
+    (said,) = prediction(diagnosed, "piv")
+    assert "is 2.0 %; the largest of a joint is 3.0 %, wrist." in said.message
+    assert said.evidence["largest of a joint"].value == 3.0
+    with_joints(judged.prediction, wrist=52.0)
+    total, missed = prediction(diagnosed, "piv")
+    assert total.severity == "ok" and missed.severity == "warning" and missed.subject == "wrist"
+    assert "its error on held-out motion is 52 %, 0.416 of 0.800 N m rms" in missed.message
+    assert "Noise" not in missed.message
+    with_joints(judged.prediction, wrist=52.0, noise=0.4)
+    assert "Noise of the logged torque may" in list(prediction(diagnosed, "piv"))[1].message
+
+
+def test_a_validation_recording_is_called_by_its_name(simulated, tmp_path):
+    problem, found = simulated
+    (record,) = problem.recordings
+    other = dataclasses.replace(record.part(0, 8000), name="friday", q=record.q[:8000] + 1e-9)
+    diagnosed = diagnose(problem, {"ls": found["ls"]}, METHODS, folds=3, recordings=(other,))
+    judged = verdict(diagnosed)
+    assert "error on the validation recording friday is" in statement(judged, "prediction").message
+    assert "on the validation recording friday" in statement(judged, "estimate").basis
+    compared = diagnosed.out_of_sample
+    assert "on the validation recording friday, below 20 Hz" in compared.joint_heading()
+    errors = compared.results["ls"].prediction
+    rows = compared.joint_table().splitlines()[1:]
+    (largest,) = [row for row in rows if row.endswith("largest")]
+    assert largest.split()[0] == errors.joint_names[int(np.argmax(errors.relative_in_band))]
+    save_verdict(judged, tmp_path / "verdict.json")
+    stored = held_out_errors(tmp_path, "IDIM-WLS")
+    assert stored.where == "the validation recording friday"
+    assert stored.joints == pytest.approx(
+        dict(zip(errors.joint_names, errors.relative_in_band, strict=True))
+    )
+    assert held_out_errors(tmp_path, "IDIM-PIV") is None
+    assert recommended_method(tmp_path) == "ls"
+
+
+def test_the_verdict_counts_by_robust_standard_errors(simulated):
+    """What is known, zero or negative does not rest on errors that the residual contradicts."""
+    ls = simulated[1]["ls"]
+    k = ls.names.index("fv4")
+    robust = ls.robust_covariance.copy()
+    robust[k, k] = (0.6 * ls.theta[k]) ** 2
+    wide = dataclasses.replace(ls, robust_covariance=robust)
+    assert (
+        "not significantly different from zero: fv4"
+        in statement(verdict(wide), "parameters").message
+    )
+    row = parameter_rows(wide)[k]
+    assert row.shown_std == pytest.approx(0.6 * abs(ls.theta[k])) and row.std == ls.std[k]
+    spread = with_spread(row.value, 1.2 * abs(row.value))[1]
+    (line,) = [x for x in identification_table(wide).splitlines() if x.startswith("fv4 ")]
+    assert line.split()[2] == spread and f"{row.std:.2g}" in line
+    unknown = dataclasses.replace(ls, robust_covariance=np.full_like(robust, np.nan))
+    assert parameter_rows(unknown)[k].shown_std == ls.std[k]
+
+
+def test_what_the_verdict_says_is_not_said_again():
+    def finding(topic, text, severity="warning"):
+        return Finding(severity, topic, "k", text)
+
+    scale, reference = finding("torque scale", "s"), finding("reference", "r")
+    law, another = finding("law", "l"), finding("noise model", "n")
+    found = Verdict("IDIM-PIV", "piv", (finding("torque scale", "S"), reference))
+    noticed = {
+        "ls": [scale, another],
+        "iv": [scale, reference, law, another],
+        "piv": [scale, reference, law, finding("exogeneity", "e")],
+    }
+    assert beside_verdict(found, noticed) == [(("ls", "iv"), another), (("piv",), law)]

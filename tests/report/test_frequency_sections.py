@@ -110,7 +110,12 @@ def test_figures_say_in_words_what_they_show(results):
     joint = identified_loop(piv).joints[0]
     filters = scaled_prefilters(piv)
     figures = {
-        "largest at 39.2 Hz for dq and 43.4 Hz for ddq": bandpass_figure(Bandpass(), 1000.0, 0),
+        "largest at 39.2 Hz for dq and 43.4 Hz for ddq": bandpass_figure(
+            Bandpass(cutoff=50.0), ["shoulder", "elbow"], 1000.0, 0
+        ),
+        "-6 dB at 12.0 Hz (shoulder), 50.0 Hz (elbow)": bandpass_figure(
+            Bandpass(cutoff=(12.0, 50.0)), ["shoulder", "elbow"], 1000.0, 0
+        ),
         "flat to 16.0 Hz, -6 dB at 17.0 Hz": decimation_figure(Bandpass(), 1000.0, 0),
         "shoulder 87.0 Hz, elbow 12.0 Hz": smoother_figure(
             ["shoulder", "elbow"], [87.0, 12.0], 3, 1000.0, 0

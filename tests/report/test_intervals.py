@@ -12,9 +12,9 @@ def row(value, std, robust_std=math.nan, truth=math.nan):
 
 
 def test_intervals_keep_their_proportions():
-    drawing = interval_drawing([row(1.0, 0.1, 0.2), row(1.5, 0.05)], ["LS", "PIV"], with_zero=False)
+    drawing = interval_drawing([row(1.0, 0.2, 0.1), row(1.5, 0.05)], ["LS", "PIV"], with_zero=False)
     first, second = drawing.intervals
-    assert first.robust_left < first.left < first.middle < first.right < first.robust_right
+    assert first.method_left < first.left < first.middle < first.right < first.method_right
     assert (first.middle - first.left) == pytest.approx(2 * (second.middle - second.left), abs=0.05)
     assert drawing.zero is None
     assert (drawing.low, drawing.high) == ("0.60", "1.60")

@@ -90,7 +90,7 @@ def test_short_or_constant_residuals_are_not_tested():
 def test_disagreements_name_parameter_and_methods():
     first = good()
     theta = first.theta.copy()
-    theta[0] += 5.0 * np.hypot(first.std[0], first.std[0])
+    theta[0] += 5.0 * np.hypot(first.robust_std[0], first.robust_std[0])
     text = disagreements([first, replace(first, theta=theta)], ["IDIM-IV", "IDIM-PIV"])
     assert "zz1r (IDIM-IV and IDIM-PIV)" in text
     assert disagreements([first, first], ["a", "b"]) is None

@@ -13,7 +13,7 @@ import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import App, CycloptsError, Parameter
 
@@ -29,14 +29,21 @@ from pivident.cli.friction import friction
 from pivident.cli.gains import gains
 from pivident.cli.laws import laws
 from pivident.cli.payload import payload
+from pivident.cli.predict import predict
 from pivident.cli.study import study
 from pivident.cli.symbolic import symbolic
 from pivident.errors import DatasetUnavailable, PividentError
 from pivident.text.lists import separated
 from pivident.version import __version__
 
+if TYPE_CHECKING:
+    from pivident.cli.workflow import Outcome
+
 DONE, WRONG_INPUT, WRONG_USAGE, NOT_CONVERGED, INTERRUPTED = 0, 1, 2, 3, 130
 FAULTY_LOG = 4
+
+#: Names of the columns of a log without header.
+Columns = Annotated[str | None, Parameter(show_default=False)]
 
 app = App(
     name="pivident",
@@ -60,6 +67,7 @@ app.command(laws)
 app.command(compare)
 app.command(consistent)
 app.command(payload)
+app.command(predict)
 app.command(export)
 app.command(symbolic)
 
@@ -77,7 +85,7 @@ def demo(*, out: Path = Path("pivident-demo"), seed: int = 0) -> int:
     """
     from pivident.cli.workflow import run_demo
 
-    return NOT_CONVERGED if not run_demo(out, seed) else DONE
+    return code_of(run_demo(out, seed))
 
 
 @app.command
@@ -114,7 +122,11 @@ def identify(
         _check_methods(names)
     if folds is not None and (folds < 0 or folds == 1):
         raise UsageError(f"--folds {folds} leaves nothing to fit; use 2 or more, or 0 for none")
-    outcome = run_experiment(experiment, names, out, folds)
+    return code_of(run_experiment(experiment, names, out, folds))
+
+
+def code_of(outcome: Outcome) -> int:
+    """Exit code of a run over several methods: a method that failed counts before the others."""
     if outcome.failed:
         return WRONG_INPUT
     return DONE if outcome.converged else NOT_CONVERGED
@@ -127,6 +139,7 @@ def audit(
     *,
     robot: str | None = None,
     experiment: Path | None = None,
+    columns: Columns = None,
     out: Path | None = None,
 ) -> int:
     """Report what is wrong with a log before anything is identified from it.
@@ -139,12 +152,16 @@ def audit(
         Robot of a log without experiment file: name in the gallery, .toml or .urdf.
     experiment
         Experiment file that describes the log's columns.
+    columns
+        Names of the columns of a log without header, in their order: t,q1..q6,-,tau1..tau6, with -
+        for those that are not needed.
     out
         Folder for audit.json and audit.html. Default: NAME-audit for NAME.csv.
     """
     from pivident.cli.audit import run_audit
 
-    return DONE if run_audit(log, robot, experiment, out) else FAULTY_LOG
+    done = run_audit(log, robot, experiment, out, separated([columns or ""]))
+    return DONE if done else FAULTY_LOG
 
 
 @app.command
@@ -153,6 +170,7 @@ def init(
     robot: str | None = None,
     out: Path = Path("experiment.toml"),
     joints: Annotated[str | None, Parameter(show_default=False)] = None,
+    columns: Columns = None,
     yes: Annotated[bool, Parameter(name=["--yes", "-y"], negative=())] = False,
     force: Annotated[bool, Parameter(negative=())] = False,
 ) -> int:
@@ -168,6 +186,9 @@ def init(
         The experiment file.
     joints
         Joints of a URDF to identify, separated by commas. Default: all that move and have a torque.
+    columns
+        Names of the columns of a log without header, in their order: t,q1..q6,-,tau1..tau6, with -
+        for those that are not needed.
     yes
         Ask nothing; write the best assumption and mark it.
     force
@@ -179,7 +200,8 @@ def init(
         raise UsageError("init needs a log: pivident init log.csv --robot my_arm.urdf")
     names = separated([joints or ""])
     ask = sys.stdin.isatty() and not yes
-    done = run_init(logs, robot, out, joints=names, ask=ask, force=force)
+    named = separated([columns or ""])
+    done = run_init(logs, robot, out, joints=names, column_names=named, ask=ask, force=force)
     return DONE if done else FAULTY_LOG
 
 

@@ -16,7 +16,13 @@ if TYPE_CHECKING:
     from pivident.audit.audit import Audit
 
 
-def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path | None) -> bool:
+def run_audit(
+    path: Path,
+    robot: str | None,
+    experiment: Path | None,
+    out: Path | None,
+    column_names: Sequence[str] = (),
+) -> bool:
     """Audit a log, print and write what was found (JSON and a page); True without errors."""
     from pivident.audit.audit import audits_json
     from pivident.audit.audit_file import audit_file
@@ -27,7 +33,7 @@ def run_audit(path: Path, robot: str | None, experiment: Path | None, out: Path 
     check_output(folder)
     with Progress() as progress:
         machine = None if robot is None else load_robot(robot)
-        audits = audit_file(path, machine, experiment, progress.say)
+        audits = audit_file(path, machine, experiment, progress.say, column_names)
         progress.say("writing the page")
         if can_draw(progress, "audit.html"):
             from pivident.report.audit.audit_files import write_audit

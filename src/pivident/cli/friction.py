@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pivident.cli.console import Progress
+from pivident.cli.console import Progress, note
 from pivident.errors import ExperimentError
 from pivident.extras import require
 
@@ -40,8 +40,7 @@ def friction(
         Folder for friction.html, friction.json, curves.csv and curves.parquet. Default:
         NAME-friction for NAME.toml.
     """
-    run_friction(experiment, method, standstill, out, ripple)
-    return 0
+    return 0 if run_friction(experiment, method, standstill, out, ripple) else 3
 
 
 def run_friction(
@@ -50,8 +49,11 @@ def run_friction(
     standstill: float | None,
     out: Path | None,
     ripple: bool = False,
-) -> FrictionStudy:
-    """Identify, subtract the rigid part, print what stands out in the friction, write the files."""
+) -> bool:
+    """Identify, subtract the rigid part, print what stands out in the friction, write the files.
+
+    True where the estimate converged.
+    """
     from pivident.cli.workflow import check_output
     from pivident.estimation.identify import identify
     from pivident.experiment.experiment import load_experiment
@@ -83,7 +85,12 @@ def run_friction(
         page = write_friction(study, folder, f"{experiment.title}: friction")
     print_friction(study)
     print(f"\nPage: {page}")
-    return study
+    if not found.converged:
+        note(
+            f"{found.method} did not converge in {found.iterations} iterations; the friction above "
+            "is that of its last estimate"
+        )
+    return found.converged
 
 
 def print_friction(study: FrictionStudy) -> None:

@@ -171,7 +171,10 @@ def _sentences(found: GainsOfExperiment) -> list[str]:
         if group.anchored:
             means = [] if found.payload is None else [f"the payload of {found.payload.mass:g} kg"]
             means += [f"the trusted {name}" for name in found.trusted]
-            said.append(f"Known: the gains of {', '.join(names)}, by {' and '.join(means)}.")
+            said.append(
+                f"Known: the gains of {', '.join(names)}, by {' and '.join(means)}: an error of "
+                "1 % in that is one of 1 % in these gains and in all masses by them."
+            )
         elif len(names) == 1:
             said.append(
                 f"Not known: the gain of {names[0]}. No other joint determines it to within "

@@ -30,6 +30,7 @@ def run_init(
     out: Path,
     *,
     joints: Sequence[str] = (),
+    column_names: Sequence[str] = (),
     ask: bool = False,
     force: bool = False,
 ) -> bool:
@@ -45,7 +46,13 @@ def run_init(
     while True:
         with Progress() as progress:
             draft = draft_experiment(
-                logs, robot, out=out, joints=joints, answers=answers, progress=progress.say
+                logs,
+                robot,
+                out=out,
+                joints=joints,
+                column_names=column_names,
+                answers=answers,
+                progress=progress.say,
             )
         open_questions = [q for q in draft.questions if q.about not in answers] if ask else []
         if not open_questions:

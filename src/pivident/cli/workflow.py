@@ -19,17 +19,19 @@ from pivident.consistency.consistent_estimate import (
 from pivident.consistency.consistent_files import write_consistent
 from pivident.consistency.method_names import PREFIX, free_methods
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose
-from pivident.diagnostics.verdict import save_verdict, verdict
-from pivident.errors import IdentificationError
+from pivident.diagnostics.verdict import beside_verdict, verdict
+from pivident.diagnostics.verdict_file import VERDICT_FILE, save_verdict
+from pivident.errors import PividentError
 from pivident.estimation.identification import Identification
 from pivident.estimation.identification_file import save_identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import METHODS, Method
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
-from pivident.estimation.summary_tables import comparison_table, rows_kind
+from pivident.estimation.summary_tables import comparison_table, identification_table, rows_kind
 from pivident.extras import is_installed
 from pivident.files import atomic_folder, check_output
+from pivident.friction.bearing_friction import bearing_friction
 from pivident.friction.laws.shapes import identify_shapes
 from pivident.validation.essential_parameters import EssentialParameters, essential_parameters
 
@@ -85,6 +87,9 @@ def run_experiment(
         unseen = experiment.unseen_recordings()
         essential, shaped = None, None
         last = list(methods.values())[-1]
+        if experiment.has_open_friction:
+            recipe = experiment.methods(["ls"])["ls"]
+            problem = bearing_friction(problem, recipe, progress.say)
         if experiment.content.identify.shapes == "identify":
             shaped = identify_shapes(problem, last, progress=progress.say)
             problem = shaped.problem
@@ -127,11 +132,8 @@ def run_experiment(
     return outcome
 
 
-def run_demo(out: Path, seed: int = 0) -> bool:
-    """Simulate a TX40 record, identify it, print estimates against truth, write the report.
-
-    True where all methods converged.
-    """
+def run_demo(out: Path, seed: int = 0) -> Outcome:
+    """Simulate a TX40 record, identify it, print estimates against truth, write the report."""
     from pivident.experiment.simulated_tx40 import tx40_fine
 
     check_output(out)
@@ -150,7 +152,7 @@ def run_demo(out: Path, seed: int = 0) -> bool:
         report = can_draw(progress)
         write_results(results, out, title, truth, report=report)
     _print_results(results, out, truth, report=report)
-    return outcome.converged and not outcome.failed
+    return outcome
 
 
 def can_draw(progress: Progress, page: str = "report.html") -> bool:
@@ -164,12 +166,12 @@ def can_draw(progress: Progress, page: str = "report.html") -> bool:
 def identify_all(problem: Problem, methods: Mapping[str, Method], progress: Progress) -> Outcome:
     """Estimate with one method after the other."""
     found: dict[str, Identification] = {}
-    failures: dict[str, IdentificationError] = {}
+    failures: dict[str, PividentError] = {}
     for name, method in methods.items():
         begin = time.perf_counter()
         try:
             found[name] = identify(problem, method, _prefixed(progress, method.label))
-        except IdentificationError as error:
+        except PividentError as error:  # takes no other method's result away
             failures[name] = error
             if len(methods) > 1:
                 progress.keep(f"{method.label}: {error_line(error)}")
@@ -202,7 +204,7 @@ def write_results(
             own = build / name if several else build
             if isinstance(estimate, ConsistentEstimate):
                 write_consistent(estimate, own, own / "identification.json")
-        save_verdict(verdict(results.diagnostics), build / "verdict.json")
+        save_verdict(verdict(results.diagnostics), build / VERDICT_FILE)
         if results.essential is not None:
             text = f"{results.essential}\n"
             (build / "essential_parameters.txt").write_text(text, encoding="utf-8")
@@ -253,21 +255,26 @@ def _print_results(
     report: bool = True,
 ) -> None:
     """Verdict and tables on standard output, warnings and places after them."""
-    print(f"{verdict(results.diagnostics)}\n")
+    judged = verdict(results.diagnostics)
+    print(f"{judged}\n")
     if results.essential is not None:
         print(f"{results.essential}\n")
     found = list(results.identifications.values())
     if len(found) == 1 and truth is None:
-        print(found[0].summary())
+        print(identification_table(found[0], with_warnings=False))  # they are in the verdict
     else:
         print(comparison_table(found, truth))
         if truth is not None:
             print(f"\n{truth_lines(found, truth)}")
-        for result in found:
-            for warning in result.warnings:
-                note(f"{result.method}: {warning.advised}")
-    if results.diagnostics.out_of_sample is not None:
-        print(f"\n{results.diagnostics.out_of_sample.table()}")
+        warnings = {n: i.warnings for n, i in results.identifications.items() if n != judged.name}
+        for names, warning in beside_verdict(judged, warnings):
+            methods = ", ".join(results.identifications[name].method for name in names)
+            note(f"{methods}: {warning.advised}")
+    compared = results.diagnostics.out_of_sample
+    if compared is not None:
+        print(f"\n{compared.table()}")
+        if found[0].robot.size > 1:
+            print(f"\n{compared.joint_heading()}\n{compared.joint_table()}")
     for estimate in results.diagnostics.consistent.values():
         if isinstance(estimate, ConsistentEstimate):
             print(f"\n{estimate}")

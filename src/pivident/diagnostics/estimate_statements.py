@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.wanted_motion import wanted_motions
 from pivident.estimation.identification import Identification
-from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.parameter_rows import parameter_rows, shown_std
 from pivident.estimation.signs import negative_parameters
 from pivident.logs.torque_scale import scale_sentences
 from pivident.text.finding import Finding, Quantity, Severity
@@ -21,7 +21,10 @@ WELL = 10.0
 MAX_OF_LAW = 3
 
 #: Topics of an estimator's warnings that have a statement of their own in the verdict.
-REPEATED = ("iteration", "exogeneity", "torque scale")
+RESTATED = ("iteration", "exogeneity", "torque scale", "instruments", "torque side")
+
+#: The same for single negative parameters; reversed signs are said by the estimator alone.
+NEGATIVE = ("signs", "negative")
 
 
 def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
@@ -47,7 +50,7 @@ def choice(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         evidence={
             r.method: Quantity(r.prediction.total_in_band, "%") for r in compared.results.values()
         },
-        basis=" ".join([f"torque error on held-out motion: {errors}.", *compared.ratio_lines()]),
+        basis=" ".join([f"torque error on {compared.motion}: {errors}.", *compared.ratio_lines()]),
     )
 
 
@@ -72,19 +75,19 @@ def convergence(result: Identification) -> Iterator[Finding]:
 def determined(result: Identification) -> Iterator[Finding]:
     """What is well determined, what is not, and which motion would determine it."""
     rows = parameter_rows(result)
-    well = [r for r in rows if 2.0 * r.relative_std <= WELL]
+    well = [r for r in rows if 2.0 * r.shown_percent <= WELL]
     zero = tuple(r.name for r in rows if r.includes_zero)
-    middle = tuple(r.name for r in rows if 2.0 * r.relative_std > WELL and not r.includes_zero)
-    best = min(rows, key=lambda r: r.relative_std)
-    worst = max(rows, key=lambda r: r.relative_std)
+    middle = tuple(r.name for r in rows if 2.0 * r.shown_percent > WELL and not r.includes_zero)
+    best = min(rows, key=lambda r: r.shown_percent)
+    worst = max(rows, key=lambda r: r.shown_percent)
     evidence = {
         "well known": Quantity(len(well)),
         "parameters": Quantity(len(rows)),
         "condition number": Quantity(result.condition),
     }
     basis = (
-        f"2σ from {percent(2 * best.relative_std)} ({best.name}) to "
-        f"{percent(2 * worst.relative_std)} ({worst.name}); condition number "
+        f"2σ from {percent(2 * best.shown_percent)} ({best.name}) to "
+        f"{percent(2 * worst.shown_percent)} ({worst.name}); condition number "
         f"{format_significant(result.condition)}"
     )
     known = f"{len(rows)} parameters are known to {WELL:g} % or better (2σ)"
@@ -110,9 +113,14 @@ def torque_scale(result: Identification) -> Iterator[Finding]:
         yield Finding("warning", "torque scale", "assumed", sentence)
 
 
+def torque_side(result: Identification) -> Iterator[Finding]:
+    """What torques behind the gears leave out of the model, and which friction stays in it."""
+    yield from (w for w in result.warnings if w.topic == "torque side")
+
+
 def signs(result: Identification) -> Iterator[Finding]:
     """Friction and rotor inertias cannot be negative."""
-    negative = negative_parameters(result.parameters, result.names, result.theta, result.std)
+    negative = negative_parameters(result.parameters, result.names, result.theta, shown_std(result))
     if not negative:
         return
     evidence = {p.name: p.quantity for p in negative}
@@ -136,9 +144,14 @@ def _law_notes(result: Identification) -> tuple[str, ...]:
     return () if found is None else found.notes
 
 
+def is_restated(warning: Finding) -> bool:
+    """Whether a statement of the verdict says what an estimator's warning says."""
+    return warning.topic in RESTATED or (warning.topic, warning.kind) == NEGATIVE
+
+
 def further_warnings(result: Identification) -> Iterator[Finding]:
     """The estimator's warnings that no statement above repeats; many of one law are one."""
-    further = [w for w in result.warnings if w.topic not in REPEATED and w.severity != "note"]
+    further = [w for w in result.warnings if not is_restated(w) and w.severity != "note"]
     of_law = [w for w in further if w.topic == "law"]
     if len(of_law) <= MAX_OF_LAW:
         of_law = []
@@ -149,5 +162,5 @@ def further_warnings(result: Identification) -> Iterator[Finding]:
             "in the summary of the report), and the instruments depend on it. The first: "
             f"{of_law[0].message}"
         )
-        step = 'Give the law where it is known, or compare with type = "virtual_pd".'
+        step = 'Give the law where it is known, or compare with instruments = "response".'
         yield Finding("warning", "law", "uncertain", text, next_step=step)

@@ -5,6 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
+from pivident.instruments.given_motion import (
+    CURES,
+    EXOGENOUS,
+    LEAVES,
+    InstrumentsUsed,
+)
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed
 from pivident.text.numbers import percent
@@ -27,7 +33,7 @@ def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
             "feedback",
             "no instruments",
             "Without instruments it is not known whether the feedback loop biases least squares.",
-            next_step="Give the controller, or let it be identified, and run iv or piv.",
+            next_step="Run iv-full-rate or piv beside it.",
         )
         return
     test = tests.exogeneity
@@ -60,6 +66,18 @@ def feedback_bias(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     yield Finding(severity, "feedback", kind, text, evidence=evidence, basis=basis)
 
 
+def _what_they_cure(used: InstrumentsUsed) -> str:
+    """What the instruments are, and which bias they remove and which not."""
+    return (
+        f"They come from {used.title}, and remove the bias from {CURES[used.kind]}, not that from "
+        f"{LEAVES[used.kind]}."
+    )
+
+
+def _others(used: InstrumentsUsed) -> str:
+    return "; ".join(f"{title} ({why})" for title, why in used.others)
+
+
 def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
     """Whether the instruments are relevant and not contradicted."""
     tests = diagnostics.instruments.get(name)
@@ -75,16 +93,32 @@ def strength(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         f"smallest first-stage F {relevance.statistic:.3g} (weak below {WEAK_BELOW:g}), smallest "
         f"partial R² {relevance.practical_size:.4g}, Cragg-Donald {relevance.cragg_donald:.3g}"
     )
+    used = diagnostics.identifications[name].instruments
+    severity: Severity = "ok"
     if relevance.weak:
+        severity, kind = "warning", "weak"
         text = f"The instruments are weak for {listed(relevance.weak)}."
-        yield Finding("warning", "instruments", "weak", text, evidence=evidence, basis=basis)
+    elif used is not None and used.shares_noise:
+        severity, kind = "warning", "not exogenous"
+        text = f"The instruments may share the noise of the record: {used.shares_noise}."
+    elif used is not None and used.kind not in EXOGENOUS:
+        severity, kind = "warning", "partly exogenous"
+        text = "The instruments are relevant, but no more than partly free of the record's noise."
     else:
-        text = "The instruments are strong."
-        yield Finding("ok", "instruments", "strong", text, evidence=evidence, basis=basis)
+        kind, text = "strong", "The instruments are strong."
+    if used is not None:
+        text += f" {_what_they_cure(used)}"
+    step = ""
+    if severity == "warning" and used is not None and used.kind != "loop":
+        step = "Log the reference of the motion, or repeat the motion."
+    yield Finding(severity, "instruments", kind, text, "", step, evidence, basis)
+    if used is not None and used.others:
+        text = f"Other instruments that were considered: {_others(used)}."
+        yield Finding("note", "instruments", "others", text)
     more = tests.overidentification
     if more.matters:
-        text = (
-            "Further instruments contradict the estimate: the model or the control law does not "
-            "quite match the machine."
-        )
+        with_law = used is None or used.kind == "loop"
+        cause = "the model or the control law" if with_law else "the model"
+        text = f"Further instruments contradict the estimate: {cause} does not quite match the "
+        text += "machine."
         yield Finding("warning", "instruments", "contradicted", text, basis=str(more))

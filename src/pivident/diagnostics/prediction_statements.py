@@ -4,14 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.text.finding import Finding, Quantity, Severity
-from pivident.text.numbers import percent
+from pivident.text.numbers import format_significant, percent
 from pivident.validation.held_out.cross_validation import CrossValidation
 
 #: A simulated loop whose torque misses more than this of the measured one explains less than three
 #: quarters of its power (1 - 0.5²) and is a reservation [%].
 LOOP_MISSES = 50.0
+
+#: The same for the torque of one joint on the measured motion [%].
+JOINT_MISSES = 50.0
+
+#: Share of an rms error that is most of its power.
+MOSTLY = 0.71
 
 #: Ratio of the errors on held-out and on fitted motion above which it is a reservation.
 WORSE = 1.5
@@ -34,14 +42,15 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         return
     judged = compared.results[name]
     error, fitted = judged.prediction, judged.training
+    worst = int(np.argmax(error.relative_in_band))
     basis = (
-        f"below {error.band:g} Hz {percent(error.total_in_band)} on {len(judged.held_out)} "
-        f"held-out blocks, {percent(fitted.total_in_band)} on the fitted motion"
+        f"below {error.band:g} Hz {percent(error.total_in_band)} on {judged.where}, "
+        f"{percent(fitted.total_in_band)} on the fitted motion"
     )
     grows = error.total_in_band / max(fitted.total_in_band, 1e-300)
     if judged.replay is not None and judged.replay.total <= LOOP_MISSES:
         basis += f"; simulated loop {percent(judged.replay.total)}"
-    text = f"The torque error on held-out motion is {percent(error.total_in_band)}"
+    text = f"The torque error on {judged.motion} is {percent(error.total_in_band)}"
     severity: Severity = "ok"
     kind, step = "predicts", ""
     if grows > WORSE:
@@ -52,7 +61,33 @@ def prediction(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:
         "torque error": Quantity(error.total_in_band, "%"),
         "fitted motion": Quantity(fitted.total_in_band, "%"),
     }
+    if len(error.joint_names) > 1:
+        largest = float(error.relative_in_band[worst])
+        text += f"; the largest of a joint is {percent(largest)}, {error.joint_names[worst]}"
+        evidence["largest of a joint"] = Quantity(largest, "%")
     yield Finding(severity, "prediction", kind, f"{text}.", "", step, evidence, basis)
+    yield from _missed_joints(judged)
+
+
+def _missed_joints(judged: CrossValidation) -> Iterator[Finding]:
+    """Joints whose torque is hardly predicted, which a small error of all joints can hide."""
+    e = judged.prediction
+    for name, share, noise, rms, torque, unit in zip(
+        e.joint_names, e.relative_in_band, e.noise_in_band, e.rms_in_band, e.torque_in_band,
+        e.units, strict=True,
+    ):  # fmt: skip
+        if share <= JOINT_MISSES:
+            continue
+        text = (
+            f"The torque of {name} is hardly predicted: its error on {judged.motion} is "
+            f"{percent(share)}, {format_significant(rms)} of {format_significant(torque)} {unit} "
+            f"rms. The {percent(e.total_in_band)} over all joints do not show it."
+        )
+        if noise > MOSTLY * rms:
+            text += " Noise of the logged torque may account for most of that."
+        evidence = {"torque error": Quantity(float(share), "%", bound=JOINT_MISSES)}
+        step = "Move this joint more, look at its friction, its unit and sign, or leave it out."
+        yield Finding("warning", "prediction", "joint missed", text, name, step, evidence)
 
 
 def simulated_loop(diagnostics: Diagnostics, name: str) -> Iterator[Finding]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import AutoRegressive, PrefilteredIV
@@ -23,14 +25,17 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
     modelled = any(j.ar_order for j in result.joints)
     what = "The noise model whitens the residual" if modelled else "The residual is white"
     basis = f"{worst[0]}: {worst[1]}"
-    own = result.covariance is result.robust_covariance
+    own = np.array_equal(result.covariance, result.robust_covariance)
+    robust = bool(np.isfinite(result.robust_std).all())
     if not coloured:
         yield Finding("ok", "noise", "white", f"{what} on all joints.", basis=basis)
     else:
         rest = (
             "the standard errors account for that"
             if own
-            else "the method's own standard errors do not account for that; use the robust ones"
+            else "the robust standard errors, shown here, account for that, the method's own do not"
+            if robust
+            else "the standard errors do not account for that"
         )
         if modelled and _continues_level(result):
             rest += (
@@ -39,7 +44,7 @@ def noise(result: Identification, tests: ResidualTests) -> Iterator[Finding]:
             )
         what = "The noise model does not whiten" if modelled else "The residual is coloured"
         text = f"{what}{' the residual' if modelled else ''} on {listed(coloured)}; {rest}."
-        severity: Severity = "note" if own else "warning"
+        severity: Severity = "note" if own or robust else "warning"
         yield Finding(severity, "noise", "coloured", text, basis=basis)
     for topic, sentence in (
         ("variance", "The residual's variance changes with the motion on {joints}"),

@@ -8,8 +8,8 @@ of. Each statement is a finding with its severity and the test that it is based 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from pathlib import Path
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 from pivident.diagnostics.consistency_statements import consistency
 from pivident.diagnostics.diagnostics import Diagnostics, diagnose_one
@@ -19,8 +19,10 @@ from pivident.diagnostics.estimate_statements import (
     determined,
     further_warnings,
     identified_law,
+    is_restated,
     signs,
     torque_scale,
+    torque_side,
 )
 from pivident.diagnostics.instrument_statements import feedback_bias, strength
 from pivident.diagnostics.prediction_statements import prediction, simulated_loop
@@ -34,9 +36,7 @@ from pivident.estimation.identification import Identification
 from pivident.logs.torque_scale import scale_headline
 from pivident.text import display
 from pivident.text.finding import Finding, Severity, worst
-
-#: Number of the layout of ``verdict.json``.
-SCHEMA = 2
+from pivident.validation.held_out.held_out_errors import HeldOutErrors
 
 
 @dataclass(frozen=True)
@@ -48,12 +48,14 @@ class Verdict:
         name: its short name.
         statements: in the order of the page.
         scale: in what units all parameters are, a sentence; empty where torques are known in SI.
+        held_out: torque errors on held-out motion by the methods' short names.
     """
 
     method: str
     name: str
     statements: tuple[Finding, ...]
     scale: str = ""
+    held_out: Mapping[str, HeldOutErrors] = field(default_factory=dict)
 
     @property
     def severity(self) -> Severity:
@@ -104,6 +106,7 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
     statements = [
         *choice(diagnostics, name),
         *torque_scale(result),
+        *torque_side(result),
         *convergence(result),
         *determined(result),
         *signs(result),
@@ -120,18 +123,42 @@ def verdict(diagnostics: Diagnostics | Identification) -> Verdict:
         *further_warnings(result),
         *(Finding("note", "not tested", "not tested", text) for text in diagnostics.notes),
     ]
-    return Verdict(result.method, name, tuple(statements), scale_headline(result.torque_scale))
+    compared = diagnostics.out_of_sample
+    judged = {} if compared is None else compared.results
+    return Verdict(
+        result.method,
+        name,
+        tuple(statements),
+        scale_headline(result.torque_scale),
+        {key: HeldOutErrors.of(one) for key, one in judged.items() if not one.training_only},
+    )
 
 
-def save_verdict(found: Verdict, path: Path) -> None:
-    """Write a verdict as JSON."""
-    import json
+def beside_verdict(
+    found: Verdict, findings: Mapping[str, Sequence[Finding]]
+) -> list[tuple[tuple[str, ...], Finding]]:
+    """What was noticed about results and is not in the verdict, once for all methods it holds for.
 
-    content = {
-        "schema": SCHEMA,
-        "method": found.method,
-        "severity": found.severity,
-        "headline": found.headline,
-        "statements": [s.as_json() for s in found.statements],
-    }
-    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    Args:
+        found: the verdict.
+        findings: about each result, by short name of its method.
+
+    Returns:
+        Names of the methods, and the finding.
+    """
+    said, topics = list(found.statements), {s.topic for s in found.statements}
+    taken = findings.get(found.name, ())
+    kept: list[tuple[list[str], Finding]] = []
+    for name, own in findings.items():
+        for finding in own:
+            restated = finding.topic in topics or is_restated(finding)
+            if finding in said or (name == found.name and restated and finding.topic != "law"):
+                continue
+            if name != found.name and finding in taken:
+                continue
+            holders = next((names for names, other in kept if other == finding), None)
+            if holders is None:
+                kept.append(([name], finding))
+            elif name not in holders:
+                holders.append(name)
+    return [(tuple(names), finding) for names, finding in kept]

@@ -80,7 +80,7 @@ def figure_of_intervals(
                     i.middle, y, ls="none", marker=style["marker"], color=style["color"], ms=2.8
                 )
             last = [r for r in table[name] if r is not None][-1]
-            value, spread = with_spread(last.value, 2.0 * last.std)
+            value, spread = with_spread(last.value, 2.0 * last.shown_std)
             texts.append(f"{value} ± {spread} {last.unit}")
         ax.set_ylim(len(names) - 0.4, -0.6)
         ax.set_xlim(0.0, 100.0)

@@ -18,7 +18,13 @@ from pivident.diagnostics.verdict import Verdict
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows
 from pivident.estimation.problem import Problem
-from pivident.estimation.summary_tables import ending, friction_line, rows_line
+from pivident.estimation.summary_tables import (
+    ending,
+    friction_line,
+    rows_line,
+    signals_line,
+    std_line,
+)
 from pivident.recording.recording import Recording
 from pivident.report.intervals import interval_drawing
 from pivident.robot.description import Robot
@@ -48,12 +54,14 @@ def identification_html(result: Identification) -> str:
         "identification",
         result=result,
         ending=ending(result),
+        std_line=f"Parameters ± 2σ. {std_line([result])}",
         rows_line=rows_line(result),
+        signals_line=signals_line(result),
         friction_line=friction_line(result),
         rows=[
             (
                 row,
-                with_spread(row.value, 2.0 * row.std),
+                with_spread(row.value, 2.0 * row.shown_std),
                 interval_drawing([row], [result.method], with_zero=True),
             )
             for row in rows

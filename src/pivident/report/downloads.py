@@ -138,10 +138,10 @@ def to_latex(identification: Identification) -> str:
 
 def _latex_rows(identification: Identification) -> Iterator[str]:
     for row in parameter_rows(identification):
-        relative = f"{row.relative_std:.2g}" if math.isfinite(row.relative_std) else "–"
+        relative = f"{row.shown_percent:.2g}" if math.isfinite(row.shown_percent) else "–"
         cells = (
             f"${latex_name(one_line(row.name))}$",
-            *map(latex_number, with_spread(row.value, 2.0 * row.std)),
+            *map(latex_number, with_spread(row.value, 2.0 * row.shown_std)),
             latex_number(relative),
             latex_unit(row.unit),
             latex_text(one_line(row.expression)),

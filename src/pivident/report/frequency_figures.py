@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pivident.estimation.methods import Bandpass
+from pivident.estimation.summary_tables import frequencies_text
 from pivident.report.drawing_library import go
 from pivident.report.plot_parts import LEGEND, band, packed
 from pivident.report.plotly_figures import (
@@ -36,33 +37,36 @@ FLOOR = -160.0
 _DASHES = ("solid", "dash", "dot")
 
 
-def bandpass_figure(signals: Bandpass, rate: float, method: int) -> Figure:
-    """Magnitude and phase from the measured position to q̂, dq̂ and ddq̂."""
-    frequency = _frequencies(0.01 * signals.cutoff, rate)
+def bandpass_figure(signals: Bandpass, names: Sequence[str], rate: float, method: int) -> Figure:
+    """Magnitude and phase from the measured position to q̂, dq̂ and ddq̂; the highest cut-off."""
+    cutoffs = signals.cutoffs(len(names))
+    cutoff = float(cutoffs.max())
+    frequency = _frequencies(0.01 * cutoff, rate)
     plot = _bode("gain [dB re 1, 1/s, 1/s²]")
     phases = ("0°", "90°", "180°")
     for n, name in enumerate(("q", "dq", "ddq")):
-        response = bandpass_response(frequency, rate, signals.cutoff, signals.order, n)
+        response = bandpass_response(frequency, rate, cutoff, signals.order, n)
         line = {"color": colour(method), "width": 1.8, "dash": _DASHES[n]}
         _gain(plot, frequency, np.abs(response), name, line)
         if n:
             ideal = {"color": MEASURED, "width": 1}
             _gain(plot, frequency, (2 * np.pi * frequency) ** n, f"ideal {name}", ideal, False)
         _curve(plot, frequency, np.full(frequency.size, 90.0 * n), name, line, "y2")
-    _mark(plot, signals.cutoff, f"cut-off {format_significant(signals.cutoff)} Hz")
-    top = 20 * np.log10((2 * np.pi * signals.cutoff) ** 2)
+    for value in np.unique(cutoffs):
+        _mark(plot, value, f"cut-off {format_significant(value)} Hz")
+    top = 20 * np.log10((2 * np.pi * cutoff) ** 2)
     plot.update_layout(yaxis={"range": [-80, top + 20]}, yaxis2={"tickvals": [0, 90, 180]})
     fine = np.linspace(frequency[0], 0.5 * rate, 20_000)
     peaks = [
-        fine[np.abs(bandpass_response(fine, rate, signals.cutoff, signals.order, n)).argmax()]
+        fine[np.abs(bandpass_response(fine, rate, cutoff, signals.order, n)).argmax()]
         for n in (1, 2)
     ]
     note = (
         f"Butterworth of order {signals.order} forwards and backwards: -6 dB at "
-        f"{format_significant(signals.cutoff)} Hz, no phase of its own. Combined with central "
-        "differences it "
-        f"is a band-pass, largest at {format_significant(peaks[0])} Hz for dq and "
-        f"{format_significant(peaks[1])} Hz for ddq. Grey: ideal derivatives."
+        f"{frequencies_text(list(cutoffs), names)}, no phase of its own. Combined with central "
+        f"differences it is a band-pass, largest at {format_significant(peaks[0])} Hz for dq and "
+        f"{format_significant(peaks[1])} Hz for ddq"
+        f"{' of the highest cut-off' if np.ptp(cutoffs) else ''}. Grey: ideal derivatives."
     )
     label = f"Bode plot of the band-pass from measured position to q, dq, ddq. {note} "
     label += f"Phases are {', '.join(phases)}."

@@ -44,8 +44,8 @@ class Interval:
     middle: float
     left: float  # estimate - 2σ, or the lower end of a consistent estimate's interval
     right: float  # the other end
-    robust_left: float  # estimate - 2 robust σ
-    robust_right: float  # estimate + 2 robust σ
+    method_left: float  # estimate - 2σ by the method's own covariance
+    method_right: float  # the other end
     words: str = ""  # name, value, interval and unit
     consistent: bool = False  # whether it is a consistent estimate
 
@@ -145,8 +145,8 @@ def known_interval(own: ConsistentValue) -> str:
 
 def _estimate(method: int, row: ParameterRow, place, words: str) -> Interval:
     """An estimate with both of its intervals."""
-    left, right, robust_left, robust_right = (place(end) for end in _ends(row))
-    return Interval(method, place(row.value), left, right, robust_left, robust_right, words)
+    left, right, method_left, method_right = (place(end) for end in _ends(row))
+    return Interval(method, place(row.value), left, right, method_left, method_right, words)
 
 
 def _consistent(own: ConsistentValue, place, words: str) -> Interval:
@@ -157,11 +157,11 @@ def _consistent(own: ConsistentValue, place, words: str) -> Interval:
 
 
 def _ends(row: ParameterRow) -> tuple[float, float, float, float]:
-    """Ends of ±2σ and of ±2 robust σ, the estimate itself where σ is not finite."""
-    own, robust = (2.0 * s if math.isfinite(s) else 0.0 for s in (row.std, row.robust_std))
-    return row.value - own, row.value + own, row.value - robust, row.value + robust
+    """Ends of ±2σ as shown and by the method, the estimate itself where σ is not finite."""
+    shown, own = (2.0 * s if math.isfinite(s) else 0.0 for s in (row.shown_std, row.std))
+    return row.value - shown, row.value + shown, row.value - own, row.value + own
 
 
 def _in_words(row: ParameterRow) -> str:
-    value, spread = with_spread(row.value, 2.0 * row.std)
+    value, spread = with_spread(row.value, 2.0 * row.shown_std)
     return f"{value} ± {spread} {row.unit}"

@@ -67,8 +67,7 @@ def torque_figure(
     fit = identification.joints[joint]
     measured, model = recording.tau[:, joint], recording.tau_model[:, joint]
     t = _time(recording)
-    plot = empty_plot(f"torque [{fit.torque_unit}]" if fit.torque_unit != "N" else "force [N]")
-    plot.update_xaxes(title_text="time [s]")
+    plot = _torque_plot(fit.torque_unit)
     plot.add_traces(_compared(t, measured, model, points, "reconstructed", colour(method)))
     _shade(plot, _excluded(recording, joint), t)
     error = f"relative error {percent(100.0 * fit.relative_error)}"
@@ -83,6 +82,34 @@ def torque_figure(
         recording=recording.name,
         start=_start(recording),
     )
+
+
+def compared_figure(
+    name: str,
+    unit: str,
+    t: np.ndarray,
+    measured: np.ndarray | None,
+    model: np.ndarray,
+    points: int,
+    note: str,
+) -> Figure:
+    """Measured and predicted torque of one joint, and their difference; or the predicted alone."""
+    plot, own = _torque_plot(unit), t - t[0]
+    if measured is None:
+        plot.add_trace(_line(own, model, points, "predicted", colour(0), width=1.2))
+    else:
+        plot.add_traces(_compared(own, measured, model, points, "predicted", colour(0)))
+    what = "Predicted" if measured is None else "Measured and predicted"
+    label = f"{what} torque of {name} over {format_significant(own[-1])} s"
+    label += f": {note}" if note else ""
+    return Figure(plot, 250, name, label, note, recording="log", start=float(t[0]))
+
+
+def _torque_plot(unit: str) -> go.Figure:
+    """Axes of torque and time."""
+    plot = empty_plot(f"torque [{unit}]" if unit != "N" else "force [N]")
+    plot.update_xaxes(title_text="time [s]")
+    return plot
 
 
 def law_figure(found: IdentifiedLaw, joint: int, method: int, points: int) -> Figure:

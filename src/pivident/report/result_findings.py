@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
     aligned_rows,
     largest_difference,
     parameter_rows,
+    shown_std,
 )
 from pivident.estimation.signs import NegativeParameter, negative_parameters
 from pivident.text.finding import Finding, Quantity
@@ -23,12 +26,14 @@ _TOO_NARROW = 2.0
 
 def findings(identification: Identification, tests: ResidualTests) -> tuple[Finding, ...]:
     """Findings about one result: the estimator's own warnings first."""
-    return (
-        *identification.warnings,
+    own = identification.warnings
+    said = {w.topic for w in own} | ({"physics"} if any(w.topic == "signs" for w in own) else set())
+    more = (
         *_about_convergence(identification),
         *_about_parameters(identification),
         *_about_noise(identification, tests),
     )
+    return (*own, *(f for f in more if f.topic not in said))
 
 
 def disagreements(identifications: Sequence[Identification], labels: Sequence[str]) -> str | None:
@@ -81,9 +86,9 @@ def _about_parameters(identification: Identification) -> Iterator[Finding]:
             f"For {narrow} of {len(rows)} parameters the robust standard error is more than "
             f"{_TOO_NARROW:g} times the method's own."
         )
-        step = "Use the robust one."
+        step = "The tables show the robust one."
         evidence = {"parameters": Quantity(narrow)}
-        yield Finding("warning", "parameters", "too narrow", text, "", step, evidence)
+        yield Finding("note", "parameters", "too narrow", text, "", step, evidence)
 
 
 def _about_noise(identification: Identification, tests: ResidualTests) -> Iterator[Finding]:
@@ -103,14 +108,14 @@ def _about_noise(identification: Identification, tests: ResidualTests) -> Iterat
 
 def _about_standard_errors(identification: Identification) -> str:
     """What correlated residuals mean for the reported standard errors."""
-    if identification.covariance is identification.robust_covariance:
+    if np.array_equal(identification.covariance, identification.robust_covariance):
         return (
             "The standard errors account for that (they come from windows of time), but a better "
             "model of friction, elasticity or noise would make them smaller."
         )
-    return "The method's own standard errors assume that they are; use the robust ones."
+    return "The method's own standard errors assume that they are; the tables show the robust ones."
 
 
 def _negative(identification: Identification) -> list[NegativeParameter]:
     found = identification
-    return negative_parameters(found.parameters, found.names, found.theta, found.std)
+    return negative_parameters(found.parameters, found.names, found.theta, shown_std(found))

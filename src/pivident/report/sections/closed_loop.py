@@ -100,7 +100,7 @@ def _band_pass_remarks(
         (
             "Low-pass of the positions",
             "cutoff",
-            recipe.cutoff,
+            float(recipe.cutoffs(len(own.joints))[own.joints.index(joint)]),
             LOWPASS_FACTOR,
             "it may attenuate the fast part of the motion, which biases inertias",
             "more noise than necessary passes into the accelerations",

@@ -12,7 +12,7 @@ from pivident.consistency.consistent_estimate import (
     NoConsistentEstimate,
     interval_text,
 )
-from pivident.consistency.consistent_tables import millimetres
+from pivident.consistency.consistent_tables import millimetres, moments_text
 from pivident.consistency.significance import HALF_INTERVAL
 from pivident.report.consistency_figures import VIEWS, bodies_figure, moved_figure
 from pivident.report.plotly_figures import Figure
@@ -73,7 +73,10 @@ def _link_cells(found: ConsistentEstimate) -> list[tuple[str, list[tuple[str, st
         cells += [
             (millimetres(c.value), interval_text(c, factor=1e3, digits=2)) for c in r.center_of_mass
         ]
-        cells += [(format_significant(m.value), interval_text(m, digits=2)) for m in r.moments]
+        moments = moments_text(np.array([m.value for m in r.moments]))
+        cells += [
+            (text, interval_text(m, digits=2)) for text, m in zip(moments, r.moments, strict=True)
+        ]
         rows.append((r.name, cells))
     return rows
 

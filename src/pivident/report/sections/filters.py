@@ -65,13 +65,13 @@ def _known_f50(identification: Identification) -> bool:
 
 def _figures(identification: Identification, method: int) -> tuple[Figure, ...]:
     recipe, rate = signal_recipe(identification), sampling_rate(identification)
+    names = [joint.name for joint in identification.joints]
     if isinstance(recipe, Bandpass):
         return (
-            bandpass_figure(recipe, rate, method),
+            bandpass_figure(recipe, names, rate, method),
             decimation_figure(recipe, rate, method),
         )
     assert recipe is not None
-    names = [joint.name for joint in identification.joints]
     f50 = [joint.f50 for joint in identification.joints]
     return (smoother_figure(names, f50, recipe.order, rate, method),)
 

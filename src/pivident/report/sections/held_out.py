@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
+from pivident.diagnostics.prediction_statements import JOINT_MISSES
 from pivident.report.sections.base import Section
 
 
@@ -28,4 +31,23 @@ class HeldOutSection(Section):
             (self.data.labels[names.index(name)], names.index(name), result)
             for name, result in compared.results.items()
         ]  # fmt: skip
-        return {"compared": compared, "judged": judged, "split": diagnostics.model_error}
+        context: dict[str, Any] = {
+            "compared": compared,
+            "judged": judged,
+            "split": diagnostics.model_error,
+        }
+        if compared is not None:
+            taken = compared.results[compared.recommended]
+            errors = [r.prediction.relative_in_band for _, _, r in judged]
+            worst = int(np.argmax(taken.prediction.relative_in_band))
+            context |= {
+                "blocks": taken.kind == "folds",
+                "motion": taken.motion,
+                "joints": list(
+                    zip(taken.prediction.joint_names, np.transpose(errors), strict=True)
+                ),
+                "worst": taken.prediction.joint_names[worst],
+                "worst_error": float(taken.prediction.relative_in_band[worst]),
+                "missed_above": JOINT_MISSES,
+            }
+        return context

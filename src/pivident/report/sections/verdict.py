@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
+
 from pivident.diagnostics.estimate_statements import WELL
-from pivident.estimation.summary_tables import rows_kind
+from pivident.estimation.parameter_rows import parameter_rows
+from pivident.estimation.summary_tables import label_lines, rows_kind
 from pivident.report.sections.base import Section
 from pivident.text.numbers import format_significant, percent
 
@@ -30,6 +33,7 @@ class VerdictSection(Section):
             ],
             "accounts": any(r.account for r in recordings.values()),
             "labels": data.labels,
+            "label_lines": label_lines(data.identifications),
             "several": data.several,
             "key_figures": self._key_figures(best),
             "groups": [
@@ -47,7 +51,7 @@ class VerdictSection(Section):
         """What it is, its value, and a remark, of the estimate to take."""
         data = self.data
         identification = data.identifications[best]
-        relative = 2.0 * identification.relative_std
+        relative = 2.0 * np.array([r.shown_percent for r in parameter_rows(identification)])
         well = int((relative <= WELL).sum())
         compared_with = f"of {len(data.labels)} compared" if data.several else ""
         figures = [
@@ -61,12 +65,16 @@ class VerdictSection(Section):
         compared = data.diagnostics.out_of_sample
         name = list(data.diagnostics.identifications)[best]
         if compared is None or name not in compared.results:
-            error = percent(100.0 * identification.relative_error)
-            return [*figures, ("Torque error, fitted motion", error, rows_kind(identification))]
+            misses = percent(100.0 * identification.relative_error)
+            return [*figures, ("Torque error, fitted motion", misses, rows_kind(identification))]
         result = compared.results[name]
-        below = f"below {format_significant(result.prediction.band)} Hz"
+        error = result.prediction
+        below = f"below {format_significant(error.band)} Hz"
+        worst = int(np.argmax(error.relative_in_band))
+        by_joint = f"{percent(error.relative_in_band[worst])} on {error.joint_names[worst]}"
+        remark = f"{below}, at most {by_joint}" if len(error.joint_names) > 1 else below
         return [
             *figures,
-            ("Torque error, motion not fitted", percent(result.prediction.total_in_band), below),
+            ("Torque error, motion not fitted", percent(error.total_in_band), remark),
             ("Torque error, fitted motion", percent(result.training.total_in_band), below),
         ]

@@ -1,0 +1,68 @@
+"""The command ``pivident predict``: torques of a new log by a result, with their errors."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pivident.cli.console import Progress
+from pivident.cli.findings import print_findings
+from pivident.errors import ExperimentError
+
+
+def predict(
+    result: Path,
+    log: Path,
+    /,
+    *,
+    experiment: Path | None = None,
+    csv: Path | None = None,
+    html: Path | None = None,
+) -> int:
+    """Predict the torques of a new log by a result, and say how large the errors are.
+
+    Parameters
+    ----------
+    result
+        Folder that `pivident identify` wrote, or a file of a result: identification.json,
+        consistent.json, model.json; or a robot with its nominal values: URDF, .toml, gallery name.
+    log
+        A log with the columns of the result's own logs, or an experiment file that describes it.
+    experiment
+        Experiment file that says what the columns of the log are. Default: as the result's logs.
+    csv
+        File for time, positions, measured and predicted torques.
+    html
+        File for a page with the errors and a drawing of each joint's torque.
+    """
+    from pivident.cli.workflow import can_draw, check_output
+    from pivident.prediction.new_logs import new_logs
+    from pivident.prediction.prediction_files import write_csv
+    from pivident.prediction.stored_results import stored_result
+
+    for file in (csv, html):
+        if file is not None:
+            check_output(file.absolute().parent)
+    written = []
+    with Progress() as progress:
+        progress.say(f"reading {result}")
+        stored = stored_result(result)
+        progress.say(f"reading {log}")
+        logs = list(new_logs(log, stored, experiment))
+        if csv is not None and len(logs) > 1:
+            raise ExperimentError(
+                f"{log.name} names {len(logs)} logs, and --csv takes one; name a log, with "
+                f"--experiment {log.name}"
+            )
+        progress.say("predicting")
+        made = [stored.predict(new.recording, compare=new.has_torque) for new in logs]
+        if csv is not None:
+            written.append(f"CSV:  {write_csv(made[0], csv)}")
+        if html is not None and can_draw(progress, html.name):
+            from pivident.prediction.prediction_page import write_html
+
+            written.append(f"Page: {write_html(made, html)}")
+    for one, new in zip(made, logs, strict=True):
+        print(f"{new.note}\n{one.account()}\n")
+        print_findings(one.findings)
+    print("\n".join(["", *written]) if written else "", end="\n" if written else "")
+    return 0

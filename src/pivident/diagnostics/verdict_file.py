@@ -1,0 +1,62 @@
+"""The verdict as ``verdict.json``, and what is read back from it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+from pivident.diagnostics.verdict import Verdict
+from pivident.errors import PividentError
+from pivident.estimation.stored_identification import json_of_file
+from pivident.text.plain_values import plain
+from pivident.validation.held_out.held_out_errors import HeldOutErrors
+
+#: Its name in a folder of results, and the number of its layout.
+VERDICT_FILE, SCHEMA = "verdict.json", 2
+
+
+def save_verdict(found: Verdict, path: Path) -> None:
+    """Write a verdict as JSON."""
+    content = {
+        "schema": SCHEMA,
+        "method": found.method,
+        "name": found.name,
+        "severity": found.severity,
+        "headline": found.headline,
+        "statements": [s.as_json() for s in found.statements],
+        "held_out": {name: plain(errors.to_values()) for name, errors in found.held_out.items()},
+    }
+    path.write_text(json.dumps(content, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+
+
+def recommended_method(folder: Path) -> str:
+    """Short name of the method that the verdict of a folder recommends; empty without one."""
+    name = _content(folder).get("name")
+    return name if isinstance(name, str) and name == Path(name).name else ""
+
+
+def held_out_errors(folder: Path, method: str) -> HeldOutErrors | None:
+    """Held-out errors of a result in a folder, by its verdict or that of the folder above.
+
+    None where there is no verdict with errors of this method.
+    """
+    for place in (folder, folder.parent):
+        stored = _content(place).get("held_out")
+        for name, values in stored.items() if isinstance(stored, dict) else ():
+            if place == folder or name == folder.name:
+                try:
+                    found = HeldOutErrors.from_values(values)
+                except PividentError:
+                    continue
+                if found.method == method:
+                    return found
+    return None
+
+
+def _content(folder: Path) -> dict[str, Any]:
+    """The verdict of a folder as plain values, empty where there is none."""
+    try:
+        return json_of_file(folder / VERDICT_FILE)
+    except PividentError:
+        return {}

@@ -1,0 +1,176 @@
+"""Logs for a prediction, read as an experiment file says, or as those of the result were.
+
+A log without torque is read as well: its torque is a stand-in of zeros, and nothing is compared.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pivident.errors import RecordingError, UnknownColumn
+from pivident.experiment.experiment import Experiment, load_experiment
+from pivident.experiment.recording_tables import reading_of
+from pivident.experiment.toml_file import errors_name
+from pivident.logs.bare_log import bare_log
+from pivident.logs.log import Log
+from pivident.logs.read_log import read_log
+from pivident.prediction.stored_results import StoredResult, check_same_joints
+from pivident.recording.load import OF_LOGGER, load_recording, recording_from
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+
+#: Channels that are read.
+CHANNELS: tuple[str, ...] = ("q", "tau")
+
+#: Fields of the recording, by which nothing is refused that can be predicted.
+LENIENT: dict[str, Any] = {"allow_constant": True, "saturation": "allow"}
+
+
+@dataclass(frozen=True, eq=False)
+class NewLog:
+    """A recording for a prediction.
+
+    Attributes:
+        recording: positions and torque, SI, joint side.
+        has_torque: whether the torque was measured.
+        note: how the log was read, a sentence.
+    """
+
+    recording: Recording
+    has_torque: bool
+    note: str
+
+
+def new_logs(
+    log: str | Path, result: StoredResult, experiment: str | Path | None = None
+) -> Iterator[NewLog]:
+    """The recordings of a log or of an experiment file.
+
+    Args:
+        log: a log, or an experiment file that names logs.
+        result: gives the robot, and how its own logs were read.
+        experiment: experiment file that describes the columns of the log.
+
+    Raises:
+        RecordingError: the log cannot be read in this way.
+        ExperimentError: the experiment file cannot be used, or is that of another robot.
+    """
+    path = Path(log)
+    is_experiment = path.suffix.lower() == ".toml"
+    if is_experiment and experiment is not None:
+        raise RecordingError(
+            f"{path.name} is an experiment file itself; leave --experiment out, or name the log"
+        )
+    if is_experiment or experiment is not None:
+        given = load_experiment(path if is_experiment else Path(str(experiment)))
+        check_same_joints(result, given.robot.joint_names, given.path.name)
+        yield from _described(given, None if is_experiment else path)
+        return
+    if not result.readings:
+        yield _bare(path, result.model.robot)
+        return
+    reading = _fitting(result, path)
+    note = f"{path.name} was read as the logs of the result were: columns, units, side, timing."
+    yield _read(path, reading, result.model.robot, note)
+
+
+def _described(given: Experiment, other: Path | None) -> Iterator[NewLog]:
+    """Every recording of an experiment file; or another log by the description of the first."""
+    entries = given.content.recording if other is None else given.content.recording[:1]
+    for entry in entries:
+        with errors_name(given.path, "[recording]"):
+            files, reading = reading_of(entry, given.robot, given.path.parent)
+            note = f"{entry.name or entry.dataset or files} was read as {given.path.name} says."
+            if other is not None:
+                files, note = other, f"{other.name} was read as {given.path.name} says."
+            found = _read(files, reading, given.robot, note)
+            if entry.part is not None and other is None:
+                found = replace(found, recording=found.recording.slice(*entry.part))
+            yield found
+
+
+def _fitting(result: StoredResult, path: Path) -> Mapping[str, Any]:
+    """The first reading whose columns the log has, else the first."""
+    for reading in result.readings:
+        try:
+            read_log(path, _channels(reading, ("q",))["columns"], robot=result.model.robot)
+        except RecordingError:
+            continue
+        return reading
+    return result.readings[0]
+
+
+def _read(files: Any, reading: Mapping[str, Any], robot: Robot, note: str) -> NewLog:
+    """A log by the arguments of `load_recording`; without its torque where it has none."""
+    known = dict(reading) | {"robot": robot} | _channels(reading, CHANNELS)
+    try:
+        return NewLog(load_recording(files, **known, **LENIENT), True, note)
+    except UnknownColumn as error:
+        if error.place != ("columns", "tau") or _has_some_torque(files, known):
+            raise
+        missing = f" It has no torque (no {error.column}): nothing is compared."
+    known |= _channels(reading, ("q",))
+    log = read_log(files, **{k: v for k, v in known.items() if k not in OF_LOGGER})
+    return NewLog(_without_torque(log), False, note + missing)
+
+
+def _channels(reading: Mapping[str, Any], names: tuple[str, ...]) -> dict[str, dict[str, Any]]:
+    """Columns and units of some channels, with their clock."""
+    chosen = {
+        table: {k: v for k, v in reading[table].items() if k in (*names, "t") and v is not None}
+        for table in ("columns", "units")
+    }
+    clock = chosen["columns"].get("t")
+    if isinstance(clock, Mapping) and "columns" not in clock:  # one for each channel
+        chosen["columns"]["t"] = {k: v for k, v in clock.items() if k in names}
+    return chosen
+
+
+def _has_some_torque(files: Any, known: Mapping[str, Any]) -> bool:
+    """Whether the log has some of the torque's columns, so that another one is misspelt."""
+    spec = known["columns"]["tau"]
+    beside = {} if not isinstance(spec, Mapping) or "file" not in spec else {"file": spec["file"]}
+    listed = spec["columns"] if isinstance(spec, Mapping) else spec
+    for column in [] if isinstance(listed, str) else listed:
+        try:
+            read_log(files, {"tau": beside | {"columns": [column]}})
+        except UnknownColumn:
+            continue
+        return True
+    return False
+
+
+def _without_torque(log: Log) -> Recording:
+    """A recording whose torque is a stand-in of zeros."""
+    stand_in = np.zeros_like(log.logged["q"])
+    clocks = dict(log.own_clocks)
+    if "q" in clocks:
+        clocks["tau"] = replace(clocks["q"], channel="tau", values=stand_in)
+    log = replace(log, logged=log.logged | {"tau": stand_in}, own_clocks=clocks)
+    return recording_from(log, **LENIENT)
+
+
+def _bare(path: Path, robot: Robot) -> NewLog:
+    """A log of which nothing is known but the names of its columns."""
+    log = bare_log(path, robot)
+    if "q" not in log.logged:
+        raise RecordingError(
+            f"{path.name}: no positions of {', '.join(robot.joint_names)} were recognised by the "
+            "names of its columns, and the result does not hold how its own logs were read; "
+            "describe the log by an experiment file: --experiment FILE.toml"
+        )
+    log = replace(log, logged={k: x for k, x in log.logged.items() if k in CHANNELS})
+    if log.clocks:
+        clock = next(iter(log.clocks))
+        described = replace(log.description, units={"t": "s"}, clock=clock)
+        log = replace(log, columns=log.clocks, description=described)
+    note = " ".join(log.notes)
+    if "tau" in log.logged:
+        return NewLog(recording_from(log, **LENIENT), True, note)
+    note += " No torque was recognised: nothing is compared."
+    return NewLog(_without_torque(log), False, note.strip())

@@ -1,0 +1,228 @@
+"""Torques of a new recording by a result: how large the errors are, where and in which band."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from pivident.diagnostics.prediction_statements import WORSE
+from pivident.errors import ExperimentError
+from pivident.estimation.equation_record import MotionRange
+from pivident.estimation.identification import Identification
+from pivident.estimation.problem import Problem
+from pivident.logs.read_log import numbered_joints
+from pivident.models.runnable_model import RunnableModel
+from pivident.prediction.error_interval import block_squares, joint_intervals, total_interval
+from pivident.prediction.frequency_bands import motion_band_start, rms_by_band
+from pivident.prediction.prediction import ErrorOnLog, Prediction, interval_text
+from pivident.prediction.range_exits import COMPARED, exit_findings, range_exits
+from pivident.recording.recording import Recording
+from pivident.robot.description import Robot
+from pivident.text.finding import Finding, Quantity
+from pivident.text.lists import listed
+from pivident.text.numbers import format_significant, percent
+from pivident.validation.held_out.cross_validation import CrossValidation
+from pivident.validation.held_out.folds import moving_part
+from pivident.validation.held_out.held_out_errors import HeldOutErrors
+from pivident.validation.held_out.prediction import Judge
+
+#: From this error on the model predicts less than nothing [%].
+WITHOUT_USE = 100.0
+
+
+def predict(
+    result: Any,
+    recording: Recording,
+    *,
+    compare: bool = True,
+    held_out: CrossValidation | HeldOutErrors | None = None,
+    fitted: MotionRange | None = None,
+) -> Prediction:
+    """Torques of a new recording by a result, and their errors.
+
+    Positions are smoothed and differentiated as for the held-out motion of `cross_validate`, so
+    that errors can be compared with its.
+
+    Args:
+        result: what predicts: an `Identification`, a `ConsistentModel` or a `RunnableModel`.
+        recording: of the same robot, SI, joint side; it may be one that was fitted.
+        compare: whether its torque was measured; False: a stand-in that nothing is compared with.
+        held_out: errors of the result on held-out motion, to compare with.
+        fitted: range of the fitted motion; None: that of the result, where it is known.
+
+    Returns:
+        Torques, errors by joint and by frequency, and where the motion leaves the fitted range.
+
+    Raises:
+        ExperimentError: the recording has other joints than the result, or no result is given.
+        RecordingError: the recording is too short to be differentiated.
+    """
+    torque = getattr(result, "torque" if isinstance(result, RunnableModel) else "predict", None)
+    if torque is None:
+        raise ExperimentError(
+            f"an object of type {type(result).__name__} predicts no torques; give an "
+            "Identification, or what make_consistent or stored_model returns"
+        )
+    robot = result.robot
+    recording = _of_robot(robot.joint_names, recording)
+    judge = Judge(recording)
+    k = judge.kinematics
+    problem = Problem(robot, (recording,))
+    start, stop = moving_part(problem, k)
+    model = torque(k.q.T, k.dq.T, k.ddq.T)
+    residual = k.tau.T - model
+    error = _error(judge, robot, residual, slice(start, stop)) if compare else None
+    known = fitted or _fitted_range(result)
+    exits = () if known is None else range_exits(robot, known, k, slice(start, stop))
+    earlier = HeldOutErrors.of(held_out) if isinstance(held_out, CrossValidation) else held_out
+    findings = [] if error is None else _error_findings(error, earlier)
+    if compare:
+        still = np.abs(k.dq.T[start:stop]) < problem.low_speeds(recording)
+        findings += _at_rest(robot, still, residual[start:stop])
+    if known is not None:
+        findings += exit_findings(robot, known, exits, residual[start:stop] if compare else None)
+    whole = slice(k.start, k.stop)
+    return Prediction(
+        method=_method(result),
+        robot=robot,
+        recording=recording.name,
+        t=recording.t[whole],
+        q=k.q.T[whole],
+        dq=k.dq.T[whole],
+        ddq=k.ddq.T[whole],
+        tau=k.tau.T[whole] if compare else None,
+        tau_model=model[whole],
+        moving=slice(start - k.start, stop - k.start),
+        error=error,
+        exits=exits,
+        held_out=earlier,
+        findings=tuple(findings),
+    )
+
+
+def _of_robot(names: tuple[str, ...], recording: Recording) -> Recording:
+    """The robot's recording, another one is refused; joints without names are in its order."""
+    if recording.joint_names == names:
+        return recording
+    if recording.joint_names == tuple(numbered_joints(len(names))):
+        return replace(recording, joint_names=names)
+    raise ExperimentError(
+        f"recording {recording.name!r} has the joints {', '.join(recording.joint_names)}, the "
+        f"result those of another robot: {', '.join(names)}; give a log of the robot that was "
+        "identified, with one column for each of its joints"
+    )
+
+
+def _error(judge: Judge, robot: Robot, residual: np.ndarray, span: slice) -> ErrorOnLog:
+    """Errors on some samples by joint and band, with intervals."""
+    rate, low = judge.recording.rate, judge.in_band(residual)
+    errors = judge.error(robot, residual, low, span)
+    torque = block_squares(judge.kinematics.tau.T[span], rate)
+    low_squares, torque_low = (block_squares(x[span], rate) for x in (low, judge.torque_in_band))
+    begin = motion_band_start(judge.kinematics.dq.T[span], rate, judge.band)
+    edges = begin, judge.band
+    return ErrorOnLog(
+        errors,
+        joint_intervals(block_squares(residual[span], rate), torque),
+        joint_intervals(low_squares, torque_low),
+        total_interval(low_squares, torque_low, errors.units),
+        len(torque),
+        edges,
+        rms_by_band(residual[span], rate, edges),
+    )
+
+
+def _error_findings(error: ErrorOnLog, held_out: HeldOutErrors | None) -> list[Finding]:
+    """The error beside that of held-out motion, its largest joint, joints without any use."""
+    e, j = error.errors, error.worst
+    text = (
+        f"The torque error below {e.band:g} Hz is {percent(e.total_in_band)} (95 %: "
+        f"{interval_text(error.total_interval)} %)"
+    )
+    if len(e.joint_names) > 1:
+        text += f"; the largest of a joint is {percent(e.relative_in_band[j])}, {e.joint_names[j]}"
+    ends = float(error.total_interval[0]), float(error.total_interval[1])
+    evidence = {"torque error": Quantity(e.total_in_band, "%", interval=ends)}
+    findings = [Finding("note", "prediction", "error", f"{text}.", evidence=evidence)]
+    if held_out is not None:
+        findings.append(_beside_held_out(error, held_out))
+    useless = [
+        name
+        for name, share in zip(e.joint_names, e.relative_in_band, strict=True)
+        if share > WITHOUT_USE
+    ]
+    if useless:
+        text = f"The error is larger than the torque itself on {listed(useless)}."
+        step = "Check that the log is of this robot, and its units, signs, side and joint order."
+        findings.append(Finding("error", "prediction", "without use", text, next_step=step))
+    return findings
+
+
+def _beside_held_out(error: ErrorOnLog, held_out: HeldOutErrors) -> Finding:
+    """Whether this log is predicted as motion was that was held out of the fit."""
+    e = error.errors
+    evidence = {
+        "torque error": Quantity(e.total_in_band, "%"),
+        "held out": Quantity(held_out.total, "%"),
+    }
+    earlier = (
+        f"{percent(held_out.total)} on {held_out.where} when the result was made (by "
+        f"{held_out.method}, below {held_out.band:g} Hz)"
+    )
+    if error.total_interval[0] <= WORSE * held_out.total:
+        as_well = "as well or better" if e.total_in_band <= held_out.total else "about as well"
+        text = f"It was {earlier}: the log is predicted {as_well}."
+        return Finding("ok", "prediction", "as held out", text, evidence=evidence)
+    ratio = e.total_in_band / max(held_out.total, 1e-300)
+    worse = [
+        name
+        for name, (low, _) in zip(e.joint_names, error.in_band_intervals, strict=True)
+        if low > WORSE * held_out.joints.get(name, np.inf)
+    ]
+    text = f"It was {earlier}: {ratio:.1f} times less."
+    text += f" Worse than then: {listed(worse)}." if worse else ""
+    step = (
+        "Look for another payload, temperature, gain or calibration, for standstill, or for motion "
+        "outside the fit."
+    )
+    return Finding("warning", "prediction", "worse", text, "", step, evidence)
+
+
+def _at_rest(robot: Robot, still: np.ndarray, residual: np.ndarray) -> list[Finding]:
+    """Joints whose error is larger at rest, where a law of the speed knows no friction.
+
+    ``still``: samples at rest, shape (samples, joints); ``residual``: τ - Φθ, likewise.
+    """
+    named = []
+    for j, joint in enumerate(robot.joints):
+        rest, share = still[:, j], float(still[:, j].mean())
+        if not COMPARED <= share <= 1.0 - COMPARED:
+            continue
+        there, moving = (float(np.sqrt(np.mean(residual[own, j] ** 2))) for own in (rest, ~rest))
+        if there > WORSE * moving:
+            unit = "N m" if joint.kind == "revolute" else "N"
+            named.append(
+                f"{joint.name} {format_significant(there)} {unit} in {percent(100 * share)} of the "
+                f"samples, {format_significant(moving)} {unit} in motion"
+            )
+    if not named:
+        return []
+    text = (
+        "At rest (below 1 % of the rated speed) dry friction can have any value up to its level, "
+        f"which no law of the speed predicts. Rms error at rest: {'; '.join(named)}."
+    )
+    return [Finding("note", "standstill", "friction", text)]
+
+
+def _fitted_range(result: Any) -> MotionRange | None:
+    """That of the identification behind a result."""
+    free = getattr(result, "free", None) or getattr(result, "estimate", None) or result
+    return free.fitted_range if isinstance(free, Identification) else None
+
+
+def _method(result: Any) -> str:
+    if not isinstance(result, RunnableModel):
+        return str(result.method)
+    return "nominal values" if result.origin.method == "nominal" else result.origin.method
