@@ -26,9 +26,10 @@ from pivident.errors import IdentificationError
 from pivident.estimation.auxiliary_model import AuxiliaryModel
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.kinematics import Kinematics, estimate_kinematics
+from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import METHODS, Method, PrefilteredIV, RandomWalk
 from pivident.estimation.problem import Problem
+from pivident.motion.kinematics import Kinematics
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot

@@ -83,7 +83,7 @@ def run(data: Path, folder: Path, joints: tuple[str, ...] = ()) -> Outcome:
         content = experiment.content.model_copy(update={"recording": [cut]})
         parts.append(type(experiment)(out, content))
     problem = parts[0].problem()
-    (found,) = (identify(problem, method) for method in parts[0].methods().values())
+    found = identify(problem, parts[0].methods()["ls"])
     (unseen,) = parts[1].recordings()
     (error,) = Judge(unseen).score(found, [slice(0, unseen.samples)])
     gains = np.array([unit["gain"] for unit in entry.units.tau])
