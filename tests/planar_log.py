@@ -35,9 +35,12 @@ def planar_truth() -> dict[str, float]:
 
 
 @cache
-def planar_log(samples: int = 8000) -> np.ndarray:
-    """Columns of the log: time, two positions, two references [deg], two torques [N m]."""
-    rng = np.random.default_rng(2)
+def planar_log(samples: int = 8000, seed: int = 2) -> np.ndarray:
+    """Columns of the log: time, two positions, two references [deg], two torques [N m].
+
+    The seed makes motion and noise.
+    """
+    rng = np.random.default_rng(seed)
     q_ref = planar_motion(rng, RATE, samples)
     q, tau = planar_record(*nominal_parameters(), q_ref, RATE, rng)
     time = np.arange(samples) / RATE

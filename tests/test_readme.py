@@ -47,9 +47,10 @@ def test_python_block_identifies_a_log(tmp_path, monkeypatch, capsys):
 def test_commands_lead_from_urdf_and_log_to_another_urdf(tmp_path, monkeypatch):
     first = next(b for b in re.findall(r"```\n(.*?)```", README, flags=re.DOTALL) if " init " in b)
     lines = [shlex.split(line, comments=True) for line in first.splitlines()]
-    assert [line[1] for line in lines] == ["init", "check", "identify", "export"]
+    assert [line[1] for line in lines] == ["init", "check", "identify", "export", "predict"]
     monkeypatch.chdir(tmp_path)
     first_logs()
+    (tmp_path / "new_log.csv").write_bytes((tmp_path / "log.csv").read_bytes())
     for _, *words in lines:
         quick = ["--folds", "0"] if words[0] == "identify" else []
         assert main([*words, *quick]) in ((0, 4) if words[0] == "check" else (0,)), words

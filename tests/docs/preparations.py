@@ -25,6 +25,16 @@ def planar_log() -> dict:
     return {"pv": pv, "problem": problem, "recording": problem.recordings[0]}
 
 
+def another_motion() -> None:
+    """`my_robot-results` of two methods, and `new_log.csv` of another motion."""
+    from pivident.cli import main
+
+    planar_log()
+    assert main(["identify", "my_robot.toml", "-m", "ls,piv"]) == 0
+    rows = planar.planar_log(samples=3000, seed=11)
+    np.savetxt("new_log.csv", rows, fmt="%.9g", delimiter=",", header=planar.HEADER, comments="")
+
+
 def synthetic_results() -> None:
     """`my_robot-results`: an estimate of the planar arm, without a record."""
     synthetic_identification(relative_std=0.02).save("my_robot-results")
@@ -60,6 +70,22 @@ def first_logs() -> None:
         np.savetxt(
             f"{name}.csv", rows[:, chosen], fmt="%.9g", delimiter=",", header=header, comments=""
         )
+
+
+def log_without_header() -> None:
+    """`bare.txt`, the log of the planar arm in radians without a header."""
+    rows = planar.planar_log(samples=2500).copy()
+    rows[:, 1:5] = np.deg2rad(rows[:, 1:5])
+    np.savetxt("bare.txt", rows, fmt="%.9g")
+
+
+def seven_axis_log() -> None:
+    """`log.csv` of a seven-axis arm with torque sensors behind its gears, and `arm.urdf`."""
+    from tests.seven_axis_arm import seven_axis_log as made
+    from tests.seven_axis_arm import write_log
+
+    log = made(3, seconds=10.0, bearings=0.1)
+    write_log(Path(), log, log.tau_link)
 
 
 def planar_bag() -> dict:
