@@ -54,7 +54,7 @@ def main() -> None:
     parser.add_argument("--arm", choices=sorted(ARMS), required=True)
     parser.add_argument("--records", type=int, default=3)
     parser.add_argument("--first", type=int, default=1, help="first seed")
-    parser.add_argument("--out", type=Path, default=Path("/tmp/unknown_arms_records"))
+    parser.add_argument("--out", type=Path, default=Path("benchmarks/results/unknown_arms"))
     parser.add_argument("--runs", nargs="+", choices=RUNS[:-1], default=["sines", "moves"])
     parser.add_argument("--references", choices=("speed", "position", "both"), default="speed")
     parser.add_argument("--exact-sheet", action="store_true", help="true torque constants")

@@ -9,7 +9,12 @@ from scipy.signal import lfilter
 
 from pivident.errors import IdentificationError
 from pivident.signals.noise_models import fit_ar
-from pivident.signals.prefilter import Prefilter, StreamingFilter, transient_length
+from pivident.signals.prefilter import (
+    Prefilter,
+    StreamingFilter,
+    lower_predictors,
+    transient_length,
+)
 
 FILTERS = [
     ((1.0,), (1.0,)),
@@ -104,3 +109,43 @@ def test_a_filter_without_poles_forgets_after_its_taps():
 def test_an_integrator_in_the_denominator_is_refused():
     with pytest.raises(IdentificationError, match="integrator"):
         transient_length((1.0,), (1.0, -1.0), 5)
+
+
+def autocovariance(ar, lags):
+    """Autocovariance of A x = e, e of unit variance, by its long impulse response."""
+    response = lfilter([1.0], ar, np.r_[1.0, np.zeros(20_000)])
+    return np.array([response[: response.size - k] @ response[k:] for k in range(lags)])
+
+
+@pytest.mark.parametrize("order", [1, 2, 5])
+def test_after_excluded_samples_it_whitens_each_stretch_exactly(order):
+    """On every stretch L is the inverse Cholesky factor of the noise's covariance matrix."""
+    rng = np.random.default_rng(order)
+    ar = np.real(np.poly(rng.uniform(-0.9, 0.9, order)))
+    x, seen = rng.standard_normal((2, 400)), np.ones(400, bool)
+    excluded = [(0, 7), (100, 101), (103, 140), (250, 300)]
+    for start, stop in excluded:
+        seen[start:stop] = False
+        x[:, start:stop] = 1e3  # nothing of it may be left
+    stream = Prefilter(fir=ar, variance=4.0).stream(2)
+    cuts = [0, 3, 102, 120, 259, 400]
+    out = np.hstack([stream.process(x[:, a:b], seen=seen[a:b]) for a, b in pairwise(cuts)])
+    covariance = autocovariance(ar, 400)
+    for start, stop in [(7, 100), (101, 103), (140, 250), (300, 400)]:
+        lags = np.arange(stop - start)
+        factor = np.linalg.cholesky(covariance[np.abs(lags[:, None] - lags)])
+        expected = np.linalg.solve(factor, x[:, start:stop].T).T / 2.0
+        np.testing.assert_allclose(out[:, start:stop], expected, atol=1e-9)
+
+
+def test_a_filter_that_inverts_a_controller_goes_on_through_excluded_samples():
+    x, seen = np.random.default_rng(4).standard_normal((1, 300)), np.ones(300, bool)
+    seen[50:90] = False
+    through = Prefilter((1.0,), (1.0, -0.9), taps(4)).stream(1).process(x)
+    found = Prefilter((1.0,), (1.0, -0.9), taps(4)).stream(1).process(x, seen=seen)
+    np.testing.assert_array_equal(found, through)
+
+
+def test_lower_orders_of_a_model_outside_the_unit_circle_are_refused():
+    with pytest.raises(IdentificationError, match="not stable"):
+        lower_predictors(np.array([1.0, -2.5, 1.0]))

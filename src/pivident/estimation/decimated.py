@@ -50,6 +50,11 @@ class DecimatedRecord:
         return self.z is not None
 
     @property
+    def seen(self) -> np.ndarray:
+        """All rows."""
+        return np.ones_like(self.used)
+
+    @property
     def usable_rows(self) -> int:
         """All rows."""
         return self.t.size

@@ -127,9 +127,6 @@ class SimulatedSteps:
             number = last.number + 1 - WITHOUT_NOISE_MODEL
             prefilters = self.whitening.fitted(prefilters, number, theta, records)
         prefilters.exclude(signals.problem, records)
-        for record in records:
-            for j, prefilter in enumerate(prefilters.filters):
-                record.used[j, : record.kinematics.start + prefilter.transient()] = False
         return records, prefilters
 
 

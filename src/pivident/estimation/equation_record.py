@@ -94,6 +94,10 @@ class EquationRecord(Protocol):
         """True for rows that the estimate uses, shape (joints, rows)."""
 
     @property
+    def seen(self) -> np.ndarray:
+        """True for rows that prefilters which begin anew may remember, shape (joints, rows)."""
+
+    @property
     def full_rate(self) -> bool:
         """Whether the rows are all samples of the record, behind prefilters."""
 

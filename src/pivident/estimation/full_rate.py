@@ -41,6 +41,7 @@ class FullRateRecord:
     #: Simulated motion that makes the instruments; None: least squares.
     motion: SimulatedMotion | None
     used: np.ndarray  # True for samples of a joint that the estimate uses, shape (joints, samples)
+    seen: np.ndarray  # True for samples that filters which begin anew may remember, likewise
 
     full_rate: ClassVar[bool] = True
     z: ClassVar[None] = None
@@ -93,7 +94,7 @@ class FullRateRecord:
         self, residual: np.ndarray, filters: Sequence[Prefilter], variance: np.ndarray
     ) -> np.ndarray:
         """L_j ε_j λ_j^(-1/2), shape (joints, samples)."""
-        white = filtered(residual, filters)
+        white = filtered(residual, filters, self.seen)
         white /= np.sqrt(variance)[:, None]
         return white
 
@@ -133,9 +134,10 @@ class FullRateRecord:
             out = np.empty((keep.size, self.used.shape[1]))
             for first in range(0, out.shape[1], KEPT_BLOCK):
                 span = slice(first, min(first + KEPT_BLOCK, out.shape[1]))
-                out[:, span] = stream.process(packed_stretch(regressor, source, span)[own][keep])
+                columns = packed_stretch(regressor, source, span)[own][keep]
+                out[:, span] = stream.process(columns, seen=self.seen[joint, span])
             made.append(out)
-        tau = filters[joint].stream(1).process(self.tau[joint : joint + 1])[0]
+        tau = filtered(self.tau[[joint]], filters[joint : joint + 1], self.seen[[joint]])[0]
         return made[0], made[1] if self.has_instruments else None, tau
 
     def blocks(
@@ -162,7 +164,8 @@ class FullRateRecord:
                 own = slice(regressor.offsets[j], regressor.offsets[j + 1])
                 stack = np.vstack([p[own] for p in packed] + [self.tau[j : j + 1, span]])
                 width = own.stop - own.start
-                parts = np.split(streams[j].process(stack), range(width, len(stack), width))
+                stack = streams[j].process(stack, seen=self.seen[j, span])
+                parts = np.split(stack, range(width, len(stack), width))
                 z = parts[1] if self.has_instruments else None
                 further = parts[-2] if extra is not None else None
                 rows[j] = make(j, (parts[0], z, further, parts[-1][0]), self.used[j, span])
@@ -206,7 +209,7 @@ def records_with_instruments(
             used &= valid_samples(kin, kin.dq, lim)
         if motion.valid is not None:
             used[:, ~motion.valid] = False
-        records.append(FullRateRecord(kin, motion, used))
+        records.append(FullRateRecord(kin, motion, used, used.copy()))
     return records
 
 
@@ -214,18 +217,22 @@ def records_without_instruments(
     kinematics: Sequence[Kinematics], limits: Sequence[np.ndarray]
 ) -> list[FullRateRecord]:
     """All recordings for least squares; measured speeds decide which samples are used."""
+    valid = [valid_samples(k, k.dq, limit) for k, limit in zip(kinematics, limits, strict=True)]
     return [
-        FullRateRecord(kin, None, valid_samples(kin, kin.dq, lim))
-        for kin, lim in zip(kinematics, limits, strict=True)
+        FullRateRecord(kin, None, used, used.copy())
+        for kin, used in zip(kinematics, valid, strict=True)
     ]
 
 
-def filtered(signal: np.ndarray, filters: Sequence[Prefilter]) -> np.ndarray:
-    """One signal per joint through the joints' prefilters, shape (joints, samples)."""
+def filtered(signal: np.ndarray, filters: Sequence[Prefilter], seen: np.ndarray) -> np.ndarray:
+    """One signal per joint through the joints' prefilters, shape (joints, samples).
+
+    ``seen``: samples that the filters may remember, likewise.
+    """
     out = working_array(signal.shape)
 
     def work(j: int) -> None:
-        filters[j].stream(1).process(signal[j : j + 1], out[j : j + 1])
+        filters[j].stream(1).process(signal[j : j + 1], out[j : j + 1], seen[j])
 
     run_in_threads(work, range(len(filters)))
     return out
@@ -266,7 +273,7 @@ def _walk(regressor: Regressor, record: FullRateRecord, filters, add) -> None:
                 if block > 0:
                     done[block - 1][j].wait()
                 if not plain:
-                    streams[j].process(stack, stack)
+                    streams[j].process(stack, stack, record.seen[j, span])
                 add(j, span, stack)
                 done[block][j].set()
         finally:  # an error must not leave the next block waiting

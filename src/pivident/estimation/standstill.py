@@ -5,6 +5,9 @@ has left, and the residual is not the encoder noise that prefilters and standard
 for. Its weight by inverse variance would be small, and most of what it adds is bias. On measured
 records the mask excludes those samples, for the sake of the friction model; on simulated ones,
 where standstill may be worth as much as motion, the residual decides joint by joint.
+
+A prefilter that inverts a controller carries what it has seen of the excluded samples into those
+after them, where an arm held by dry friction may have a residual many times that of its motion.
 """
 
 from __future__ import annotations
@@ -69,6 +72,42 @@ def noisy_standstill(
     enough = (rows > MIN_ROWS).all(axis=0)
     still, moving = squares / np.maximum(rows, 1.0)
     return enough & (still > NOISY_STANDSTILL * moving)
+
+
+def remembers_standstill(
+    filters: Sequence[Prefilter],
+    records: Sequence[EquationRecord],
+    residuals: Sequence[np.ndarray],
+) -> np.ndarray:
+    """Joints whose samples with standstill in the filter's memory cost more than they are worth.
+
+    Of c + m samples, m have r times the mean square of the other c in the motion's band. An
+    estimate from all of them, weighted alike, has the variance (c + r m)/(c + m)² of one sample's,
+    and one from the c alone 1/c: the m are left out where r > 2 + m/c.
+
+    ``residuals``: τ - Φθ of each recording, shape (joints, samples). Result: shape (joints,).
+    """
+    from scipy.signal import butter, sosfiltfilt
+
+    sums = np.zeros((2, 2, len(filters)))  # settled or not; rows, squares
+    for record, residual in zip(records, residuals, strict=True):
+        rate = record.kinematics.recording.rate
+        low_pass = butter(2, min(MOTION_BAND, rate / 8.0), fs=rate, output="sos")
+
+        def add(j: int, record=record, residual=residual, low_pass=low_pass) -> None:
+            used = record.used[j]
+            whitened = filters[j].stream(1).process(residual[j : j + 1])[0]
+            squares = sosfiltfilt(low_pass, np.where(used, whitened, 0.0)) ** 2
+            settled = without_recent(used, filters[j].transient())
+            for i, group in enumerate((used & settled, used & ~settled)):
+                sums[i, :, j] += group.sum(), squares[group].sum()
+
+        run_in_threads(add, range(len(filters)))
+    (clean, after), squares = sums[:, 0], sums[:, 1]
+    remembers = np.array([not prefilter.begins_anew for prefilter in filters])
+    enough = remembers & (clean > MIN_ROWS) & (after > 0)
+    ratio = squares[1] * clean / np.maximum(squares[0] * after, 1e-300)
+    return enough & (ratio > 2.0 + after / np.maximum(clean, 1.0))
 
 
 def slow_samples(problem: Problem, record: EquationRecord) -> np.ndarray:

@@ -90,7 +90,7 @@ def draft_experiment(
     findings = Findings()
     while True:
         say("trying the file")
-        lines = [*_robot_lines(machine, found, out), *control_lines(found, findings)]
+        lines = [*_robot_lines(machine, found, findings, out), *control_lines(found, findings)]
         recordings = [_recording(run, found, findings, out, column_names) for run in runs]
         heading = HEADING.format(
             names=", ".join(f.shown for run in runs for f in run.files), file=out.name
@@ -121,7 +121,9 @@ def relative_path(path: Path, out: Path) -> str:
     return relative.replace(os.sep, "/")
 
 
-def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[Assumption]:
+def _robot_lines(
+    machine: RobotFile, found: RecordingLines, findings: Findings, out: Path
+) -> list[Assumption]:
     """The table ``[robot]``."""
     is_file = machine.name.endswith((".toml", ".urdf", ".urdf.gz"))
     model = relative_path(Path(machine.name), out) if is_file else machine.name
@@ -129,14 +131,7 @@ def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[A
     sure = "likely" if machine.found else "certain"
     lines = [Assumption("robot", "model", model, sure, seen)]  # type: ignore[arg-type]
     lines += found.robot
-    law = found.machine.joints[0].friction
-    seen = f"friction of every joint is {law}, as of the robot's description or by default; "
-    seen += "`pivident laws` compares others"
-    if found.link_torques:
-        seen = "behind the gears only bearings rub: viscous and Coulomb friction stay in the model "
-        seen += "of a joint where they are significant; laws given here stay as they are"
-    example = '["viscous", "coulomb", "offset"]'
-    lines.append(Assumption("robot", "friction", None, "likely", seen, example=example))
+    lines += findings.friction or [_present_friction(found)]
     if not found.link_torques and not np.any(found.machine.rotor_inertia):
         lines.append(
             Assumption(
@@ -147,6 +142,18 @@ def _robot_lines(machine: RobotFile, found: RecordingLines, out: Path) -> list[A
             )
         )  # fmt: skip
     return lines
+
+
+def _present_friction(found: RecordingLines) -> Assumption:
+    """The line that says which law of friction is taken where the file says nothing."""
+    law = found.machine.joints[0].friction
+    seen = f"friction of every joint is {law}, as of the robot's description or by default; "
+    seen += "`pivident laws` compares others"
+    if found.link_torques:
+        seen = "behind the gears only bearings rub: viscous and Coulomb friction stay in the model "
+        seen += "of a joint where they are significant; laws given here stay as they are"
+    example = '["viscous", "coulomb", "offset"]'
+    return Assumption("robot", "friction", None, "likely", seen, example=example)
 
 
 def _recording(

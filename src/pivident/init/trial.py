@@ -25,6 +25,7 @@ from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
 from pivident.experiment.recording_tables import log_of
 from pivident.init.assumption import Assumption
+from pivident.init.friction_line import complete_friction
 from pivident.recording.recording import Recording
 from pivident.text.toml import parse_toml
 
@@ -37,6 +38,7 @@ class Findings:
     """What trials have shown so far."""
 
     recording: tuple[Assumption, ...] = ()  # lines of ``[recording]`` that became necessary
+    friction: tuple[Assumption, ...] | None = None  # its line, if any; None: not looked for yet
     law_failed: str = ""  # why no law could be identified, or empty
     law_found: str = ""  # what the identified law is like, or empty
     instruments: str = ""  # what the instruments are made of, where no loop is simulated
@@ -87,6 +89,11 @@ def _try_methods(
             except PividentError as error:
                 return _stuck(known, error)
             explained = {joint.name: float(joint.relative_error) for joint in result.joints}
+            if known.friction is None:
+                line = complete_friction(problem, method, result, say)
+                known = replace(known, friction=() if line is None else (line,))
+                if line is not None:
+                    return known
     timing = _timing(experiment, known)
     if timing is not None:
         return replace(known, recording=(*known.recording, timing))

@@ -113,7 +113,8 @@ class LoadedRecords:
         estimate absorbed.
         """
         filters, root = self.filters, np.sqrt(variance)[:, None]
-        white = [filtered(residual, filters) / root for residual in self.residuals(theta)]
+        residuals = zip(self.records, self.residuals(theta), strict=True)
+        white = [filtered(residual, filters, r.seen) / root for r, residual in residuals]
         return score_variance(
             self.problem.regressor, self.records, filters, sums, variance, white, metric
         )

@@ -8,6 +8,12 @@ gives the numbers of the whole.
 
 In this module time is the *last* axis: each row is one column of the observation matrix,
 contiguous in memory.
+
+Where some samples are excluded, a filter that is A alone begins anew after them: sample d of a
+stretch is predicted from the d samples before it, with the predictor of order d that belongs to A
+(Levinson's recursion backwards), and weighted by that predictor's own variance. These are the
+equations of generalised least squares on separate stretches; nothing of an excluded sample reaches
+them, and none of them is lost.
 """
 
 from __future__ import annotations
@@ -59,6 +65,11 @@ class Prefilter:
         taps = np.asarray(self.fir, dtype=float) / math.sqrt(self.variance)
         return StreamingFilter(self.numerator, self.denominator, taps, rows, threads)
 
+    @property
+    def begins_anew(self) -> bool:
+        """Whether it begins anew after excluded samples: A alone has a predictor of every order."""
+        return len(self.numerator) == len(self.denominator) == 1
+
     def response(self, frequency: np.ndarray, rate: float) -> np.ndarray:
         """L(e^{jω}) = λ^(-1/2) A N/D, ω = 2π f/rate, complex, shape (points,)."""
         back = np.exp(-2j * np.pi * np.asarray(frequency, dtype=float) / rate)
@@ -99,19 +110,43 @@ class StreamingFilter:
         self._state = np.zeros((rows, length - 1))
         self._history = np.zeros((rows, len(self._taps) - 1))
         self._threads = threads
+        self._fir = fir if length == 1 else fir[:1]
+        self._age = 0  # samples of the present stretch so far
+        self._predictors: np.ndarray | None = None
 
     def reset(self) -> None:
         """Return to rest, as at the start of another record."""
         self._state[:] = 0.0
         self._history[:] = 0.0
+        self._age = 0
 
-    def process(self, x: np.ndarray, out: np.ndarray | None = None) -> np.ndarray:
-        """Filter the next block (rows, block) into ``out``, which may be x itself."""
+    def process(
+        self, x: np.ndarray, out: np.ndarray | None = None, seen: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Filter the next block (rows, block) into ``out``, which may be x itself.
+
+        ``seen``: samples that are not excluded, shape (block,): where the filter begins anew after
+        excluded ones, what it gives at those themselves means nothing.
+        """
         rows = len(self._state)
         x = np.ascontiguousarray(x, dtype=float)
         if x.shape[0] != rows:
             raise ValueError(f"block of {x.shape[0]} rows for a filter of {rows} rows")
-        out = np.empty_like(x) if out is None else out
+        order = len(self._fir) - 1
+        if seen is None or order == 0 or (seen.all() and self._age >= order):
+            return self._processed(x, np.empty_like(x) if out is None else out)
+        before = self._history[:, self._history.shape[1] - order :] / self._numerator[0]
+        inputs = np.hstack([before, x])
+        out = self._processed(x, np.empty_like(x) if out is None else out)
+        if self._predictors is None:
+            self._predictors = lower_predictors(self._fir)
+        scale = self._numerator[0] * self._taps[0]
+        self._age = _begin_anew(inputs, seen, self._age, self._predictors * scale, out)
+        return out
+
+    def _processed(self, x: np.ndarray, out: np.ndarray) -> np.ndarray:
+        """The filter without regard to excluded samples."""
+        rows = len(self._state)
 
         def work(part: slice) -> None:
             _filter_rows(
@@ -132,6 +167,53 @@ class StreamingFilter:
         with ThreadPoolExecutor(threads) as pool:
             list(pool.map(work, [slice(*pair) for pair in pairwise(bounds)]))
         return out
+
+
+def lower_predictors(fir: np.ndarray) -> np.ndarray:
+    """Predictors of the orders 0 to p - 1 that belong to A of order p, weighted to its variance.
+
+    Levinson's recursion backwards: k = a_d, a'_i = (a_i - k a_{d-i})/(1 - k²), λ' = λ/(1 - k²).
+    Row d of the result, shape (p, p), holds √(λ_p/λ_d) a_0 … a_d, then zeros.
+
+    Raises:
+        IdentificationError: A has a root outside the unit circle.
+    """
+    a = np.asarray(fir, dtype=float) / fir[0]
+    order = len(a) - 1
+    made, weight = np.zeros((order, order)), 1.0
+    for d in range(order - 1, -1, -1):
+        k = a[-1]
+        left = 1.0 - k * k
+        if left <= 0.0:
+            raise IdentificationError(
+                f"the noise model of order {order} is not stable: reflection {k:.4g} at order "
+                f"{d + 1}; use a smaller p_max"
+            )
+        a = (a[:-1] - k * a[:0:-1]) / left
+        weight *= left
+        made[d, : d + 1] = math.sqrt(weight) * a
+    return made
+
+
+@njit(cache=True, nogil=True)
+def _begin_anew(x, seen, age, predictors, out):
+    """Samples with fewer than p of their stretch before them, by the predictors of lower orders.
+
+    x has p samples before those of the block; ``age`` counts the samples of the present stretch.
+    """
+    order = len(predictors)
+    for t in range(seen.size):
+        if not seen[t]:
+            age = 0
+            continue
+        if age < order:
+            for r in range(len(out)):
+                total = 0.0
+                for i in range(age + 1):
+                    total += predictors[age, i] * x[r, order + t - i]
+                out[r, t] = total
+        age += 1
+    return age
 
 
 def transient_length(

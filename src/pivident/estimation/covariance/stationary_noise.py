@@ -102,7 +102,8 @@ def score_variance(
             ) -> None:
                 own = slice(regressor.offsets[j], regressor.offsets[j + 1])
                 used = record.used[j, span].astype(float)
-                z = streams[j].process(packed[own]) * (used / np.sqrt(variance[j]))
+                z = streams[j].process(packed[own], seen=record.seen[j, span])
+                z *= used / np.sqrt(variance[j])
                 spectra[j].add(z, residual[j, span] * used, used)
 
             run_in_threads(add, range(len(sums)))
