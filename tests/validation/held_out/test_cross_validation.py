@@ -228,6 +228,21 @@ def test_a_fold_that_fails_is_kept_as_a_failure(problem, monkeypatch):
         cross_validate(problem, FULL_RATE, folds=3, identification=result.identification)
 
 
+def test_folds_have_the_kind_of_instruments_of_the_whole_record(problem, monkeypatch):
+    asked = []
+
+    def kept(given, method, progress=None):
+        asked.append(method.instruments)
+        return identify(given, method)
+
+    without_law = replace(problem, loop=None)
+    whole = identify(without_law, METHODS["iv-full-rate"])
+    monkeypatch.setattr(cross_validation, "identify", kept)
+    cross_validate(without_law, "iv-full-rate", folds=3, identification=whole)
+    assert whole.instruments.kind != "loop"
+    assert asked == [whole.instruments.kind] * 3
+
+
 def test_ratio_of_errors_has_students_interval(problem):
     a, b = (
         cross_validate(problem, method, folds=4)

@@ -19,7 +19,7 @@ from pivident.errors import ExperimentError, IdentificationError, SimulationDive
 from pivident.errors import MassMatrixNotPositiveDefinite as IndefiniteMass
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import Method
+from pivident.estimation.methods import LeastSquares, Method, method_named
 from pivident.estimation.problem import Problem
 from pivident.recording.recording import Recording
 from pivident.recording.repeated_motion import find_repetition
@@ -240,11 +240,12 @@ def cross_validate(
             CrossValidation(found.method, "training only", found, held_out, training, 0.0, notes)
         )
     gap = GAP_PERIODS / motion_band(problem.recordings[0]) if gap is None else gap
+    alike = _with_its_instruments(method, found)
     divided = contiguous_folds(problem.recordings, moving, folds, gap)
     stretches: list[HeldOut] = []
     for number, fold in enumerate(divided, start=1):
         say(f"fold {number} of {len(divided)}")
-        stretches += _fold(problem, method, fold, judges)
+        stretches += _fold(problem, alike, fold, judges)
     notes += _repetition_notes(problem)
     return _checked(
         CrossValidation(
@@ -253,8 +254,19 @@ def cross_validate(
     )
 
 
+def _with_its_instruments(method: Method | str, found: Identification) -> Method:
+    """The method with the kind of instruments that the whole record was given.
+
+    A repetition is not asked of a block: it may be the only one of its motion there.
+    """
+    method, used = method_named(method), found.instruments
+    if isinstance(method, LeastSquares) or used is None or used.kind in ("loop", "repetition"):
+        return method
+    return replace(method, instruments=used.kind)
+
+
 def _fold(
-    problem: Problem, method: Method | str, fold: Fold, judges: Sequence[Judge]
+    problem: Problem, method: Method, fold: Fold, judges: Sequence[Judge]
 ) -> tuple[HeldOut, ...]:
     """Fit the rest, judge the block; a failure is kept with it."""
     try:
