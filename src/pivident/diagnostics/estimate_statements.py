@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from pivident.diagnostics.diagnostics import Diagnostics
 from pivident.diagnostics.wanted_motion import wanted_motions
+from pivident.dynamics.signs import negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import parameter_rows, shown_std
-from pivident.estimation.signs import negative_parameters
 from pivident.logs.torque_scale import scale_sentences
 from pivident.text.finding import Finding, Quantity, Severity
 from pivident.text.lists import listed

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from pivident.dynamics.signs import sign_warnings
 from pivident.estimation.covariance.sandwich import sandwich
 from pivident.estimation.covariance.stationary_noise import stationary_covariance
 from pivident.estimation.exogeneity import durbin_wu_hausman
@@ -16,7 +17,6 @@ from pivident.estimation.iteration import Estimate, Run
 from pivident.estimation.methods import Method
 from pivident.estimation.normal_equations import relative_residual
 from pivident.estimation.problem import Problem, position_units, torque_units
-from pivident.estimation.signs import sign_warnings
 from pivident.estimation.solved_equations import Equations
 from pivident.instruments.given_motion import InstrumentsUsed
 from pivident.logs.torque_scale import scale_sentences

@@ -6,7 +6,8 @@ behind the sensor may rub a little. For each joint the hypothesis fv = fc = 0 is
     F = (ν - k + 1)/(ν k) θᵀ P⁻¹ θ    against F(k, ν - k + 1)
 
 with least squares, the sandwich P over windows of time, and ν its degrees of freedom. Where it
-stands, these terms leave the joint's law. The offset stays: sensors have one.
+stands, these terms leave the joint's law. The offset stays: sensors have one. Before that, the
+record decides how dry friction reaches its full level (`complete_sign`).
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, Method
 from pivident.estimation.problem import Problem
+from pivident.friction.complete_sign import complete_sign
 from pivident.robot.friction import FrictionLaw
 from pivident.text.finding import Finding, Quantity
 from pivident.text.lists import listed
@@ -68,7 +70,10 @@ def bearing_friction(
         return problem
     say = progress or (lambda line: None)
     say("testing the friction of the bearings")
-    found = identify(problem, method or LeastSquares(), say)
+    method = method or LeastSquares()
+    found = identify(problem, method, say)
+    if (better := complete_sign(problem, method, found, say)) is not None:
+        problem, found = better.problem, better.identification
     tests = [t for j in range(problem.robot.size) if (t := _tested(found, j)) is not None]
     laws = {
         test.joint: FrictionLaw(

@@ -19,14 +19,15 @@ from pivident.errors import (
 from pivident.errors.recordings import written
 from pivident.estimation.identification import Identification
 from pivident.estimation.identify import identify
-from pivident.estimation.methods import InstrumentalVariables, PrefilteredIV
+from pivident.estimation.methods import InstrumentalVariables, LeastSquares, PrefilteredIV
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import Experiment
 from pivident.experiment.explained import validated
 from pivident.experiment.recording_tables import log_of
+from pivident.friction.complete_sign import complete_sign
 from pivident.init.assumption import Assumption
-from pivident.init.friction_line import complete_friction
 from pivident.recording.recording import Recording
+from pivident.robot.friction_toml import law_toml
 from pivident.text.toml import parse_toml
 
 #: Longest record on which methods are tried [samples times joints]; longer ones are tried in part.
@@ -90,9 +91,8 @@ def _try_methods(
                 return _stuck(known, error)
             explained = {joint.name: float(joint.relative_error) for joint in result.joints}
             if known.friction is None:
-                line = complete_friction(problem, method, result, say)
-                known = replace(known, friction=() if line is None else (line,))
-                if line is not None:
+                known = replace(known, friction=_friction(problem, method, result, say))
+                if known.friction:
                     return known
     timing = _timing(experiment, known)
     if timing is not None:
@@ -102,6 +102,23 @@ def _try_methods(
         reason = next(failed[m] for m in loops)
         return replace(known, law_failed=f"the identified law does not carry the loop ({reason})")
     return replace(known, failed=failed, explained=explained, instruments=made, settled=True)
+
+
+def _friction(
+    problem: Problem, method: LeastSquares, found: Identification, say: Callable[[str], None]
+) -> tuple[Assumption, ...]:
+    """The line with the law of friction, where the log asks for another than the default.
+
+    Behind the gears `identify` decides by itself, together with which friction there is.
+    """
+    if problem.robot.torque_side == "link":
+        return ()
+    better = complete_sign(problem, method, found, say)
+    if better is None:
+        return ()
+    value = parse_toml(f"x = {law_toml(better.law)}")["x"]
+    seen = f"{better}; `pivident laws` compares other laws"
+    return (Assumption("robot", "friction", value, "likely", seen),)
 
 
 def _instead(result: Identification) -> str:

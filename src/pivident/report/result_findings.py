@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pivident.dynamics.signs import NegativeParameter, negative_parameters
 from pivident.estimation.identification import Identification
 from pivident.estimation.parameter_rows import (
     CONTRADICTION,
@@ -14,7 +15,6 @@ from pivident.estimation.parameter_rows import (
     parameter_rows,
     shown_std,
 )
-from pivident.estimation.signs import NegativeParameter, negative_parameters
 from pivident.text.finding import Finding, Quantity
 from pivident.text.lists import listed
 from pivident.text.numbers import percent

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pivident.dynamics.signs import negative_parameters
 from pivident.errors import ExperimentError, IdentificationError
 from pivident.estimation.identification import Identification
 from pivident.estimation.methods import (
@@ -23,7 +24,6 @@ from pivident.estimation.methods import (
 )
 from pivident.estimation.parameter_rows import CONTRADICTION
 from pivident.estimation.problem import Problem
-from pivident.estimation.signs import negative_parameters
 from pivident.recording.recording import Recording
 from pivident.text.numbers import format_significant
 from pivident.text.plain_table import plain_table
