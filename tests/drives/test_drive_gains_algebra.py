@@ -16,6 +16,7 @@ from pivident.drives.total_least_squares import gains_by
 from pivident.dynamics.parameters import nominal_values
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.recording import Recording
 from pivident.robot.gallery import load_robot
 
@@ -52,7 +53,7 @@ def problem_and_records(noise: float, payload: Payload | None, robot=None, seed=
         unknown = np.full(2, np.nan)
         kinematics = Kinematics(recording, q, dq, ddq, commands, 0, samples, unknown, unknown)
         made.append(recording)
-        records.append(DriveRecord(kinematics, np.zeros(2), load))
+        records.append(DriveRecord(kinematics, SpeedLimits(np.zeros(2)), load))
     return Problem(robot, (made[0],)), made[1:], records
 
 

@@ -228,7 +228,7 @@ def test_parameters_mask_and_start(tmp_path):
     problem = load(tmp_path, text).problem()
     assert problem.names == ("zz1r", "fv1", "fc1", "zz2", "fv2", "fc2")
     assert problem.initial_values()[0] == 2.5
-    assert not problem.speed_limits(problem.recordings[0]).any()
+    assert not problem.speed_limits(problem.recordings[0]).joints.any()
 
 
 def test_default_methods_follow_from_the_controller(tmp_path):

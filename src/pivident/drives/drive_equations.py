@@ -26,6 +26,7 @@ from pivident.estimation.full_rate import BLOCK, valid_samples
 from pivident.estimation.normal_equations import JointSums
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, packed_stretch, with_inner
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.robot.description import Robot
 from pivident.robot.transmission import Transmission
 
@@ -39,7 +40,7 @@ class DriveRecord:
     """One recording in the drive equations."""
 
     kinematics: Kinematics  # motion, and commands (as torques) at the same instants
-    limits: np.ndarray  # speeds below which a joint's samples are excluded, (joints,)
+    limits: SpeedLimits  # speeds below which samples are excluded
     load: int = 0  # carried by the robot: 0 none, 1 the payload
     motion: SimulatedMotion | None = None  # simulated, for instruments; None: least squares
 

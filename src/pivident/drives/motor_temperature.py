@@ -35,6 +35,7 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import packed_stretch, with_inner
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.recording import Recording
 from pivident.robot.transmission import Transmission
 
@@ -162,7 +163,7 @@ def _per_motor(temperature: np.ndarray, recording: Recording) -> np.ndarray:
 def _sums(
     problem: Problem,
     kinematics: Sequence[Kinematics],
-    limits: Sequence[np.ndarray],
+    limits: Sequence[SpeedLimits],
     warmth: Sequence[np.ndarray],
     rate: np.ndarray,
     state: Sequence[np.ndarray | None],

@@ -15,6 +15,7 @@ from pivident.estimation.methods import Bandpass
 from pivident.estimation.normal_equations import JointSums
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, packed_stretch
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.signals.decimation import (
     Convention,
     decimation_blocks,
@@ -152,13 +153,13 @@ def decimate_record(
     regressor: Regressor,
     kinematics: Kinematics,
     signals: Bandpass,
-    limits: np.ndarray,
+    limits: SpeedLimits,
     motion: SimulatedMotion | None = None,
     earlier: DecimatedRecord | None = None,
 ) -> DecimatedRecord:
     """Build and decimate the equations of one recording.
 
-    ``limits``: speeds below which a joint's rows are excluded, shape (joints,).
+    ``limits``: speeds below which rows are excluded.
     """
     factor, like = signals.factor(kinematics.recording.rate), signals.convention
     part = slice(kinematics.start, kinematics.stop)
@@ -172,7 +173,7 @@ def decimate_record(
     source = kinematics if motion is None else motion
     z = None if motion is None else _decimated_columns(regressor, motion, part, factor, like)
     dq = parallel_decimation(source.dq[:, part].T, factor, convention=like).T
-    used = (np.abs(dq) > limits[:, None]) | (limits == 0.0)[:, None]
+    used = limits.moving(dq)
     if motion is not None and motion.valid is not None:
         at = np.round((t - kinematics.recording.start_time) * kinematics.recording.rate)
         used = used & motion.valid[at.astype(int)]

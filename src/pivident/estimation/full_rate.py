@@ -20,6 +20,7 @@ from pivident.estimation.normal_equations import JointSums
 from pivident.estimation.torque_residual import residual_of
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import Motion, SimulatedMotion, packed_stretch
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.scratch import working_array
 from pivident.signals.prefilter import Prefilter
 from pivident.threads import run_in_threads
@@ -178,15 +179,12 @@ class FullRateRecord:
         return [self.kinematics] if self.motion is None else [self.kinematics, self.motion]
 
 
-def valid_samples(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Samples that may be used: inside the usable range, and faster than the joint's limit.
+def valid_samples(kinematics: Kinematics, dq: np.ndarray, limits: SpeedLimits) -> np.ndarray:
+    """Samples that may be used: inside the usable range, and faster than the limits.
 
-    ``dq``: speeds that decide, shape (joints, samples): the instruments', where there are any;
-    ``limits``: shape (joints,) [rad/s or m/s]; zero: all samples count.
+    ``dq``: speeds that decide, shape (joints, samples): the instruments', where there are any.
     """
-    valid = np.ones(dq.shape, bool)
-    for j in np.flatnonzero(limits > 0.0):
-        valid[j] = np.abs(dq[j]) > limits[j]
+    valid = limits.moving(dq)
     valid[:, : kinematics.start] = False
     valid[:, kinematics.stop :] = False
     return valid
@@ -195,7 +193,7 @@ def valid_samples(kinematics: Kinematics, dq: np.ndarray, limits: np.ndarray) ->
 def records_with_instruments(
     kinematics: Sequence[Kinematics],
     motions: Sequence[SimulatedMotion],
-    limits: Sequence[np.ndarray],
+    limits: Sequence[SpeedLimits],
 ) -> list[FullRateRecord]:
     """All recordings with instruments, whose speeds decide which samples are used.
 
@@ -214,7 +212,7 @@ def records_with_instruments(
 
 
 def records_without_instruments(
-    kinematics: Sequence[Kinematics], limits: Sequence[np.ndarray]
+    kinematics: Sequence[Kinematics], limits: Sequence[SpeedLimits]
 ) -> list[FullRateRecord]:
     """All recordings for least squares; measured speeds decide which samples are used."""
     valid = [valid_samples(k, k.dq, limit) for k, limit in zip(kinematics, limits, strict=True)]

@@ -36,6 +36,7 @@ from pivident.estimation.normal_equations import (
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import SimulatedMotion, with_inner
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.signals.prefilter import Prefilter
 from pivident.text.finding import Finding, Quantity
 
@@ -48,7 +49,7 @@ MAX_PASSES = 30
 
 
 def estimate_without_load(
-    problem: Problem, kinematics: Sequence[Kinematics], limits: Sequence[np.ndarray]
+    problem: Problem, kinematics: Sequence[Kinematics], limits: Sequence[SpeedLimits]
 ) -> np.ndarray | None:
     """Least squares without the friction that grows with the load: what makes the first load.
 
@@ -95,7 +96,7 @@ class Signals:
 
     problem: Problem  # what is given
     kinematics: list[Kinematics]  # motion and torque of each recording
-    limits: list[np.ndarray]  # speeds below which a joint's samples are excluded, likewise
+    limits: list[SpeedLimits]  # speeds below which samples are excluded, likewise
     #: Estimate that makes the first load of friction; None: there is no such.
     without_load: np.ndarray | None
 

@@ -26,6 +26,7 @@ from pivident.estimation.normal_equations import JointSums, Solution, relative_r
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
 from pivident.motion.motion import with_inner
+from pivident.motion.speed_limits import SpeedLimits
 
 
 def identify_ls(problem: Problem, method: LeastSquares, say: Say) -> Identification:
@@ -70,7 +71,7 @@ def _records(
     problem: Problem,
     method: LeastSquares,
     kinematics: list[Kinematics],
-    limits: list[np.ndarray],
+    limits: list[SpeedLimits],
 ) -> Sequence[EquationRecord]:
     """Equations of all recordings, decimated or at full rate."""
     if not isinstance(method.signals, Bandpass):

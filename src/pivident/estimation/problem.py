@@ -20,6 +20,7 @@ from pivident.dynamics.base_parameters import (
 from pivident.dynamics.parameters import nominal_values
 from pivident.dynamics.regressor import Regressor
 from pivident.errors import ExperimentError, IdentificationError, concerning
+from pivident.motion.speed_limits import SpeedLimits
 from pivident.recording.checks import check_within_reach
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
@@ -135,12 +136,13 @@ class Problem:
         expressions = self.base.expressions
         return tuple(expressions[k] for k in self.selection)
 
-    def speed_limits(self, recording: Recording) -> np.ndarray:
-        """Speed below which joints of a recording are excluded [rad/s or m/s], shape (joints,)."""
+    def speed_limits(self, recording: Recording) -> SpeedLimits:
+        """Speeds below which samples of a recording are excluded."""
         share = self.mask
         if share == "auto":
             share = 0.0 if recording.simulated else LOW_SPEED
-        return float(share or 0.0) * self._rated_speeds(recording)
+        joints = float(share or 0.0) * self._rated_speeds(recording)
+        return SpeedLimits(joints, self.robot.couplings)
 
     def low_speeds(self, recording: Recording) -> np.ndarray:
         """Speed in a recording that counts as standstill [rad/s or m/s], shape (joints,)."""
