@@ -8,7 +8,9 @@ Records of the first kind come from the simulator with the robot's description a
 of the second kind (`tests.other_arms`) have rates of 50 to 250 Hz, 10 and 12 ms in turn, jitter,
 single lost samples, stops, encoders of 14 bits and speeds as drives log them; what is audited is
 the bare file, what is checked the experiment file that `pivident init` writes for it. An alarm is
-an error or a warning that is not true of the record: that an irregular clock is irregular is true.
+an error or a warning that is not true of the record: that an irregular clock is irregular is true,
+and so is that a parameter is poorly excited if least squares misses it by as much as a tenth of the
+torque of full motion.
 """
 
 from __future__ import annotations

@@ -16,6 +16,7 @@ from pivident.logs.clocks.timestamps import (
     mean_rate,
     resample_smooth,
     stamp_error,
+    usual_interval,
 )
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
@@ -37,6 +38,9 @@ ROUNDING = 1e-9
 
 #: Intervals that are shorter than this share of the usual one tell nothing of the speed.
 SHORTEST = 0.1
+
+#: Share of the roughness of a motion that is left without a sample that was repeated.
+REPEATED = 0.25
 
 #: How far from a whole number the samples lost at one place may seem to be.
 WHOLE = 0.25
@@ -123,7 +127,7 @@ def _one_clock(
         text = "The time column never advances."
         findings.append(finding("error", "no clock", text, 0, "Name another time column."))
         return steps, None, False, findings
-    period = float(np.median(forward))
+    period = usual_interval(forward)
     for wrong, kind, words, step in (
         (steps < 0, "backward", "go backward", "Cut the log there; two logs may have been joined."),
         (
@@ -181,7 +185,7 @@ def _one_clock(
     )
     jitter = Quantity(100 * largest, "%", bound=100 * JITTER_TOLERANCE)
     harmless = Finding("ok", "timing", "jitter", text, name, evidence={"jitter": jitter})
-    if largest > JITTER_TOLERANCE and log.resample:
+    if largest > ROUNDING and log.resample:
         text += " New samples are made at equal intervals, as requested by resample = true."
         findings.append(replace(harmless, message=text))
         regular = False
@@ -302,8 +306,9 @@ def unsteady_steps(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
     With d_k = q_{k+1} - q_k and v_k the median of the two steps before and the two after, lost
     samples show as d_k = (1 + m) v_k with one whole m for all joints; m = -1 is a repeated sample.
     m is estimated by least squares over the joints, each weighted with the usual spread of
-    d_k - v_k. Steps that the stamps t explain, d_k as long as the interval, are none. Returns
-    (places, 2).
+    d_k - v_k. Steps that the stamps t explain, d_k as long as the interval, are none. Nor is one at
+    which the arm comes to rest and moves on: without a sample that was repeated the speed is far
+    smoother, without one that was not it is not. Returns (places, 2).
     """
     if len(q) < 50:
         return np.empty((0, 2))
@@ -336,8 +341,23 @@ def _unsteady(step: np.ndarray, length: np.ndarray) -> np.ndarray:
         & ((whole >= 1) | (whole == -1))
         & (misfit < 0.1 * information * lost**2)
     )
+    clear &= (whole >= 1) | _smoother_without(speed, weight)
     at = np.flatnonzero(clear)
     return np.column_stack([at + 2, whole[at]])
+
+
+def _smoother_without(speed: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Whether the speed is far smoother without a step, for each but the two outermost.
+
+    Smooth is what has small second differences, summed over the joints with their weights.
+    """
+    before, last, here, following, after = (speed[i : len(speed) - 4 + i] for i in range(5))
+
+    def roughness(*steps: np.ndarray) -> np.ndarray:
+        return np.asarray(np.nansum(weight * np.diff(steps, n=2, axis=0) ** 2, axis=(0, 2)))
+
+    without = roughness(before, last, following, after)
+    return without < REPEATED * roughness(before, last, here, following, after)
 
 
 def _step_findings(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:
