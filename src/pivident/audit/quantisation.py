@@ -149,8 +149,8 @@ def _rounded_share(
     """Rms of rounding noise in the accelerations over theirs, below their cut-off.
 
     White noise of variance Δ²/12 makes accelerations of variance (Δ²/12)(2/f_s)(2π)⁴ f_c⁵/5 below
-    f_c, for the share of the time in which the joint moves. Rounding is as good as white below f_c as long as the counts change much faster, however
-    many samples each lasts.
+    f_c, for the share of the time in which the joint moves. Rounding is as good as white below f_c
+    as long as the counts change much faster, however many samples each lasts.
     """
     x = values[:, None] - values.mean()
     motion = float(np.std(bandpass(x, rate, cutoff, at_instants=True).ddq))
