@@ -143,6 +143,23 @@ def _one_clock(
             text = f"{at.size} time stamp(s) {words}, the first at sample {k} (t = {t[k]:.6g} s)."
             findings.append(finding("error", kind, text, k, step, stamps=Quantity(float(at.size))))
             regular = False
+    change = rate_change(finite) if regular else None
+    if change is not None:
+        k, before, after = change
+        text = (
+            f"The clock changes its rate at sample {place[k]} (t = {finite[k]:.6g} s): it ticks "
+            f"every {1e3 * before:.5g} ms before and every {1e3 * after:.5g} ms behind."
+        )
+        step = (
+            f"Make two recordings of it, with part = [{finite[0]:.6g}, {finite[k]:.6g}] and part = "
+            f"[{finite[k]:.6g}, {finite[-1] + after:.6g}]."
+        )
+        severity: Severity = "warning" if log.resample else "error"
+        if log.resample:
+            text += " New samples at one rate are made for all of it."
+        interval = Quantity(1e3 * after, "ms", bound=1e3 * before)
+        found = finding(severity, "rate change", text, int(place[k]), step, interval=interval)
+        return steps, mean_rate(finite), False, [*findings, found]
     ratio = steps / period
     tolerated, gaps = GAP * period, lacking(steps, period)
     if log.resample:  # which fills the shorter ones
@@ -204,6 +221,32 @@ def _one_clock(
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
         findings.append(finding("error", "rate", text, 0, step, rate=Quantity(rate, "Hz")))
     return steps, rate, regular, findings
+
+
+def rate_change(t: np.ndarray) -> tuple[int, float, float] | None:
+    """The sample at which a clock that is regular before and behind changes its interval [s].
+
+    The intervals are cut in two where their squares about the two means add up to least. Both parts
+    are regular clocks of different intervals, or there is no such change.
+    """
+    steps = np.diff(t)
+    n = len(steps)
+    if n < 2 * MIN_SAMPLES:
+        return None
+    sums = np.cumsum(steps)[:-1]
+    number = np.arange(1, n)
+    explained = sums**2 / number + (steps.sum() - sums) ** 2 / (n - number)
+    k = int(np.argmax(explained)) + 1
+    if min(k, n - k) < MIN_SAMPLES:
+        return None
+    parts = steps[:k], steps[k:]
+    before, after = (usual_interval(part) for part in parts)
+    regular = all(
+        np.abs(part / usual - 1.0).max() <= JITTER_TOLERANCE
+        for part, usual in zip(parts, (before, after), strict=True)
+    )
+    apart = abs(before - after) > 2.0 * JITTER_TOLERANCE * min(before, after)
+    return (k, before, after) if regular and apart else None
 
 
 def _error_of_stamps(log: Log, t: np.ndarray) -> float:

@@ -21,7 +21,7 @@ RATE_TOLERANCE = 0.01
 LOWEST_RATE = 5.0
 
 #: Rates that the log of a robot may well have [Hz].
-LIKELY_RATES = (20.0, 20e3)
+LIKELY_RATES = (LOWEST_RATE, 20e3)
 
 #: Ratio of `stamp_error` from which on samples are equally spaced, and their stamps are not.
 EVEN = 2.0
