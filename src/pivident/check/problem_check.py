@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from pivident.check.filters_check import check_filters
+from pivident.check.motion_check import SHORTEST
 from pivident.check.plan import Plan, plan_of
 from pivident.check.remark import Place, Remark, of_error
 from pivident.check.stability_check import check_stability
@@ -141,9 +142,9 @@ class ProblemCheck:
 
 
 def _folds(fitted: list[Recording], folds: int) -> Iterator[Remark]:
-    """Blocks that are too short to be judged on."""
+    """Blocks too short to be judged on, of records that are not called short already."""
     possible = possible_folds(fitted, folds) if folds else 0
-    if possible == folds:
+    if possible == folds or any(recording.duration < SHORTEST for recording in fitted):
         return
     samples = sum(recording.samples for recording in fitted)
     yield Remark(
