@@ -229,6 +229,21 @@ def make_log(seed: int, setting: Setting, joints: int = 6) -> ArmLog:
     return ArmLog(arm, t, logged, speed, tau, (q, dq, ddq), torque, columns)
 
 
+def log_of_motion(
+    arm: Arm, t: np.ndarray, motion: tuple[np.ndarray, np.ndarray, np.ndarray], noise: float = 0.05
+) -> ArmLog:
+    """The log of a motion q, dq, ddq at stamps t; encoders tremble, torques have noise [N m]."""
+    rng = np.random.default_rng(len(t))
+    q, dq, ddq = motion
+    torque = torque_of(arm, q, dq, ddq, np.where(dq == 0.0, 0.4, np.sign(dq)))
+    tau = torque + noise * rng.standard_normal(torque.shape)
+    step = 2 * np.pi / COUNTS / arm.reduction
+    logged = np.round((q + 0.2 * step * rng.standard_normal(q.shape)) / step) * step
+    columns = {f"q_{name}": logged[:, k] for k, name in enumerate(arm.joint_names)}
+    columns |= {f"tau_{name}": tau[:, k] for k, name in enumerate(arm.joint_names)}
+    return ArmLog(arm, t, logged, None, tau, motion, torque, columns)
+
+
 def _logged_speed(
     rng: np.random.Generator,
     setting: Setting,

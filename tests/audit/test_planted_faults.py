@@ -194,5 +194,9 @@ def test_motion_too_poor_to_separate_the_parameters():
     assert audit.model is None  # 420 samples of 20 Hz are nothing to compare
     still = log.channels["q"].copy()
     still[:, 0] = still[0, 0] + 1e-6 * np.random.default_rng(0).standard_normal(log.samples)
-    weak = audit_log(with_channels(log, q=still)).of("excitation")
+    audit = audit_log(with_channels(log, q=still))
+    assert serious(audit) == {("error", "standstill", "shoulder")} and audit.model is None
+    slow = log.channels["q"].copy()
+    slow[:, 0] = slow[0, 0] + 0.01 * (slow[:, 0] - slow[0, 0])
+    weak = audit_log(with_channels(log, q=slow)).of("excitation")
     assert any(f.severity != "ok" and "shoulder" in f.next_step for f in weak)

@@ -23,3 +23,10 @@ def test_units_of_time_are_those_that_a_draft_knows():
     assert told({"t": "time_msec"}) == [("unit", "time_msec")]
     assert told({"t": "time_msecs"}, {"t": "ms"}) == []
     assert told({"t": "t_us"}, {"t": "s"}) == [("unit", "t_us")]
+
+
+def test_a_desired_position_is_a_reference():
+    for name in ("q_d[0]", "q_set_1", "qd_des_1", "pos_soll_1"):
+        assert told({"q_ref": [name]}) == []
+    assert told({"q_ref": ["q_1"]}) == [("reads like q", "q_1")]
+    assert told({"q_ref": ["tau_J_d[0]"]}) == [("reads like tau", "tau_J_d[0]")]

@@ -15,6 +15,7 @@ from pivident.logs.log import Log
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, offset
 from pivident.robot.urdf import parse_urdf
+from tests.other_arms import Setting, make_log
 from tests.seven_axis_arm import COULOMB, ROTORS, VISCOUS, seven_axis_log, write_log
 
 pytest.importorskip("mujoco")
@@ -151,3 +152,15 @@ def test_a_gain_of_one_sensor_leaves_the_side_alone():
     bare = Log("log", robot.joint_names, {}, {"t": log.t}, channels=channels, robot=robot)
     timing = check_timing(bare)
     assert torque_side_evidence(bare, timing, build_inverse_model(bare, timing)).side == "link"
+
+
+def test_small_rotors_are_not_none():
+    """Motors whose rotors are a twelfth of what they move, ten standard errors from nothing."""
+    arm = make_log(94, Setting("gaps", 50.0, 20.0, 0.0, 0.002, "none", 0.5))
+    channels, robot = {"q": arm.q, "tau": arm.tau}, parse_urdf(arm.arm.urdf)
+    log = Log("log", robot.joint_names, {}, {"t": arm.t}, channels=channels, robot=robot)
+    log = replace(log, resample=True, torque_timing="sampled").between(0.0, 11.981)
+    timing = check_timing(log)
+    found = torque_side_evidence(log, timing, build_inverse_model(log, timing))
+    assert found.pooled[0] == pytest.approx(0.076, abs=0.02)
+    assert found.side == "unknown"

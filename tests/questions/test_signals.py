@@ -131,7 +131,7 @@ CASES = [
     signals("a torque has a dead band", both("tau2")(lambda x: np.where(np.abs(x) < 4, 0, x)), "tau of elbow", "exactly 0"),
     signals("a torque has a spike", both("tau1")(lambda x: np.where(np.arange(len(x)) == 900, 500.0, x)), "tau of shoulder", "sample 900", code=0),
     signals("a position has a spike", both("q1")(lambda x: np.where(np.arange(len(x)) == 900, x + 0.5, x)), "q of shoulder", "sample 900", code=0),
-    signals("positions have too few digits", positions(lambda x: np.round(x, 3)), "q of shoulder", "steps of 0.001", code=0),
+    signals("positions have too few digits", positions(lambda x: np.round(x, 3)), "q of shoulder", "significant digits", code=0),
     signals("torques have too few digits", torques(lambda x: np.round(x / 5) * 5), "tau of shoulder", "steps of 5", code=0),
     signals("nothing moves", {n: (0.3 + 1e-5 * np.random.default_rng(k).standard_normal(len(v)) if n[0] == "q" else v) for k, (n, v) in enumerate(log().items())}, "standstill", "the whole arm"),
     signals("only one joint moves", still("2"), "standstill", "elbow", "mrad"),

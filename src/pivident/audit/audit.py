@@ -21,6 +21,7 @@ from pivident.audit.quantisation import Quantisation, check_quantisation
 from pivident.audit.saturation import check_channels
 from pivident.audit.scale import Scale, check_assumed, check_positions, check_reach, check_scale
 from pivident.audit.speed import check_speeds
+from pivident.audit.standstill import check_standstill
 from pivident.audit.timing import Timing, check_timing
 from pivident.errors import PividentError, RecordingError
 from pivident.logs.log import Log
@@ -154,9 +155,14 @@ def _audit(log: Log, say: Callable[[str], None]) -> Audit:
     if not {"q", "tau"} <= set(log.channels):
         findings.append(_not_judged("no columns are known for q and tau"))
         return Audit(log, tuple(findings), timing, quantisation)
+    still = check_standstill(log)
+    findings += still
     if log.robot is None:
         findings += mechanical_power(log)
         findings.append(_not_judged("no robot is given"))
+        return Audit(log, tuple(findings), timing, quantisation)
+    if still:
+        findings.append(_not_judged(f"{still[0].subject} stands still"))
         return Audit(log, tuple(findings), timing, quantisation)
     say("comparing torque and motion")
     try:
@@ -227,6 +233,7 @@ def _not_judged(reason: str) -> Finding:
     """What could not be said, and why."""
     text = f"Delay, signs, gains and excitation were not judged: {reason}."
     step = "Give the robot (--robot) and the columns (--experiment)."
+    step = "" if reason.endswith("still") else step
     return Finding("ok", "reading", "not judged", text, next_step=step)
 
 

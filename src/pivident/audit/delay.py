@@ -78,26 +78,42 @@ def check_delay(log: Log, model: InverseModel) -> Delay:
     """Estimate how much later the torque was logged than the positions.
 
     Static friction of a standstill reaches into the motion beside it and can look like a delay. One
-    that is not there without those rows is none.
+    that is not there without those rows is none. What the law of dry friction lacks where a joint
+    turns back differs by joint, and is no delay either if the motion between contradicts it.
     """
     found = _estimated(log, model)
     if all(finding.severity == "ok" for finding in found.findings):
         return found
     apart = _estimated(log, model.away_from_rest())
     names = {name: j for j, name in enumerate(model.robot.joint_names)}
+    graver = [f for f in found.findings if f.severity != "ok"]
+    fast = None
+    if any(finding.subject in names for finding in graver):
+        fast = _estimated(log, model.away_from_reversals(), np.inf)
     findings = []
     for finding in found.findings:
         j = names.get(finding.subject)
-        pair = found.beside(j), apart.beside(j)
-        same = pair[0][0] * pair[1][0] > 0 and abs(pair[1][0]) > 0.5 * CLEAR * pair[1][1]
-        if finding.severity != "ok" and not same:
-            finding = replace(finding, severity="ok", next_step="")
-        findings.append(finding)
+        none = finding.severity != "ok" and not _agree(found, apart, j)
+        if finding.severity != "ok" and j is not None and fast is not None:
+            none |= _contradicts(found, fast, j)
+        findings.append(replace(finding, severity="ok", next_step="") if none else finding)
     return replace(found, findings=tuple(findings))
 
 
-def _estimated(log: Log, model: InverseModel) -> Delay:
-    """The same on the rows of a model."""
+def _agree(found: Delay, other: Delay, joint: int | None) -> bool:
+    """Whether the delay of a joint, or of all for None, is there on other rows as well."""
+    (delay, _), (again, uncertain) = found.beside(joint), other.beside(joint)
+    return delay * again > 0 and abs(again) > 0.5 * CLEAR * uncertain
+
+
+def _contradicts(found: Delay, other: Delay, joint: int) -> bool:
+    """Whether other rows show another delay of a joint, and no clear one."""
+    (delay, _), (again, uncertain) = found.beside(joint), other.beside(joint)
+    return abs(again) < CLEAR * uncertain and abs(delay - again) > 0.5 * CLEAR * uncertain
+
+
+def _estimated(log: Log, model: InverseModel, blunt: float = BLUNT) -> Delay:
+    """The same on the rows of a model, without standard errors above ``blunt`` [s]."""
     reach = min(max(MAX_SHIFT, MIN_SHIFT_SAMPLES / model.rate), model.at[0] / model.rate)
     shifts = np.linspace(-reach, reach, 81)
     torques = [model.tau(s) for s in shifts]
@@ -115,7 +131,7 @@ def _estimated(log: Log, model: InverseModel) -> Delay:
     standard_errors = np.array(
         [jackknife(x[np.isfinite(x)]) if np.isfinite(x).sum() > 2 else np.nan for x in replicates.T]
     )
-    sharp = np.isfinite(estimates) & (standard_errors > 0) & (standard_errors < BLUNT)
+    sharp = np.isfinite(estimates) & (standard_errors > 0) & (standard_errors < blunt)
     estimates[~sharp] = np.nan
     effects = model.relative_errors * np.sqrt(np.clip(gains, 0.0, 1.0))
     common = _common(estimates, standard_errors, replicates)

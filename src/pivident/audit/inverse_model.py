@@ -93,10 +93,22 @@ class InverseModel:
         Friction holds a joint that stands with any torque up to its own, and the low-pass mixes
         that into the motion before and behind. A reversal is no standstill.
         """
-        period = float(self.at[1] - self.at[0]) / self.rate
-        reach = int(np.ceil(MIXED / (min(BANDWIDTH, 0.1 * self.rate) * period)))
-        near = [_near_standstill(~column, reach) for column in self.moving.T]
+        near = [_near_standstill(~rows, self._mixed) for rows in self.moving.T]
         return replace(self, moving=self.moving & ~np.column_stack(near))
+
+    def away_from_reversals(self) -> InverseModel:
+        """The same without all rows that the low-pass mixes with rest or a reversal of the joint.
+
+        Between them dry friction is constant, and its law does not matter.
+        """
+        near = [_near(~rows, self._mixed) for rows in self.moving.T]
+        return replace(self, moving=self.moving & ~np.column_stack(near))
+
+    @property
+    def _mixed(self) -> int:
+        """Rows over which the low-pass mixes what lies beside one another."""
+        period = float(self.at[1] - self.at[0]) / self.rate
+        return int(np.ceil(MIXED / (min(BANDWIDTH, 0.1 * self.rate) * period)))
 
     @cached_property
     def bases(self) -> tuple[np.ndarray, ...]:

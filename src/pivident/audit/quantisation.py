@@ -28,9 +28,9 @@ MIN_LEVELS = {"q": 5000, "q_ref": 0, "tau": 200}
 #: come out too small by its square.
 ROUNDED = 0.2
 
-#: Counts that a joint passes in a sample, on average, below which it moves on a staircase; a count
-#: that lasts longer than this is a standstill [s].
-COUNTS_PER_SAMPLE, MAX_COUNT = 2.0, 0.1
+#: Counts that a joint passes in a period of the cut-off, on average, below which rounding is no
+#: white noise but a staircase; a count that lasts longer than this is a standstill [s].
+WHITE, MAX_COUNT = 20.0, 0.1
 
 #: Digits beyond which a text file does not limit a log.
 ENOUGH_DIGITS = 7
@@ -66,8 +66,10 @@ def check_quantisation(log: Log, timing: Timing) -> Quantisation:
         rounded = math.nan
         if name.startswith("q of ") and timing.rate and grid.levels < MIN_LEVELS["q"]:
             uniform = at_equal_intervals(values[:, None], log.clock, timing)[:, 0]
-            if not _is_staircase(grid, finite, timing.rate):
-                rounded = _rounded_share(grid, uniform, timing.rate)
+            cutoff, moving = _cutoff(uniform, timing.rate), _moving_share(finite, timing.rate)
+            passed = float(np.abs(np.diff(finite)).sum()) / grid.step
+            if passed * timing.rate > WHITE * cutoff * moving * finite.size:
+                rounded = _rounded_share(grid, uniform, timing.rate, cutoff, moving)
         findings += _findings(log, name, grid, finite, rounded)
     return Quantisation(tuple(findings), tuple(grids))
 
@@ -117,11 +119,11 @@ def _refined(gaps: np.ndarray, step: float) -> float:
 
 def significant_digits(values: np.ndarray) -> int | None:
     """Fewest significant digits that write every value, up to `ENOUGH_DIGITS`."""
-    some = values[values != 0.0][:MAX_VALUES]
+    # no decimal of a subnormal number is exact
+    some = values[np.abs(values) >= np.finfo(float).tiny][:MAX_VALUES]
     if some.size < 20 or np.all(some == np.round(some)):
         return None  # counts are whole numbers, whatever their digits
-    scale = 10.0 ** np.floor(np.log10(np.abs(some)))
-    mantissa = some / scale
+    mantissa = some / 10.0 ** np.floor(np.log10(np.abs(some)))
     for digits in range(1, ENOUGH_DIGITS + 1):
         shift = 10.0 ** (digits - 1)
         if np.all(np.abs(mantissa * shift - np.round(mantissa * shift)) < 1e-9 * shift):
@@ -129,24 +131,30 @@ def significant_digits(values: np.ndarray) -> int | None:
     return None
 
 
-def _is_staircase(grid: Grid, values: np.ndarray, rate: float) -> bool:
-    """Whether counts last for several samples in motion: their noise is not white then."""
+def _moving_share(values: np.ndarray, rate: float) -> float:
+    """Share of the samples in which a joint moves: no count lasts for long."""
     lasting = np.diff(np.r_[0, np.flatnonzero(np.diff(values)) + 1, values.size])
-    moving = int(lasting[lasting < max(MAX_COUNT * rate, 3)].sum())
-    return bool(np.abs(np.diff(values)).sum() < COUNTS_PER_SAMPLE * grid.step * moving)
+    return int(lasting[lasting < max(MAX_COUNT * rate, 3)].sum()) / values.size
 
 
-def _rounded_share(grid: Grid, values: np.ndarray, rate: float) -> float:
+def _cutoff(values: np.ndarray, rate: float) -> float:
+    """Where least squares cuts the accelerations of a joint off [Hz]."""
+    cutoff = ABOVE_HALF_POWER * float(half_power_frequencies(values[:, None], rate)[0])
+    return min(cutoff, MOTION_BAND, rate / SAMPLES_OF_A_PERIOD)
+
+
+def _rounded_share(
+    grid: Grid, values: np.ndarray, rate: float, cutoff: float, moving: float
+) -> float:
     """Rms of rounding noise in the accelerations over theirs, below their cut-off.
 
     White noise of variance Δ²/12 makes accelerations of variance (Δ²/12)(2/f_s)(2π)⁴ f_c⁵/5 below
-    f_c, where least squares cuts them off.
+    f_c, for the share of the time in which the joint moves. Rounding is as good as white below f_c
+    as long as the counts change much faster, however many samples each lasts.
     """
     x = values[:, None] - values.mean()
-    cutoff = ABOVE_HALF_POWER * float(half_power_frequencies(x, rate)[0])
-    cutoff = min(cutoff, MOTION_BAND, rate / SAMPLES_OF_A_PERIOD)
     motion = float(np.std(bandpass(x, rate, cutoff, at_instants=True).ddq))
-    noise = grid.step**2 / 12.0 * 2.0 / rate * (2.0 * math.pi) ** 4 * cutoff**5 / 5.0
+    noise = moving * grid.step**2 / 12.0 * 2.0 / rate * (2.0 * math.pi) ** 4 * cutoff**5 / 5.0
     return math.sqrt(noise) / motion if motion > 0 else math.inf
 
 

@@ -81,7 +81,8 @@ def _spikes(
     """Single samples of height A with second difference (-A/2, A, -A/2), unlike a step.
 
     Where the joint of a torque, at ``q``, turns round or stops for a moment, dry friction changes
-    from one sample to the next; there only more than half of the usual range is a spike.
+    from one sample to the next, by the whole range where friction is all of it; only more is a
+    spike there.
     """
     if x.size < 4 * NEIGHBOURS:
         return []
@@ -101,7 +102,7 @@ def _spikes(
     least = LEAST_SPEED if name.startswith("dq of ") else 0.0
     usual_range = float(np.ptp(np.quantile(x, [0.005, 0.995])))
     for k in np.flatnonzero((height > SPIKE * usual) & (sides < 0.2 * height)):
-        if (turning[k + 2] and height[k] < 0.5 * usual_range) or height[k] < least * usual_range:
+        if (turning[k + 2] and height[k] < usual_range) or height[k] < least * usual_range:
             continue
         around = np.r_[second[max(0, k - NEIGHBOURS) : k], second[k + 3 : k + 3 + NEIGHBOURS]]
         if height[k] > SPIKE * np.std(around):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.interpolate import CubicSpline
 
+from pivident.audit.standstill import STILL
 from pivident.audit.timing import Timing, at_equal_intervals
 from pivident.logs.log import Log
 from pivident.signals.bandpass import butterworth, central_difference
@@ -23,9 +24,6 @@ MAX_LAG, MIN_BAND = 0.4, 1.0
 
 #: Share of a logged derivative that may be something else.
 UNEXPLAINED = 0.3
-
-#: Travel of a channel below which its derivative is only noise [rad or m].
-STILL = 5e-3
 
 PAIRS = (("dq", "q"), ("dq_ref", "q_ref"), ("ddq_ref", "dq_ref"))
 

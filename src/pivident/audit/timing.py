@@ -16,6 +16,7 @@ from pivident.logs.clocks.timestamps import (
     mean_rate,
     resample_smooth,
     stamp_error,
+    usual_interval,
 )
 from pivident.logs.log import Log
 from pivident.text.finding import Finding, Quantity, Severity, at_sample
@@ -37,6 +38,9 @@ ROUNDING = 1e-9
 
 #: Intervals that are shorter than this share of the usual one tell nothing of the speed.
 SHORTEST = 0.1
+
+#: Share of the roughness of a motion that is left without a sample that was repeated.
+REPEATED = 0.25
 
 #: How far from a whole number the samples lost at one place may seem to be.
 WHOLE = 0.25
@@ -123,7 +127,7 @@ def _one_clock(
         text = "The time column never advances."
         findings.append(finding("error", "no clock", text, 0, "Name another time column."))
         return steps, None, False, findings
-    period = float(np.median(forward))
+    period = usual_interval(forward)
     for wrong, kind, words, step in (
         (steps < 0, "backward", "go backward", "Cut the log there; two logs may have been joined."),
         (
@@ -139,6 +143,23 @@ def _one_clock(
             text = f"{at.size} time stamp(s) {words}, the first at sample {k} (t = {t[k]:.6g} s)."
             findings.append(finding("error", kind, text, k, step, stamps=Quantity(float(at.size))))
             regular = False
+    change = rate_change(finite) if regular else None
+    if change is not None:
+        k, before, after = change
+        text = (
+            f"The clock changes its rate at sample {place[k]} (t = {finite[k]:.6g} s): it ticks "
+            f"every {1e3 * before:.5g} ms before and every {1e3 * after:.5g} ms behind."
+        )
+        step = (
+            f"Make two recordings of it, with part = [{finite[0]:.6g}, {finite[k]:.6g}] and part = "
+            f"[{finite[k]:.6g}, {finite[-1] + after:.6g}]."
+        )
+        severity: Severity = "warning" if log.resample else "error"
+        if log.resample:
+            text += " New samples at one rate are made for all of it."
+        interval = Quantity(1e3 * after, "ms", bound=1e3 * before)
+        found = finding(severity, "rate change", text, int(place[k]), step, interval=interval)
+        return steps, mean_rate(finite), False, [*findings, found]
     ratio = steps / period
     tolerated, gaps = GAP * period, lacking(steps, period)
     if log.resample:  # which fills the shorter ones
@@ -181,7 +202,7 @@ def _one_clock(
     )
     jitter = Quantity(100 * largest, "%", bound=100 * JITTER_TOLERANCE)
     harmless = Finding("ok", "timing", "jitter", text, name, evidence={"jitter": jitter})
-    if largest > JITTER_TOLERANCE and log.resample:
+    if largest > ROUNDING and log.resample:
         text += " New samples are made at equal intervals, as requested by resample = true."
         findings.append(replace(harmless, message=text))
         regular = False
@@ -200,6 +221,32 @@ def _one_clock(
         step = 'Give the unit of the stamps: units = {t = "ms"} or "us", "ns".'
         findings.append(finding("error", "rate", text, 0, step, rate=Quantity(rate, "Hz")))
     return steps, rate, regular, findings
+
+
+def rate_change(t: np.ndarray) -> tuple[int, float, float] | None:
+    """The sample at which a clock that is regular before and behind changes its interval [s].
+
+    The intervals are cut in two where their squares about the two means add up to least. Both parts
+    are regular clocks of different intervals, or there is no such change.
+    """
+    steps = np.diff(t)
+    n = len(steps)
+    if n < 2 * MIN_SAMPLES:
+        return None
+    sums = np.cumsum(steps)[:-1]
+    number = np.arange(1, n)
+    explained = sums**2 / number + (steps.sum() - sums) ** 2 / (n - number)
+    k = int(np.argmax(explained)) + 1
+    if min(k, n - k) < MIN_SAMPLES:
+        return None
+    parts = steps[:k], steps[k:]
+    before, after = (usual_interval(part) for part in parts)
+    regular = all(
+        np.abs(part / usual - 1.0).max() <= JITTER_TOLERANCE
+        for part, usual in zip(parts, (before, after), strict=True)
+    )
+    apart = abs(before - after) > 2.0 * JITTER_TOLERANCE * min(before, after)
+    return (k, before, after) if regular and apart else None
 
 
 def _error_of_stamps(log: Log, t: np.ndarray) -> float:
@@ -302,8 +349,9 @@ def unsteady_steps(q: np.ndarray, t: np.ndarray | None = None) -> np.ndarray:
     With d_k = q_{k+1} - q_k and v_k the median of the two steps before and the two after, lost
     samples show as d_k = (1 + m) v_k with one whole m for all joints; m = -1 is a repeated sample.
     m is estimated by least squares over the joints, each weighted with the usual spread of
-    d_k - v_k. Steps that the stamps t explain, d_k as long as the interval, are none. Returns
-    (places, 2).
+    d_k - v_k. Steps that the stamps t explain, d_k as long as the interval, are none. Nor is one at
+    which the arm comes to rest and moves on: without a sample that was repeated the speed is far
+    smoother, without one that was not it is not. Returns (places, 2).
     """
     if len(q) < 50:
         return np.empty((0, 2))
@@ -336,8 +384,23 @@ def _unsteady(step: np.ndarray, length: np.ndarray) -> np.ndarray:
         & ((whole >= 1) | (whole == -1))
         & (misfit < 0.1 * information * lost**2)
     )
+    clear &= (whole >= 1) | _smoother_without(speed, weight)
     at = np.flatnonzero(clear)
     return np.column_stack([at + 2, whole[at]])
+
+
+def _smoother_without(speed: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Whether the speed is far smoother without a step, for each but the two outermost.
+
+    Smooth is what has small second differences, summed over the joints with their weights.
+    """
+    before, last, here, following, after = (speed[i : len(speed) - 4 + i] for i in range(5))
+
+    def roughness(*steps: np.ndarray) -> np.ndarray:
+        return np.asarray(np.nansum(weight * np.diff(steps, n=2, axis=0) ** 2, axis=(0, 2)))
+
+    without = roughness(before, last, following, after)
+    return without < REPEATED * roughness(before, last, here, following, after)
 
 
 def _step_findings(log: Log, steps: np.ndarray, stamped: bool) -> list[Finding]:

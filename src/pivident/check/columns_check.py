@@ -9,6 +9,7 @@ from typing import Any
 from pivident.check.remark import Place, Remark
 from pivident.logs.recognition.channel_words import (
     PLAIN_QUANTITIES,
+    REFERENCE,
     UNIT_WORDS,
     plain_channel,
     words_of,
@@ -95,8 +96,8 @@ def _another_quantity(channel: str, names: Sequence[str], table: Place) -> Itera
         kind = "ddq" if _ACCELERATION & set(words_of(column.lower())) else plain_channel(column)
         if kind is None or kind == channel or channel not in CALLED:
             continue
-        if f"{kind}_ref" == channel and kind != "q":
-            continue  # a reference whose name does not say so
+        if f"{kind}_ref" == channel and (kind != "q" or REFERENCE & set(words_of(column))):
+            continue  # a reference, which the names of speeds need not say: q_d, q_set, dq_des
         yield Remark(
             "warning",
             "columns",

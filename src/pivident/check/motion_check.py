@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
+from pivident.audit.standstill import STILL, still_joints
 from pivident.audit.timing import Timing
 from pivident.check.channels import usable_rows
 from pivident.check.remark import Place, Remark
@@ -13,9 +14,6 @@ from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.logs.log import Log
 from pivident.robot.description import Robot
 from pivident.text.finding import Quantity
-
-#: Travel below which a joint stands still [rad or m].
-STILL = 5e-3
 
 #: Shortest record that has room for a few motions [s], and fewest samples for each parameter.
 SHORTEST, SAMPLES_EACH = 2.0, 10
@@ -34,7 +32,7 @@ BEYOND, ABOVE = 0.02, 1.2
 
 
 def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> list[Remark]:
-    """Standstill, length, rate, held samples, limits, and channels that are something else."""
+    """Length, rate, held samples, limits, and channels that are something else."""
     q, tau = log.channels.get("q"), log.channels.get("tau")
     if q is None or tau is None or not timing.rate or len(q) < 50 or q.shape != tau.shape:
         return []
@@ -42,34 +40,14 @@ def check_motion(log: Log, timing: Timing, parameters: int, table: Place) -> lis
     if len(rows) < 50:
         return []
     q, tau = q[rows], tau[rows]
-    remarks = [*_standing(log, q, table)]
-    remarks += [*_length(log, timing.rate, parameters, table)]
+    remarks = [*_length(log, timing.rate, parameters, table)]
     remarks += [*_something_else(log, q, tau, table)]
-    if timing.regular and not any(r.kind == "standstill" for r in remarks):
+    if timing.regular and not still_joints(q):
         remarks += [*_slow_rate(q, timing.rate, table)]
     remarks += [*_held(log, q, tau, timing.rate, table)]
     if log.robot is not None and log.robot.size == q.shape[1]:
         remarks += [*_limits(log.robot, q, tau, log.commands, table)]
     return remarks
-
-
-def _standing(log: Log, q: np.ndarray, table: Place) -> Iterator[Remark]:
-    """Joints that do not move, but for noise."""
-    travel = np.quantile(q, 0.999, axis=0) - np.quantile(q, 0.001, axis=0)
-    still = [j for j in range(q.shape[1]) if 0 < travel[j] < STILL]
-    if not still:
-        return
-    names = ", ".join(log.joint_names[j] for j in still)
-    step = (
-        "Repeat the record with motion of this joint, or freeze it (URDF) and leave its columns "
-        "out; its parameters cannot be identified. If it did move, check the unit of q."
-    )
-    if len(still) == q.shape[1]:
-        names = "the whole arm" if len(still) > 1 else names
-        step = "Name the part of the record in which the arm moves, or check the unit of q."
-    farthest = 1e3 * float(travel[still].max())
-    text = f"Standstill: {names} moves by {farthest:.3g} mrad (or mm) in the whole record."
-    yield Remark("error", "motion", "standstill", text, names, step, place=(*table, "columns", "q"))
 
 
 def _length(log: Log, rate: float, parameters: int, table: Place) -> Iterator[Remark]:

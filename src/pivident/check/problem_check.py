@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from pivident.check.filters_check import check_filters
+from pivident.check.motion_check import SHORTEST
 from pivident.check.plan import Plan, plan_of
 from pivident.check.remark import Place, Remark, of_error
 from pivident.check.stability_check import check_stability
@@ -21,6 +23,7 @@ from pivident.logs.clocks.timestamps import LOWEST_RATE
 from pivident.recording.recording import Recording
 from pivident.robot.description import Robot
 from pivident.robot.naming import find_joint
+from pivident.validation.held_out.folds import possible_folds
 
 
 class ProblemCheck:
@@ -67,6 +70,8 @@ class ProblemCheck:
         if problem is not None and methods:
             law, folds = self._content.controller, self._content.validation.folds
             kind, source = ("", "") if law is None else (law.type, law.source)
+            if not unseen:
+                self.remarks += _folds(fitted, folds)
             self.plan = plan_of(problem, methods, unseen, folds, kind, source)
 
     def _joints(self, robot: Robot) -> None:
@@ -134,3 +139,22 @@ class ProblemCheck:
             check_output(folder)
         except PividentError as error:
             self.remarks.append(of_error(error, "file", ("output", "folder")))
+
+
+def _folds(fitted: list[Recording], folds: int) -> Iterator[Remark]:
+    """Blocks too short to be judged on, of records that are not called short already."""
+    possible = possible_folds(fitted, folds) if folds else 0
+    if possible == folds or any(recording.duration < SHORTEST for recording in fitted):
+        return
+    samples = sum(recording.samples for recording in fitted)
+    yield Remark(
+        "error",
+        "validation",
+        "folds",
+        f"{folds} blocks of {samples} samples at {fitted[0].rate:.5g} Hz are too short to be "
+        "judged on.",
+        next_step=f"Set folds = {possible} under [validation], or log for longer or at a higher "
+        "rate.",
+        place=("validation", "folds"),
+        refused=True,
+    )

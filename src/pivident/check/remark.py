@@ -35,6 +35,8 @@ KEYS: dict[tuple[str, str], Place] = {
     ("delay", "joint late"): ("columns", "tau"),
     ("power", "sign"): ("units", "tau"),
     ("speed", "derivative"): ("columns", "dq_ref"),
+    ("motion", "standstill"): ("columns", "q"),
+    ("timing", "rate change"): ("part",),
 }
 
 #: Findings of single kinds that are fixed in the robot's table, by its key.

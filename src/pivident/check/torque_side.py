@@ -35,6 +35,9 @@ from pivident.text.numbers import plus_minus
 #: Share of rotors, over all joints, that says that there are none …
 NO_ROTORS = 0.1
 
+#: … and that is not certainly more than what errors of the accelerations leave of none, …
+NOTHING = 0.01
+
 #: … if in so many joints at least it is below this by two standard errors,
 FEWEST, MAX_SHARE = 2, 0.25
 
@@ -69,7 +72,8 @@ class TorqueSideEvidence:
         if len(self.with_rotor) > without:
             return "motor"
         share, error = self.pooled
-        no_rotors = share + 2.0 * error < NO_ROTORS and without >= FEWEST
+        no_rotors = share + 2.0 * error < NO_ROTORS and share - 3.0 * error < NOTHING
+        no_rotors = no_rotors and without >= FEWEST
         if no_rotors and not self.with_rotor and np.nanmedian(self.friction) < MAX_FRICTION:
             return "link"
         return "unknown"

@@ -36,6 +36,10 @@ def control_lines(found: RecordingLines, findings: Findings) -> list[Assumption]
     if findings.failed:
         seen += ". " + ". ".join(f"{m} is left out: {why}" for m, why in findings.failed.items())
     lines.append(Assumption("identify", "methods", methods, "likely", seen))
+    if findings.folds is not None:
+        seen = "the record is too short, or its rate too low, for more blocks of held-out motion"
+        seen += "; 0: errors are those of the fitted motion"
+        lines.append(Assumption("validation", "folds", findings.folds, "certain", seen))
     return lines
 
 

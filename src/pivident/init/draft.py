@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -98,7 +99,8 @@ def draft_experiment(
         text = experiment_text(recordings, lines, heading, findings.troubles)
         if findings.settled:
             break
-        findings = try_out(text, out, findings, say)
+        with _existing(out.absolute().parent):
+            findings = try_out(text, out, findings, say)
     robot_part = [a for a in lines if a.table == "robot"]
     rest = [a for a in lines if a.table != "robot"]
     assumptions = (*robot_part, *recordings[0], *rest)
@@ -119,6 +121,19 @@ def relative_path(path: Path, out: Path) -> str:
     except UnicodeEncodeError:
         raise DraftError(f"the name of {path!r} is no text; rename the file") from None
     return relative.replace(os.sep, "/")
+
+
+@contextmanager
+def _existing(folder: Path) -> Iterator[None]:
+    """A folder that may not exist yet: a path from it over ``..`` can only be read if it does."""
+    missing = [path for path in (folder, *folder.parents) if not path.exists()]
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        for path in missing:
+            with suppress(OSError):  # somebody has used it
+                path.rmdir()
 
 
 def _robot_lines(

@@ -63,7 +63,8 @@ def kept_joints(
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise DraftError(
             f"no joint both moves and has a torque signal ({reasons or 'no joint is in the log'});"
-            " check the files, or name the columns in an experiment file by hand"
+            " log a motion of the joints, check the files, or name the columns in an experiment "
+            "file by hand"
         )
     return KeptJoints(tuple(names), left_out, tuple(q.columns))
 
@@ -81,10 +82,20 @@ def _reason(
         if np.isfinite(v := joints.channels["q"].values(run, [other])[:, 0]).any()
     ]
     finite = position[np.isfinite(position)]
-    if not finite.size or np.ptp(finite) <= STILL * max(ranges):
+    if not finite.size or np.ptp(finite) <= STILL * max(ranges) or is_noise(finite):
         return "it does not move"
     useful, why = is_informative(tau.values(run, [name])[:, 0])
     return "" if useful else f"its torque is {why}"
+
+
+def is_noise(position: np.ndarray) -> bool:
+    """Whether neighbouring samples are no more alike than distant ones; position (samples,).
+
+    Σ(x_{k+1} - x_k)² / Σ(x_k - x̄)², von Neumann's ratio, is 2 for white noise, hardly above zero
+    for a motion.
+    """
+    spread = float(np.sum((position - position.mean()) ** 2))
+    return float(np.sum(np.diff(position) ** 2)) > spread
 
 
 def is_informative(tau: np.ndarray) -> tuple[bool, str]:

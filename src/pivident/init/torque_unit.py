@@ -185,7 +185,7 @@ def torque_unit(
         return TorqueUnit("N m", "likely", seen, 'Set side = "joint" if they are not.', True)
     if named in TORQUE:
         return _newton_metres(robot, found, str(named), "certain", f"the names say {named}")
-    if known.any() and np.all(np.abs(np.log(np.abs(factors[known]))) < np.log(NEAR_ONE)):
+    if known.any() and _may_be_one(factors[known], found.standard_errors[known]):
         return _newton_metres(robot, found, "N m", "likely", "no unit in the names")
     if not known.any():
         seen = "no unit in the names, and nothing in the robot's description gives the scale"
@@ -198,6 +198,12 @@ def torque_unit(
     return _command(
         robot, found, "command", "the scale of the torque is not that of the robot's masses"
     )
+
+
+def _may_be_one(factors: np.ndarray, standard_errors: np.ndarray) -> bool:
+    """Whether every factor is near one, or may be by its two standard errors."""
+    off = np.abs(np.log(np.abs(factors)))
+    return bool(np.all(off < np.log(NEAR_ONE) + 2.0 * standard_errors / np.abs(factors)))
 
 
 def _newton_metres(

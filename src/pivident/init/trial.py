@@ -29,6 +29,7 @@ from pivident.init.assumption import Assumption
 from pivident.recording.recording import Recording
 from pivident.robot.friction_toml import law_toml
 from pivident.text.toml import parse_toml
+from pivident.validation.held_out.folds import possible_folds
 
 #: Longest record on which methods are tried [samples times joints]; longer ones are tried in part.
 MAX_TRIAL = 150_000
@@ -46,6 +47,7 @@ class Findings:
     failed: dict[str, str] = field(default_factory=dict)  # why, by method
     troubles: tuple[str, ...] = ()  # what a person has to do before it runs
     explained: dict[str, float] = field(default_factory=dict)  # relative error by joint
+    folds: int | None = None  # blocks that can be held out, where those of a long record cannot
     settled: bool = False  # whether nothing more is to be tried
 
 
@@ -101,7 +103,10 @@ def _try_methods(
     if experiment.content.controller is not None and set(loops) <= set(failed):
         reason = next(failed[m] for m in loops)
         return replace(known, law_failed=f"the identified law does not carry the loop ({reason})")
-    return replace(known, failed=failed, explained=explained, instruments=made, settled=True)
+    known = replace(known, failed=failed, explained=explained, instruments=made)
+    wanted = experiment.content.validation.folds
+    folds = possible_folds(problem.recordings, wanted)
+    return replace(known, settled=True) if folds == wanted else replace(known, folds=folds)
 
 
 def _friction(

@@ -7,7 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pivident.logs.clocks.gaps import bridged_interval
-from pivident.logs.clocks.timestamps import JITTER_TOLERANCE, likely_time_units, round_rate
+from pivident.logs.clocks.timestamps import (
+    JITTER_TOLERANCE,
+    likely_time_units,
+    round_rate,
+    usual_interval,
+)
 from pivident.logs.recognition.channel_words import TIME_UNITS, words_of
 from pivident.logs.recognition.sureness import Sureness
 from pivident.logs.recognition.time_columns import is_usable_clock
@@ -51,7 +56,7 @@ def read_clock(columns: dict[str, np.ndarray], hint: float | None, given: float 
             f"go backward, so that only the rate is taken from them: {rate:.6g} Hz"
         )
         return LogClock(None, unit, rate, "assumed", seen, False, True, np.arange(samples) / rate)
-    period = float(np.median(steps))
+    period = usual_interval(steps)
     worst = float(np.abs(steps[steps <= bridged_interval(period)] / period - 1.0).max())
     jitter = f"intervals from {1e3 * steps.min():.4g} to {1e3 * steps.max():.4g} ms"
     seen = f"column {column!r} increases, {why}; {rate:.6g} Hz, {jitter}"

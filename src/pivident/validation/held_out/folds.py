@@ -18,6 +18,7 @@ from pivident.errors import ExperimentError
 from pivident.estimation.problem import Problem
 from pivident.motion.kinematics import Kinematics
 from pivident.recording.recording import Recording
+from pivident.signals.bandpass import EDGE
 
 #: Shorter remainders are not worth their transients: seconds, and samples.
 MIN_S = 0.3
@@ -54,6 +55,16 @@ def moving_part(problem: Problem, kinematics: Kinematics) -> tuple[int, int]:
     if not moving.size:
         return kinematics.start, kinematics.stop
     return max(int(moving[0]), kinematics.start), min(int(moving[-1]) + 1, kinematics.stop)
+
+
+def possible_folds(recordings: Sequence[Recording], count: int) -> int:
+    """Blocks of recordings that move throughout, long enough to be judged on; at most ``count``.
+
+    Filters take their samples at both ends of each recording. Fewer than two blocks are none.
+    """
+    samples = sum(max(r.samples - 2 * EDGE, 0) for r in recordings)
+    most = samples // max(_shortest(r) for r in recordings)
+    return min(count, most) if most > 1 else 0
 
 
 def contiguous_folds(

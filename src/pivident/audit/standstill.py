@@ -1,0 +1,43 @@
+"""Joints that do not move: nothing else can be said of them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pivident.logs.log import Log
+from pivident.text.finding import Finding, Quantity
+
+#: Travel below which a joint stands still [rad or m].
+STILL = 5e-3
+
+
+def still_joints(q: np.ndarray) -> list[int]:
+    """Joints that move by no more than noise; positions q of shape (samples, joints) [rad or m]."""
+    if not len(q):
+        return []
+    travel = np.quantile(q, 0.999, axis=0) - np.quantile(q, 0.001, axis=0)
+    return np.flatnonzero((travel > 0) & (travel < STILL)).tolist()
+
+
+def check_standstill(log: Log) -> list[Finding]:
+    """An error that names every joint that stands still throughout."""
+    q = log.channels["q"]
+    q = q[np.isfinite(q).all(axis=1)]
+    still = still_joints(q)
+    if not still:
+        return []
+    names = ", ".join(log.joint_names[j] for j in still)
+    step = (
+        "Repeat the record with motion of this joint, or freeze it (URDF) and leave its columns "
+        "out; its parameters cannot be identified. If it did move, check the unit of q."
+    )
+    if len(still) == q.shape[1]:
+        names = "the whole arm" if len(still) > 1 else names
+        step = (
+            "Take a record in which the arm moves, name the part in which it does, or check the "
+            "unit of q."
+        )
+    farthest = 1e3 * float(np.ptp(q[:, still], axis=0).max())
+    text = f"Standstill: {names} moves by {farthest:.3g} mrad (or mm) in the whole record."
+    evidence = {"travel": Quantity(farthest, "mrad (or mm)", bound=1e3 * STILL)}
+    return [Finding("error", "motion", "standstill", text, names, step, evidence)]
