@@ -223,6 +223,15 @@ def _findings(log: Log, model: InverseModel, found: Delay) -> list[Finding]:
             "one that is held from its instant on."
         )
         step = f'Set torque_timing = "{timing}" under [recording].'
+    faster = faster_loop(log, model.rate, found.common) if severity != "ok" else None
+    if faster is not None:
+        severity, kind = "note", "loop rate"
+        held = _with_interval(period - 2 * mean, 4 * standard_error)
+        text = (
+            f"The torque is held for {held} of the {_milliseconds(period)} between two samples: by "
+            f"a control loop of {faster:g} Hz."
+        )
+        step = f"Set control_rate = {faster:g} under [recording]."
     findings = [Finding(severity, "delay", kind, text, next_step=step, evidence=evidence)]
     for j in np.flatnonzero(sharp):
         if sharp.sum() < 2:
@@ -256,7 +265,7 @@ def undeclared_timing(
         rate: its sampling rate [Hz].
         common: delay of all joints and its standard error [s].
     """
-    if log.torque_timing:
+    if log.torque_timing or faster_loop(log, rate, common) is not None:
         return None
     control = log.control_rate or rate
     held, *others = (
@@ -269,6 +278,27 @@ def undeclared_timing(
     if abs(found) <= min(apart) or min(apart) > allowed:
         return None
     return "sampled" if apart[0] < apart[1] else "averaged"
+
+
+def faster_loop(log: Log, rate: float, common: tuple[float, float]) -> float | None:
+    """Rate of a control loop that holds a torque for a part of the sampling period only [Hz].
+
+    Held for T_c < h a torque seems (h - T_c)/2 later than one that is held for h. T_c is told where
+    it is clearly neither nothing nor all of h, and the loop's rate is a multiple of the log's.
+
+    Args:
+        log: the log, of which nobody has said how the torque is held.
+        rate: its sampling rate [Hz].
+        common: delay of all joints and its standard error [s].
+    """
+    if log.torque_timing or log.control_rate:
+        return None
+    held, standard_error = 1.0 - 2.0 * rate * common[0], 2.0 * rate * common[1]
+    clear = CLEAR * standard_error
+    if not clear < held < 1.0 - clear:
+        return None
+    multiple = round(1.0 / held)
+    return multiple * rate if multiple > 1 and abs(1.0 / multiple - held) <= clear else None
 
 
 def _evidence(delay: float, standard_error: float, period: float) -> dict[str, Quantity]:

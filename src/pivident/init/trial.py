@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pivident.audit.audit import audit_log
-from pivident.audit.delay import undeclared_timing
+from pivident.audit.delay import faster_loop, undeclared_timing
 from pivident.errors import (
     ConstantChannel,
     GapInClock,
@@ -136,7 +136,7 @@ def _instead(result: Identification) -> str:
 
 def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
     """The line that says which instant a torque sample belongs to, where the motion tells."""
-    if any(line.key == "torque_timing" for line in known.recording):
+    if any(line.key in ("torque_timing", "control_rate") for line in known.recording):
         return None
     entry = experiment.content.recording[0]
     try:
@@ -146,7 +146,11 @@ def _timing(experiment: Experiment, known: Findings) -> Assumption | None:
         return None
     if audit.delay is None or audit.model is None:
         return None
-    said = next((f for f in audit.delay.findings if f.kind == "timing"), None)
+    said = next((f for f in audit.delay.findings if f.kind in ("timing", "loop rate")), None)
+    faster = faster_loop(log, audit.model.rate, audit.delay.common)
+    if said is not None and faster is not None:
+        seen = said.message[:1].lower() + said.message[1:]
+        return Assumption("recording", "control_rate", faster, "likely", seen)
     timing = undeclared_timing(log, audit.model.rate, audit.delay.common)
     if said is None or timing is None:
         return None
