@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from pivident.audit.audit import audit_log
+from pivident.audit.delay import faster_loop, undeclared_timing
 from tests.audit.logs import (
+    clean_log,
     delayed,
     only_rows,
     planar,
@@ -200,3 +202,28 @@ def test_motion_too_poor_to_separate_the_parameters():
     slow[:, 0] = slow[0, 0] + 0.01 * (slow[:, 0] - slow[0, 0])
     weak = audit_log(with_channels(log, q=slow)).of("excitation")
     assert any(f.severity != "ok" and "shoulder" in f.next_step for f in weak)
+
+
+def every(log, count):
+    """The log of a slower logger, beside the same loop."""
+    channels = {kind: values[::count] for kind, values in log.channels.items()}
+    clocks = {name: t[::count] for name, t in log.clocks.items()}
+    return replace(log, channels=channels, logged=dict(channels), clocks=clocks)
+
+
+def test_a_loop_that_is_faster_than_the_log_is_told_from_the_time_that_it_holds_a_torque():
+    whole = clean_log("planar_2r", 1, 10.0)  # a loop of 1 kHz
+    slow = audit_log(every(whole, 4))
+    rate = faster_loop(every(whole, 4), slow.model.rate, slow.delay.common)
+    assert rate == pytest.approx(1000.0, rel=1e-3)
+    assert undeclared_timing(every(whole, 4), slow.model.rate, slow.delay.common) is None
+    same = audit_log(whole)
+    assert faster_loop(whole, same.model.rate, same.delay.common) is None
+    declared = replace(every(whole, 4), control_rate=1000.0)
+    assert faster_loop(declared, slow.model.rate, slow.delay.common) is None
+
+
+@pytest.mark.parametrize(("delay", "error"), [(0.0, 1e-5), (2e-3, 1e-5), (1.5e-3, 2e-4)])
+def test_no_loop_is_told_where_the_torque_is_held_throughout_or_not_or_nobody_knows(delay, error):
+    log = every(clean_log("planar_2r", 1, 10.0), 4)
+    assert faster_loop(log, 250.0, (delay, error)) is None
