@@ -29,7 +29,7 @@ DOORS = ("linear", "symbolic", "export", "payload", "flexibility", "many")
 MAX_LINES_OF_PACKAGE = 6000
 MAX_LINES = 91_000
 #: 90, and nine for instruments from the record itself.
-MAX_MODULES_OF_IDENTIFY = 99
+MAX_MODULES_OF_IDENTIFY = 100
 
 
 def modules() -> dict[str, Path]:

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from pivident.motion.speed_limits import SpeedLimits
+
 from .truth import Machine, true_standard, value_of_group
 
 #: Half width of a 95 % interval in standard errors.
@@ -112,7 +114,8 @@ def _true_signals(folder: Path, made: Machine, result: Any, run: str):
     with np.load(folder / f"truth_{run}.npz") as data:
         q, dq, ddq, tau = (data[key][:, at] for key in ("q", "dq", "ddq", "tau"))
     tau = (tau + made.offset[at]) * (made.sheet_gain / made.gain)[at]
-    return q, dq, ddq, tau, np.abs(dq) > SLOWEST * made.arm.speeds[at]
+    limits = SpeedLimits(SLOWEST * made.arm.speeds[at], result.robot.couplings)
+    return q, dq, ddq, tau, limits.moving(dq.T).T
 
 
 def _noise_free_fit(folder: Path, made: Machine, result: Any, runs: Sequence[str]) -> np.ndarray:
