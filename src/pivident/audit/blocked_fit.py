@@ -9,9 +9,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr, stdtrit
 
 #: Stretches of time that a jackknife leaves out one by one.
 BLOCKS = 20
+
+#: Standard errors of such a jackknife that are as clear as four of a normal distribution.
+CLEAR = float(stdtrit(BLOCKS - 1, ndtr(4.0)))
 
 #: Columns whose remainder is smaller than this, relative to themselves, are combinations.
 DEPENDENT = 1e-4

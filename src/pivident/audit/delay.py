@@ -17,7 +17,7 @@ from typing import Literal
 
 import numpy as np
 
-from pivident.audit.blocked_fit import BLOCKS, blocked_fit, jackknife
+from pivident.audit.blocked_fit import BLOCKS, CLEAR, blocked_fit, jackknife
 from pivident.audit.inverse_model import InverseModel
 from pivident.logs.log import Log
 from pivident.recording.recording import TIMING_WORDS
@@ -28,10 +28,7 @@ from pivident.text.numbers import with_spread
 #: Shifts that are tried [s], but at least so many samples on each side.
 MAX_SHIFT, MIN_SHIFT_SAMPLES = 0.04, 6
 
-#: A delay counts from this many of its standard errors on, besides the bounds below.
-CLEAR = 4.0
-
-#: … and if so much of the residual's sum of squares goes away with it.
+#: A clear delay counts if so much of the residual's sum of squares goes away with it.
 GAIN_WARNING, GAIN_ERROR = 0.2, 0.5
 
 #: … and if that is so much of the torque.

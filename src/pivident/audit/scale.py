@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.audit.blocked_fit import blocked_fit, jackknife, orthonormal
+from pivident.audit.blocked_fit import CLEAR, blocked_fit, jackknife, orthonormal
 from pivident.audit.flange_load import FlangeLoad, flange_load
 from pivident.audit.inverse_model import InverseModel, build_inverse_model
 from pivident.audit.timing import Timing
@@ -28,9 +28,6 @@ from pivident.text.numbers import plus_minus
 
 #: A gain that differs from 1 by this factor gets a warning, by that one it is wrong.
 WARNING, ERROR = 1.3, 3.0
-
-#: Standard errors by which a factor must differ from 1.
-CLEAR = 4.0
 
 #: Relative standard error above which a factor is not used.
 BLUNT = 0.2
