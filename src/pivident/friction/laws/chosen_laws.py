@@ -1,14 +1,14 @@
-"""Friction laws that were tried on the joints, with the rule by which one is chosen."""
+"""Friction laws that were tried on the joints, and which were chosen."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-
-import numpy as np
+from dataclasses import dataclass
 
 from pivident.estimation.problem import Problem
+from pivident.friction.laws.law_rules import difference
 from pivident.friction.laws.law_scores import LawScore
+from pivident.friction.laws.shape_constants import GAMMA
+from pivident.friction.laws.tried_range import TriedRange
 from pivident.robot.friction_toml import law_toml
 from pivident.robot.naming import find_joint
 from pivident.text.numbers import format_significant
@@ -17,10 +17,10 @@ from pivident.text.plain_table import plain_table
 
 @dataclass(frozen=True)
 class Gain:
-    """Gain of a law over the joint's original law, on held-out blocks."""
+    """Gain of a law over the joint's original law, on held-out motion."""
 
     percent: float  # reduction of the mean square error, in percent of the original law's [%]
-    std: float  # its standard error over the blocks [%]
+    std: float  # its standard error over the cells of the motion [%]
 
     def __str__(self) -> str:
         return f"{self.percent:+.1f} ± {2.0 * self.std:.1f}"
@@ -34,38 +34,55 @@ class JointLawChoice:
     unit: str  # of the error
     scores: tuple[LawScore, ...]  # the joint's original law first, then in the order tried
     chosen: LawScore
-    rows: float  # number of rows
-    effective_rows: float  # effective number of independent rows
+    rows: float  # number of rows on which laws were judged
+    effective_rows: float  # effective number of independent ones
+    tried: TriedRange  # how far beyond the fitted motion
 
     @property
     def base(self) -> LawScore:
         """The joint's original law."""
         return self.scores[0]
 
+    @property
+    def is_changed(self) -> bool:
+        """Whether another law than the original one was chosen."""
+        return self.chosen.name != self.base.name
+
     def gain(self, score: LawScore) -> Gain:
         """Gain of a law over the joint's original one."""
-        return _gain(self.base, score)
+        size, d = max(float(self.base.errors.mean()), 1e-300), difference(score, self.base)
+        return Gain(-100.0 * d.mean / size, 100.0 * d.std / size)
 
     def rejected(self, score: LawScore) -> bool:
         """Whether a law's held-out error exceeds the chosen one's by more than a standard error."""
-        worse, std = difference(score, self.chosen)
-        return worse > std
+        d = difference(score, self.chosen)
+        return d.mean > d.std
 
     def table(self) -> str:
-        """All laws, best held-out error first; the chosen one is marked."""
+        """All laws, smallest held-out error first; the chosen one is marked."""
         rows = sorted(self.scores, key=lambda s: s.rms)
         return plain_table(
             [
-                ("", "<", ["→" if s is self.chosen else "" for s in rows]),
+                ("", "<", ["→" if s.name == self.chosen.name else "" for s in rows]),
                 (f"law of {self.joint}", "<", [s.name for s in rows]),
                 ("unknowns", ">", [str(s.unknowns) for s in rows]),
                 (f"held-out rms [{self.unit}]", ".", [format_significant(s.rms) for s in rows]),
                 ("gain % ± 2σ", ">", [str(self.gain(s)) for s in rows]),
-                ("ΔAIC", ".", [f"{s.aic - self.base.aic:.1f}" for s in rows]),
                 ("ΔBIC", ".", [f"{s.bic - self.base.bic:.1f}" for s in rows]),
-                ("constants", "<", [_remarks(s, self.unit) for s in rows]),
+                ("constants", "<", [_constants(s, self.unit) for s in rows]),
+                ("not chosen because", "<", [s.verdict for s in rows]),
             ]
         )
+
+    def sentence(self) -> str:
+        """What was chosen, and how far the motion reaches."""
+        text = f"{self.joint}: {self.tried}. "
+        if self.is_changed:
+            return text + f"{self.chosen.name}, gain {self.gain(self.chosen)} %."
+        kept = "It keeps its law; no other one predicts held-out motion significantly better."
+        if self.base.impossible:
+            kept += f" Its own law has an impossible sign, {', '.join(self.base.impossible)}."
+        return text + kept
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,15 +93,17 @@ class LawChoice:
         problem: the problem with the chosen laws.
         joints: the laws tried on each joint.
         method: name of the estimator.
-        folds: number of blocks.
-        gap: gap between a held-out block and the fitted data [s].
+        held_out: what was held out, in words.
+        gap: gap between held-out cells and the fitted data [s].
+        band: laws are judged on torques below this frequency [Hz].
     """
 
     problem: Problem
     joints: tuple[JointLawChoice, ...]
     method: str
-    folds: int
+    held_out: str
     gap: float
+    band: float
 
     def joint(self, name: str) -> JointLawChoice:
         """What was tried on the joint ``name``."""
@@ -92,75 +111,26 @@ class LawChoice:
 
     def toml(self) -> str:
         """Lines for an experiment file with the laws that changed; empty where none did."""
-        changed = [j for j in self.joints if j.chosen is not j.base]
+        changed = [j for j in self.joints if j.is_changed]
         lines = [f'"{j.joint}" = {law_toml(j.chosen.law)}' for j in changed]
         return "\n".join(["[robot.joint_friction]", *lines]) if lines else ""
 
     def headline(self) -> str:
-        """The method, and one sentence about each joint."""
+        """The method, and what came out for each joint."""
         parts = [
-            f"{self.method}, {self.folds} held-out blocks, gaps of {self.gap:.2g} s. Gain: "
-            "reduction of the mean square error on held-out blocks. The rms covers all "
-            "frequencies, including noise."
+            f"{self.method}. Held out: {self.held_out}, with gaps of {self.gap:.2g} s. Errors are "
+            f"those of the torque below {self.band:g} Hz, gain is the reduction of the mean "
+            "square error on held-out motion. Beyond the ranges below a law is extrapolated."
         ]
-        for j in self.joints:
-            if j.chosen is j.base:
-                parts.append(f"{j.joint}: keeps its law; no other law predicts better.")
-            else:
-                parts.append(f"{j.joint}: {j.chosen.name}, gain {j.gain(j.chosen)} %.")
-        return "\n".join(parts)
+        return "\n".join([*parts, *(j.sentence() for j in self.joints)])
 
     def __str__(self) -> str:
         parts = [self.headline(), *(j.table() for j in self.joints), self.toml()]
         return "\n\n".join(part for part in parts if part)
 
 
-def chosen_law(scores: Sequence[LawScore]) -> LawScore:
-    """The simplest law within a standard error of the best, by the rules of `law_choice`."""
-    physical = [s for s in scores if s.physical] or [scores[0]]
-    candidates = [
-        s
-        for s in physical
-        if not any(other.unknowns <= s.unknowns and other.bic < s.bic for other in physical)
-    ]
-    best = min(candidates, key=lambda s: s.rms)
-    near = []
-    for s in candidates:
-        worse, std = difference(s, best)
-        if worse <= std:
-            near.append(s)
-    return min(near, key=lambda s: (s.unknowns, s.rms))
-
-
-def with_criteria(scores: Sequence[LawScore], rows: float, effective: float) -> list[LawScore]:
-    """Scores with their information criteria, the deviance scaled to the effective rows."""
-    made = []
-    for s in scores:
-        deviance = effective * np.log(max(s.squares, 1e-300) / rows)
-        made.append(
-            replace(
-                s,
-                aic=float(deviance + 2.0 * s.unknowns),
-                bic=float(deviance + s.unknowns * np.log(effective)),
-            )
-        )
-    return made
-
-
-def difference(a: LawScore, b: LawScore) -> tuple[float, float]:
-    """Mean over the blocks of mean square error a minus b, and its standard error."""
-    d = a.errors - b.errors
-    return float(d.mean()), float(d.std(ddof=1) / np.sqrt(d.size))
-
-
-def _gain(base: LawScore, score: LawScore) -> Gain:
-    mean, std = difference(base, score)
-    size = max(float(base.errors.mean()), 1e-300)
-    return Gain(100.0 * mean / size, 100.0 * std / size)
-
-
-def _remarks(score: LawScore, torque_unit: str) -> str:
-    """The chosen shape constants, and whether a friction level is negative."""
+def _constants(score: LawScore, torque_unit: str) -> str:
+    """The free constants with their units."""
     length = "rad" if torque_unit == "N m" else "m"
     units = {"speed": f" {length}/s", "position": f" {length}", "angle": " rad"}
     parts = [
@@ -169,4 +139,6 @@ def _remarks(score: LawScore, torque_unit: str) -> str:
         for s in score.law.shapes
         if s.free
     ]
-    return ", ".join(parts if score.physical else [*parts, "(a negative level)"])
+    if GAMMA in score.free:
+        parts.append(f"γ {format_significant(score.law.slopes[0])} s/{length}")
+    return ", ".join(parts)

@@ -100,3 +100,8 @@ class LastPass:
 def _whole(regressor: Regressor, motion: Motion) -> np.ndarray:
     """Packed columns of a whole record."""
     return regressor.packed(motion.q, motion.dq, motion.ddq)
+
+
+def row_samples(record: EquationRecord) -> np.ndarray:
+    """Nearest sample of the recording to each row, shape (rows,)."""
+    return np.rint(record.sample_numbers).astype(int)

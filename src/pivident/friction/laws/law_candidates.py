@@ -8,14 +8,16 @@ laws.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pivident.friction.laws.shape_constants import GAMMA
 from pivident.robot.friction import (
     FrictionColumn,
     FrictionLaw,
     FrictionTerm,
+    Smoothing,
     asymmetric_coulomb,
     asymmetric_viscous,
     dahl,
@@ -25,6 +27,15 @@ from pivident.robot.friction import (
     power_viscous,
     stribeck,
 )
+
+#: The change after which the slope of the smoothed signs is one of the unknowns.
+FREE_STEEPNESS = "free steepness"
+
+#: The change to the sign itself.
+SHARP_SIGN = "sharp sign"
+
+#: Changes that add no term.
+STEEPNESS = (SHARP_SIGN, FREE_STEEPNESS)
 
 #: A change of a law; None where the law does not allow it.
 Change = Callable[[FrictionLaw], FrictionLaw | None]
@@ -81,6 +92,8 @@ def default_changes(reach: Reach) -> dict[str, Change]:
         return _replaced(law, (), (load_dependent(smoothing, gamma),))
 
     return {
+        SHARP_SIGN: sharp_sign,
+        FREE_STEEPNESS: free_steepness,
         "asymmetric Coulomb": asymmetric,
         "Stribeck": with_stribeck,
         "power": with_power,
@@ -91,6 +104,23 @@ def default_changes(reach: Reach) -> dict[str, Change]:
         "LuGre": in_place_of_coulomb(lugre(distance, 0.3, speed)),
         "Maxwell slip": in_place_of_coulomb(maxwell_slip(slips)),
     }
+
+
+def sharp_sign(law: FrictionLaw) -> FrictionLaw | None:
+    """The law with the sign itself in place of smoothed ones; no unknown is added."""
+    return _smoothed(law, "sign")
+
+
+def free_steepness(law: FrictionLaw) -> FrictionLaw | None:
+    """The law with the other smoothing of the sign, whose slope is to be found."""
+    smooth = any(t.has_sign and t.smoothing == "tanh" for t in law.terms)
+    return _smoothed(law, "atan" if smooth else "tanh")
+
+
+def free_constants(name: str, law: FrictionLaw) -> tuple[str, ...]:
+    """Constants that are to be found after a change of that name."""
+    own = tuple(s.name for s in law.shapes if s.free)
+    return (*own, GAMMA) if name == FREE_STEEPNESS else own
 
 
 def adding(terms: tuple[FrictionTerm, ...]) -> Change:
@@ -141,8 +171,23 @@ def changed(
 
 
 def key_of(law: FrictionLaw) -> frozenset[str]:
-    """Identity of a law: its terms, and whether presliding has a Stribeck curve."""
-    return frozenset(f"{t.stem}{t.column.name}{len(t.shapes)}" for t in law.terms)
+    """Identity of a law: its terms, their signs, and whether presliding has a Stribeck curve."""
+    return frozenset(
+        f"{t.stem}{t.column.name}{len(t.shapes)}{t.smoothing * t.has_sign}" for t in law.terms
+    )
+
+
+def _smoothed(law: FrictionLaw, smoothing: Smoothing) -> FrictionLaw | None:
+    """The law with other signs; None where it has none, or these already."""
+    if all(t.smoothing == smoothing for t in law.terms if t.has_sign):
+        return None
+    signed = [t.has_sign or t.column is FrictionColumn.POWER for t in law.terms]
+    return FrictionLaw(
+        tuple(
+            replace(t, smoothing=smoothing) if own else t
+            for t, own in zip(law.terms, signed, strict=True)
+        )
+    )
 
 
 def _term(law: FrictionLaw, column: FrictionColumn) -> FrictionTerm | None:

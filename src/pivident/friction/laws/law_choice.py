@@ -1,16 +1,16 @@
-"""Selection of a friction law for each joint by held-out error and information criteria.
+"""Selection of a friction law for each joint: the one that fits the next motion.
 
-A larger law always fits better, so goodness of fit cannot decide. Each law is fitted to all blocks
-of the motion but one, and evaluated on that one. Of the laws tried
+A larger law always fits better, so goodness of fit cannot decide. Laws are judged on motion to
+which they were not fitted and that differs from it: another recording, or the fastest, most loaded,
+last part of a single one. Laws grow by one change at a time. A change is taken if
 
-1. those with a negative friction level are excluded: they fit, but cannot be simulated;
-2. a law is excluded if another has no more unknowns and a lower Schwarz criterion (with the
-   effective number of rows), because the lowest of many held-out errors may be low by chance;
-3. of the rest, the simplest law is chosen whose held-out error is within one standard error of the
-   lowest one, the standard error being that of their difference over the blocks.
+1. no parameter has an impossible sign: such laws fit, but gain energy elsewhere;
+2. its gain is significant although many changes were tried, and the Schwarz criterion falls;
+3. it is not worse by more than a standard error in any direction in which motion was held out;
+4. it is the simplest within one standard error of the best change.
 
-Laws grow by one change at a time from the best law so far, as long as the gain exceeds its
-standard error and the Schwarz criterion falls.
+Laws chosen joint by joint are fitted to the whole robot once more; one that comes out impossible
+there, or no better, goes one change back.
 """
 
 from __future__ import annotations
@@ -31,23 +31,29 @@ from pivident.estimation.methods import (
     method_named,
 )
 from pivident.estimation.problem import Problem
-from pivident.friction.laws.chosen_laws import (
-    JointLawChoice,
-    LawChoice,
-    chosen_law,
-    difference,
-    with_criteria,
-)
+from pivident.friction.laws.all_joints import AllJoints, settled_together
+from pivident.friction.laws.chosen_laws import JointLawChoice, LawChoice
 from pivident.friction.laws.filtered_rows import LastPass
-from pivident.friction.laws.law_candidates import Change, Reach, changed, default_changes, key_of
+from pivident.friction.laws.held_out_cells import Cells
+from pivident.friction.laws.law_candidates import (
+    STEEPNESS,
+    Change,
+    Reach,
+    changed,
+    default_changes,
+    free_constants,
+    key_of,
+)
+from pivident.friction.laws.law_rules import judged, simplest, with_criteria
 from pivident.friction.laws.law_scores import JointJudge, LawScore
+from pivident.friction.laws.shape_constants import GAMMA
+from pivident.friction.laws.tried_range import TriedRange
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.naming import find_joint
 from pivident.validation.held_out.cross_validation import GAP_PERIODS
-from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.prediction import motion_band
-from pivident.validation.held_out.segment_sums import Segments, SegmentSums, effective_rows
+from pivident.validation.held_out.segment_sums import SegmentSums
 
 #: Maximum number of changes of a law.
 DEPTH = 3
@@ -62,21 +68,26 @@ def choose_laws(
     joints: Sequence[str] | None = None,
     folds: int = 10,
     gap: float | None = None,
+    band: float | None = None,
     depth: int = DEPTH,
     progress: Callable[[str], None] | None = None,
 ) -> LawChoice:
     """Choose a friction law for each joint, beginning with the laws that the robot has.
 
     Args:
-        problem: the identification problem, usually with viscous and Coulomb friction.
-        method: estimator on whose equations the laws are compared; None: least squares at the
+        problem: the identification problem, usually with viscous and Coulomb friction. With
+            several recordings each is held out as a whole, so give motions of different speed,
+            posture and temperature.
+        method: estimator on whose equations the laws are fitted; None: least squares at the
             full rate, which needs no control loop.
         changes: changes of a law by name; None: see ``law_candidates``.
         more: further changes by joint, such as ``{"joint1": {"ripple": adding(ripple(100))}}``.
         joints: which joints; None: all.
-        folds: number of contiguous blocks.
-        gap: gap between a held-out block and the fitted data [s]; None: two periods of the highest
+        folds: number of contiguous blocks of a single recording.
+        gap: gap between held-out cells and the fitted data [s]; None: two periods of the highest
             frequency of the motion.
+        band: highest frequency of the motion, below which errors are compared [Hz]; None: 20 Hz,
+            or an eighth of a low rate.
         depth: maximum number of changes of a law.
         progress: called with one line at each stage.
 
@@ -95,20 +106,38 @@ def choose_laws(
     say("fitting the present laws")
     found = identify(problem, method)
     last = LastPass.of(problem, method, found)
-    gap = GAP_PERIODS / motion_band(problem.recordings[0]) if gap is None else gap
-    segments = _segments(problem, last, folds, gap)
-    by_joint = [_own_sums(last, j, segments) for j in range(robot.size)]
-    made, laws = [], {}
+    band = min(motion_band(r) for r in problem.recordings) if band is None else band
+    gap = GAP_PERIODS / band if gap is None else gap
+    cells = Cells.of(problem, last, folds, gap)
+    by_joint = [_own_sums(last, j, cells) for j in range(robot.size)]
+    kinematics = [r.kinematics for r in last.equations.records]
+    judges, grown = [], []
     for j in numbers:
         name = robot.joint_names[j]
-        judge = JointJudge(last, robot, j, segments, by_joint, found.theta)
-        kinematics = [r.kinematics for r in last.equations.records]
         own = default_changes(_reach(kinematics, j)) if changes is None else dict(changes)
         own |= (more or {}).get(name, {})
-        unit = found.joints[j].noise_unit
-        made.append(_grown(judge, name, unit, own, depth, say))
-        laws[name] = made[-1].chosen.law
-    return LawChoice(with_laws(problem, laws), tuple(made), found.method, folds, gap)
+        judges.append(JointJudge(last, robot, j, cells, by_joint, found.theta, band))
+        tests = max(len(own) * len(numbers), 1)
+        grown.append(_grown(judges[-1], name, own, depth, tests, say))
+    say("fitting the chosen laws of all joints together")
+    settled, dropped = settled_together(AllJoints(judges, by_joint), [path for _, path in grown])
+    made, laws = [], {}
+    for judge, (scores, _), chosen in zip(judges, grown, settled, strict=True):
+        name = robot.joint_names[judge.joint]
+        again = {s.name: s for number, s in dropped if number == judge.joint}
+        made.append(
+            JointLawChoice(
+                name,
+                found.joints[judge.joint].noise_unit,
+                tuple(again.get(s.name, s) for s in scores),
+                chosen,
+                *judge.effective(chosen),
+                TriedRange.of(judge, robot.joints[judge.joint].kind),
+            )
+        )
+        laws[name] = chosen.law
+    chosen_problem = with_laws(problem, laws)
+    return LawChoice(chosen_problem, tuple(made), found.method, cells.in_words(), gap, band)
 
 
 def with_laws(problem: Problem, laws: Mapping[str, FrictionLaw]) -> Problem:
@@ -148,83 +177,54 @@ def _method(method: Method | str | None) -> Method:
 def _grown(
     judge: JointJudge,
     name: str,
-    unit: str,
     changes: Mapping[str, Change],
     depth: int,
+    tests: int,
     say: Callable[[str], None],
-) -> JointLawChoice:
-    """Try changes on one joint, then changes of the best law so far, and choose."""
+) -> tuple[list[LawScore], list[LawScore]]:
+    """All laws tried on one joint, and those that replaced one another, the present one first."""
     base = judge.robot.joints[judge.joint].friction
     known = {key_of(base)}
     say(f"{name}: present law")
     scores = [judge.score("present law", base)]
-    current = scores[0]
-    for _ in range(depth):
-        candidates = changed(current.law, changes, known)
+    path = scores[:]
+    # what a wrong slope of the sign leaves looks like Stribeck friction or presliding: it is first
+    signs = {change: own for change, own in changes.items() if change in STEEPNESS}
+    for allowed in [signs, *[changes] * depth]:
+        current = path[-1]
         new = []
-        for change, law in candidates.items():
-            title = change if current is scores[0] else f"{current.name} + {change}"
+        for change, law in changed(current.law, allowed, known).items():
+            title = change if len(path) == 1 else f"{current.name} + {change}"
             say(f"{name}: {title}")
-            new.append(judge.score(title, law))
+            kept = () if change in STEEPNESS or GAMMA not in current.free else (GAMMA,)
+            new.append(judge.score(title, law, free_constants(change, law), kept))
         if not new:
-            break
-        scores += new
-        scores = _compared(judge, scores)
+            continue
+        scores = _compared(judge, [*scores, *new])
         current = next(s for s in scores if s.name == current.name)
-        physical = [s for s in scores[-len(new) :] if s.physical]
-        if not physical:
+        new = judged(scores[-len(new) :], current, judge.divisions, tests)
+        better = [s for s in new if not s.verdict]
+        if better:
+            path.append(simplest(better))
+            others = {s.name for s in better} - {path[-1].name}
+            said = f"{path[-1].name} is simpler or better"
+            new = [replace(s, verdict=said) if s.name in others else s for s in new]
+        scores[-len(new) :] = new
+        if not better and allowed is changes:
             break
-        best = min(physical, key=lambda s: s.rms)
-        gained, std = difference(current, best)
-        if gained <= std or best.bic >= current.bic:
-            break
-        current = best
-    scores = _compared(judge, scores)
-    rows = float(sum(r.used.sum() for r in judge.rows))
-    effective = effective_rows(judge.residual(min(scores, key=lambda s: s.rms)))
-    return JointLawChoice(name, unit, tuple(scores), chosen_law(scores), rows, effective)
+    return scores, path
 
 
 def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:
     """Scores with criteria, the effective number of rows from the residual of the best law."""
-    best = min(scores, key=lambda s: s.rms)
-    rows = float(sum(r.used.sum() for r in judge.rows))
-    return with_criteria(scores, rows, effective_rows(judge.residual(best)))
+    return with_criteria(scores, *judge.effective(min(scores, key=lambda s: s.rms)))
 
 
-def _own_sums(last: LastPass, joint: int, segments: Segments) -> SegmentSums:
+def _own_sums(last: LastPass, joint: int, cells: Cells) -> SegmentSums:
     """Sums of one joint's rows on its own columns."""
     every = np.arange(last.equations.regressor.columns_of(joint).size)
     rows = last.rows_of(joint, every)
-    return SegmentSums.of([(r.phi, r.z, r.tau, r.used) for r in rows], segments)
-
-
-def _segments(problem: Problem, last: LastPass, folds: int, gap: float) -> Segments:
-    """Consecutive blocks of equal length of all recordings' motion, and their gaps."""
-    if folds < 3:
-        raise IdentificationError(f"folds is {folds}; laws are compared on at least 3 blocks")
-    records = last.equations.records
-    moving = [moving_part(problem, r.kinematics) for r in records]
-    total = sum(stop - start for start, stop in moving)
-    borders = np.linspace(0, total, folds + 1)
-    labels, offset = [], 0
-    for record, (start, stop) in zip(records, moving, strict=True):
-        k = record.kinematics
-        sample = record.sample_numbers
-        place = sample - start + offset
-        inside = (sample >= start) & (sample < stop)
-        block = np.clip(np.searchsorted(borders, place, side="right") - 1, 0, folds - 1)
-        label = 2 * block
-        half = 0.5 * gap * k.recording.rate
-        for number, border in enumerate(borders[1:-1]):
-            label[np.abs(place - border) < half] = 2 * number + 1
-        labels.append(np.where(inside, label, -1))
-        offset += stop - start
-    if any(not any((own == 2 * fold).any() for own in labels) for fold in range(folds)):
-        raise IdentificationError(
-            f"{folds} blocks with gaps of {gap:.2g} s leave no samples in some blocks; use fewer"
-        )
-    return Segments(tuple(labels), folds)
+    return SegmentSums.of([(r.phi, r.z, r.tau, r.used) for r in rows], cells.segments)
 
 
 def _reach(kinematics, joint: int) -> Reach:

@@ -113,12 +113,21 @@ def chosen_names(
 
 
 def shape_constants(
-    robot: Robot, joint: int, names: Iterable[str], motions: Sequence[Kinematics]
+    robot: Robot,
+    joint: int,
+    names: Iterable[str],
+    motions: Sequence[Kinematics],
+    used: Sequence[np.ndarray] | None = None,
 ) -> list[ShapeConstant]:
-    """The constants of one joint with the bounds that its motion allows."""
+    """The constants of one joint with the bounds that its motion allows.
+
+    ``used``: samples of each motion whose speeds count; None: all.
+    """
     law, kind = robot.joints[joint].friction, robot.joints[joint].kind
     q = [k.q[joint, k.start : k.stop] for k in motions]
-    dq = np.abs(np.concatenate([k.dq[joint, k.start : k.stop] for k in motions]))
+    if used is None:
+        used = [np.arange(k.start, k.stop) for k in motions]
+    dq = np.abs(np.concatenate([k.dq[joint, own] for k, own in zip(motions, used, strict=True)]))
     travel = max(float(np.ptp(x)) for x in q)
     step = float(np.median(np.abs(np.concatenate([np.diff(x) for x in q])))) or 1e-12
     fastest = float(dq.max())

@@ -1,0 +1,129 @@
+"""Rules by which one friction law is preferred to another.
+
+Errors of two laws are compared cell by cell of the motion, and neighbouring cells count as far as
+they are independent. A change has to gain more than a standard error. One that adds an unknown has
+to be significant as well: in the mean square error, or in the mean of (a - b)/(a + b) over the
+cells, in which none outweighs the others. Many laws are tried on many joints, and the best of many
+useless ones looks useful, so the level is divided by the number of tests (Bonferroni).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pivident.friction.laws.held_out_cells import Division
+from pivident.friction.laws.law_scores import LawScore
+from pivident.validation.held_out.segment_sums import effective_rows
+
+#: Chance that any joint's law is changed where no law differs from the present one.
+LEVEL = 0.05
+
+
+@dataclass(frozen=True)
+class Difference:
+    """Mean square error of one law minus that of another [unit²]."""
+
+    mean: float
+    std: float  # its standard error
+    cells: float  # number of independent cells
+
+    @classmethod
+    def of(cls, cells: np.ndarray) -> Difference:
+        """From the differences in each cell, shape (cells,)."""
+        if cells.size < 2:
+            return cls(float(cells.mean()), float("inf"), float(cells.size))
+        number = min(effective_rows([cells]), float(cells.size))
+        return cls(float(cells.mean()), float(cells.std(ddof=1) / np.sqrt(number)), number)
+
+    def chance(self) -> float:
+        """Probability of a mean so far below zero where the laws do not differ."""
+        from scipy.stats import t
+
+        if self.std == 0.0:
+            return 0.0 if self.mean < 0.0 else 1.0
+        return float(t.cdf(self.mean / self.std, self.cells - 1.0))
+
+
+def difference(a: LawScore, b: LawScore) -> Difference:
+    """Error of law a minus that of b."""
+    return Difference.of(a.errors - b.errors)
+
+
+def chance_of_gain(a: LawScore, b: LawScore) -> float:
+    """Probability, at most, that law a is so much better than b by chance alone."""
+    size = a.errors + b.errors
+    share = (a.errors - b.errors) / np.where(size > 0.0, size, 1.0)
+    return 2.0 * min(difference(a, b).chance(), Difference.of(share).chance())
+
+
+def worse_directions(a: LawScore, b: LawScore, divisions: Sequence[Division]) -> tuple[str, ...]:
+    """Directions in which law a is worse than b by more than a standard error."""
+    found = []
+    for name in dict.fromkeys(d.name for d in divisions):
+        own = [k for k, d in enumerate(divisions) if d.name == name]
+        held_out = np.any([divisions[k].held_out for k in own], axis=0)
+        d = Difference.of((a.held_out[own] - b.held_out[own]).sum(axis=0)[held_out])
+        if d.mean > d.std:
+            found.append(name)
+    return tuple(found)
+
+
+def judged(
+    new: Sequence[LawScore], current: LawScore, divisions: Sequence[Division], tests: int
+) -> list[LawScore]:
+    """Laws with the reason why they may not replace the current one; without one, they may.
+
+    ``tests``: number of changes tried on all joints.
+    """
+    made = []
+    for s in new:
+        d = difference(s, current)
+        worse = worse_directions(s, current, divisions)
+        if s.impossible:
+            verdict = f"impossible sign: {', '.join(s.impossible)}"
+        elif d.mean >= -d.std:
+            verdict = "no gain beyond a standard error"
+        elif s.unknowns > current.unknowns and chance_of_gain(s, current) > LEVEL / tests:
+            verdict = "no significant gain"
+        elif s.bic >= current.bic:
+            verdict = "gain too small for its unknowns"
+        elif worse:
+            verdict = f"worse on {', '.join(worse)}"
+        else:
+            verdict = ""
+        made.append(replace(s, verdict=verdict))
+    return made
+
+
+def simplest(scores: Sequence[LawScore]) -> LawScore:
+    """The simplest law within a standard error of the best one.
+
+    A law is left out where another with no more unknowns has a lower Schwarz criterion, because
+    among many held-out errors one is low by chance.
+    """
+    candidates = [
+        s
+        for s in scores
+        if not any(other.unknowns <= s.unknowns and other.bic < s.bic for other in scores)
+    ]
+    best = min(candidates, key=lambda s: s.rms)
+    near = [s for s in candidates if (d := difference(s, best)).mean <= d.std]
+    return min(near, key=lambda s: (s.unknowns, s.rms))
+
+
+def with_criteria(scores: Sequence[LawScore], rows: float, effective: float) -> list[LawScore]:
+    """Scores with their information criteria, the deviance scaled to the effective rows."""
+    made = []
+    for s in scores:
+        deviance = effective * np.log(max(s.squares, 1e-300) / rows)
+        made.append(
+            replace(
+                s,
+                aic=float(deviance + 2.0 * s.unknowns),
+                bic=float(deviance + s.unknowns * np.log(effective)),
+            )
+        )
+    return made

@@ -1,0 +1,80 @@
+"""Search for a law's constants on the whole record; every point that is visited is evaluated."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from pivident.friction.laws.shape_constants import ShapeConstant
+from pivident.robot.friction import FrictionLaw
+
+#: Evaluations of the search for each constant, after the grid.
+EVALUATIONS = 25
+
+Evaluate = Callable[[FrictionLaw], float]
+
+
+def search_constants(
+    law: FrictionLaw, constants: Sequence[ShapeConstant], evaluate: Evaluate
+) -> None:
+    """The best point of grids along each constant, then Nelder and Mead's simplex from there.
+
+    Args:
+        law: the law with any constants.
+        constants: which are searched, with their bounds.
+        evaluate: the criterion of a law with constants; it is called with each point.
+    """
+    _descend(law, constants, _grid(law, constants, evaluate), evaluate)
+
+
+def _grid(law: FrictionLaw, constants: Sequence[ShapeConstant], evaluate: Evaluate) -> list[float]:
+    """The best point of the grids, constant by constant."""
+    best = [c.value for c in constants]
+    lowest = np.inf
+    for _ in range(1 if len(constants) == 1 else 2):
+        for i, c in enumerate(constants):
+            for value in c.grid():
+                trial = [*best]
+                trial[i] = float(value)
+                found = evaluate(_with(law, constants, trial))
+                if found < lowest:
+                    best, lowest = trial, found
+    return best
+
+
+def _descend(
+    law: FrictionLaw,
+    constants: Sequence[ShapeConstant],
+    start: Sequence[float],
+    evaluate: Evaluate,
+) -> None:
+    """Nelder and Mead's simplex from the best point of the grids."""
+    from scipy.optimize import minimize
+
+    u = np.array([c.coordinate(v) for c, v in zip(constants, start, strict=True)])
+    steps = np.array([0.5 * c.span / (len(c.grid()) - 1) for c in constants])
+    inward = np.array(
+        [-1.0 if x > c.coordinate(c.at(x)) - 1e-9 and c.at(x) >= c.high else 1.0
+         for c, x in zip(constants, u, strict=True)]
+    )  # fmt: skip
+    simplex = np.vstack([u, u + np.diag(inward * steps)])
+    minimize(
+        lambda x: evaluate(
+            _with(law, constants, [c.at(float(v)) for c, v in zip(constants, x, strict=True)])
+        ),
+        u,
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": simplex,
+            "maxfev": EVALUATIONS * len(constants),
+            "xatol": 1e-3,
+            "fatol": 1e-3,
+        },
+    )
+
+
+def _with(
+    law: FrictionLaw, constants: Sequence[ShapeConstant], values: Sequence[float]
+) -> FrictionLaw:
+    return law.with_shapes({c.name: v for c, v in zip(constants, values, strict=True)})
