@@ -135,7 +135,6 @@ def _constants(score: LawScore, torque_unit: str) -> str:
     units = {"speed": f" {length}/s", "position": f" {length}", "angle": " rad"}
     parts = [
         f"{s.name.replace('_', ' ')} {format_significant(s.value)}{units.get(s.unit, '')}"
-        + (" (at its bound)" if s.value in (s.low, s.high) else "")
         for s in score.law.shapes
         if s.free
     ]

@@ -36,6 +36,7 @@ from pivident.friction.laws.chosen_laws import JointLawChoice, LawChoice
 from pivident.friction.laws.filtered_rows import LastPass
 from pivident.friction.laws.held_out_cells import Cells
 from pivident.friction.laws.law_candidates import (
+    SHARP_SIGN,
     STEEPNESS,
     Change,
     Reach,
@@ -183,25 +184,26 @@ def _grown(
     say: Callable[[str], None],
 ) -> tuple[list[LawScore], list[LawScore]]:
     """All laws tried on one joint, and those that replaced one another, the present one first."""
-    base = judge.robot.joints[judge.joint].friction
-    known = {key_of(base)}
     say(f"{name}: present law")
-    scores = [judge.score("present law", base)]
-    path = scores[:]
-    # what a wrong slope of the sign leaves looks like Stribeck friction or presliding: it is first
-    signs = {change: own for change, own in changes.items() if change in STEEPNESS}
-    for allowed in [signs, *[changes] * depth]:
-        current = path[-1]
+    base = judge.score("present law", judge.robot.joints[judge.joint].friction)
+    scores, path, known = [base], [base], {key_of(base.law)}
+    # what a smoothed sign leaves where it is sharp looks like Stribeck friction or presliding, so
+    # it is first; the next change may be one of either law
+    signs = {change: own for change, own in changes.items() if change == SHARP_SIGN}
+    for number in range(depth + 1):
+        current, allowed = path[-1], changes if number else signs
         new = []
-        for change, law in changed(current.law, allowed, known).items():
-            title = change if len(path) == 1 else f"{current.name} + {change}"
-            say(f"{name}: {title}")
-            kept = () if change in STEEPNESS or GAMMA not in current.free else (GAMMA,)
-            new.append(judge.score(title, law, free_constants(change, law), kept))
+        for start in dict.fromkeys([current, base if number == 1 else current]):
+            for change, law in changed(start.law, allowed, known).items():
+                title = change if start.name == base.name else f"{start.name} + {change}"
+                say(f"{name}: {title}")
+                steep = GAMMA in start.free and change not in STEEPNESS and bool(law.slopes)
+                kept = (GAMMA,) if steep else ()
+                new.append(judge.score(title, law, free_constants(change, law), kept))
         if not new:
             continue
         scores = _compared(judge, [*scores, *new])
-        current = next(s for s in scores if s.name == current.name)
+        base, current = scores[0], next(s for s in scores if s.name == current.name)
         new = judged(scores[-len(new) :], current, judge.divisions, tests)
         better = [s for s in new if not s.verdict]
         if better:
@@ -210,7 +212,7 @@ def _grown(
             said = f"{path[-1].name} is simpler or better"
             new = [replace(s, verdict=said) if s.name in others else s for s in new]
         scores[-len(new) :] = new
-        if not better and allowed is changes:
+        if not better and number:
             break
     return scores, path
 

@@ -1,10 +1,11 @@
 """Rules by which one friction law is preferred to another.
 
 Errors of two laws are compared cell by cell of the motion, and neighbouring cells count as far as
-they are independent. A change has to gain more than a standard error. One that adds an unknown has
-to be significant as well: in the mean square error, or in the mean of (a - b)/(a + b) over the
-cells, in which none outweighs the others. Many laws are tried on many joints, and the best of many
-useless ones looks useful, so the level is divided by the number of tests (Bonferroni).
+they are independent. There are two measures: the mean square error, and the mean of (a - b)/(a + b)
+of the cells' errors, in which no cell outweighs the others. A change has to gain more than a
+standard error in one of them. One that adds an unknown has to be significant as well. Many laws are
+tried on many joints, and the best of many useless ones looks useful, so the level is divided by the
+number of tests (Bonferroni).
 """
 
 from __future__ import annotations
@@ -20,6 +21,9 @@ from pivident.validation.held_out.segment_sums import effective_rows
 
 #: Chance that any joint's law is changed where no law differs from the present one.
 LEVEL = 0.05
+
+#: Chance that a normal variable is more than one standard deviation above its mean.
+ONE_SIGMA = 0.159
 
 
 @dataclass(frozen=True)
@@ -52,21 +56,25 @@ def difference(a: LawScore, b: LawScore) -> Difference:
     return Difference.of(a.errors - b.errors)
 
 
-def chance_of_gain(a: LawScore, b: LawScore) -> float:
-    """Probability, at most, that law a is so much better than b by chance alone."""
+def balanced_difference(a: LawScore, b: LawScore) -> Difference:
+    """(a - b)/(a + b) of the errors of laws a and b, each cell with the same weight."""
     size = a.errors + b.errors
-    share = (a.errors - b.errors) / np.where(size > 0.0, size, 1.0)
-    return 2.0 * min(difference(a, b).chance(), Difference.of(share).chance())
+    return Difference.of((a.errors - b.errors) / np.where(size > 0.0, size, 1.0))
 
 
 def worse_directions(a: LawScore, b: LawScore, divisions: Sequence[Division]) -> tuple[str, ...]:
-    """Directions in which law a is worse than b by more than a standard error."""
+    """Directions in which law a is worse than b.
+
+    By more than a standard error, if there is one direction; the chance that a law as good as b is
+    called worse stays the same if there are several.
+    """
+    names = list(dict.fromkeys(d.name for d in divisions))
     found = []
-    for name in dict.fromkeys(d.name for d in divisions):
+    for name in names:
         own = [k for k, d in enumerate(divisions) if d.name == name]
         held_out = np.any([divisions[k].held_out for k in own], axis=0)
-        d = Difference.of((a.held_out[own] - b.held_out[own]).sum(axis=0)[held_out])
-        if d.mean > d.std:
+        d = Difference.of((b.held_out[own] - a.held_out[own]).sum(axis=0)[held_out])
+        if d.chance() < ONE_SIGMA / len(names):
             found.append(name)
     return tuple(found)
 
@@ -80,13 +88,16 @@ def judged(
     """
     made = []
     for s in new:
-        d = difference(s, current)
+        measures = difference(s, current), balanced_difference(s, current)
+        chance = len(measures) * min(d.chance() for d in measures)
         worse = worse_directions(s, current, divisions)
         if s.impossible:
             verdict = f"impossible sign: {', '.join(s.impossible)}"
-        elif d.mean >= -d.std:
+        elif s.at_bound:
+            verdict = f"not determined: {', '.join(s.at_bound).replace('_', ' ')} at its bound"
+        elif s.rms >= current.rms or all(d.mean >= -d.std for d in measures):
             verdict = "no gain beyond a standard error"
-        elif s.unknowns > current.unknowns and chance_of_gain(s, current) > LEVEL / tests:
+        elif s.unknowns > current.unknowns and chance > LEVEL / tests:
             verdict = "no significant gain"
         elif s.bic >= current.bic:
             verdict = "gain too small for its unknowns"

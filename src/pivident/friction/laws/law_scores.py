@@ -21,7 +21,7 @@ from pivident.friction.laws.filtered_rows import LastPass, row_samples
 from pivident.friction.laws.held_out_cells import Cells, Division
 from pivident.friction.laws.impossible_signs import impossible_signs
 from pivident.friction.laws.law_search import search_constants
-from pivident.friction.laws.shape_constants import shape_constants
+from pivident.friction.laws.shape_constants import GAMMA, ShapeConstant, shape_constants
 from pivident.friction.laws.training_set import TrainingSet, weighted_sums
 from pivident.motion.motion import with_inner
 from pivident.robot.description import Robot
@@ -43,6 +43,8 @@ class LawScore:
     theta: np.ndarray  # estimates of the law's parameters on all rows, in the order of its terms
     std: np.ndarray  # their standard errors, likewise
     free: tuple[str, ...] = ()  # names of the free constants
+    #: Those at the bounds of what the motion can determine, where a simpler law is the same.
+    at_bound: tuple[str, ...] = ()
     # Akaike's criterion with the effective number of rows; only differences matter
     aic: float = np.nan
     bic: float = np.nan  # Schwarz's, likewise
@@ -140,6 +142,7 @@ class JointJudge:
             points.append((candidate, sums, self.whole.criterion(sums)))
             return points[-1][2]
 
+        constants: list[ShapeConstant] = []
         if free:
             robot = self.robot.with_friction({self.robot.joint_names[self.joint]: law})
             constants = shape_constants(robot, self.joint, free, self.motions, self.used)
@@ -157,6 +160,7 @@ class JointJudge:
         best, sums, _ = min(points, key=lambda p: p[2])
         theta, std = self.whole.estimate(sums)
         squares = self.band_sums(best).squares(self.own_theta(theta))
+        values = {x.name: x.value for x in best.shapes} | dict.fromkeys([GAMMA], _slope(best))
         return LawScore(
             name,
             best,
@@ -166,6 +170,7 @@ class JointJudge:
             theta[self.rest.size :],
             std,
             (*free, *kept),
+            tuple(c.name for c in constants if c.is_bound(values[c.name])),
         )
 
     def _held_out(
@@ -312,6 +317,11 @@ class JointJudge:
 
 #: Reduces the values of a cell to a number.
 Reduce = Callable[[np.ndarray], float]
+
+
+def _slope(law: FrictionLaw) -> float:
+    """Slope of its smoothed signs; NaN without one."""
+    return law.slopes[0] if law.slopes else np.nan
 
 
 def _mean(x: np.ndarray) -> float:
