@@ -46,7 +46,7 @@ class JointLawChoice:
     @property
     def is_changed(self) -> bool:
         """Whether another law than the original one was chosen."""
-        return self.chosen.name != self.base.name
+        return self.chosen is not self.base
 
     def gain(self, score: LawScore) -> Gain:
         """Gain of a law over the joint's original one."""
@@ -63,7 +63,7 @@ class JointLawChoice:
         rows = sorted(self.scores, key=lambda s: s.rms)
         return plain_table(
             [
-                ("", "<", ["→" if s.name == self.chosen.name else "" for s in rows]),
+                ("", "<", ["→" if s is self.chosen else "" for s in rows]),
                 (f"law of {self.joint}", "<", [s.name for s in rows]),
                 ("unknowns", ">", [str(s.unknowns) for s in rows]),
                 (f"held-out rms [{self.unit}]", ".", [format_significant(s.rms) for s in rows]),

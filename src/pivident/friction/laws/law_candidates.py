@@ -28,14 +28,14 @@ from pivident.robot.friction import (
     stribeck,
 )
 
-#: The change after which the slope of the smoothed signs is one of the unknowns.
-FREE_STEEPNESS = "free steepness"
-
 #: The change to the sign itself.
 SHARP_SIGN = "sharp sign"
 
+#: Changes after which the slope of the smoothed signs is one of the unknowns.
+FREE_STEEPNESS = ("free steepness", "other smoothing, free steepness")
+
 #: Changes that add no term.
-STEEPNESS = (SHARP_SIGN, FREE_STEEPNESS)
+STEEPNESS = (SHARP_SIGN, *FREE_STEEPNESS)
 
 #: A change of a law; None where the law does not allow it.
 Change = Callable[[FrictionLaw], FrictionLaw | None]
@@ -93,7 +93,8 @@ def default_changes(reach: Reach) -> dict[str, Change]:
 
     return {
         SHARP_SIGN: sharp_sign,
-        FREE_STEEPNESS: free_steepness,
+        FREE_STEEPNESS[0]: free_steepness,
+        FREE_STEEPNESS[1]: other_smoothing,
         "asymmetric Coulomb": asymmetric,
         "Stribeck": with_stribeck,
         "power": with_power,
@@ -112,15 +113,22 @@ def sharp_sign(law: FrictionLaw) -> FrictionLaw | None:
 
 
 def free_steepness(law: FrictionLaw) -> FrictionLaw | None:
+    """The law with its smoothing of the sign, or the arctangent, whose slope is to be found."""
+    smoothing = _smoothing(law)
+    if smoothing is None:
+        return None
+    return _smoothed(law, "atan") if smoothing == "sign" else law
+
+
+def other_smoothing(law: FrictionLaw) -> FrictionLaw | None:
     """The law with the other smoothing of the sign, whose slope is to be found."""
-    smooth = any(t.has_sign and t.smoothing == "tanh" for t in law.terms)
-    return _smoothed(law, "atan" if smooth else "tanh")
+    return _smoothed(law, "atan" if _smoothing(law) == "tanh" else "tanh")
 
 
 def free_constants(name: str, law: FrictionLaw) -> tuple[str, ...]:
     """Constants that are to be found after a change of that name."""
     own = tuple(s.name for s in law.shapes if s.free)
-    return (*own, GAMMA) if name == FREE_STEEPNESS else own
+    return (*own, GAMMA) if name in FREE_STEEPNESS else own
 
 
 def adding(terms: tuple[FrictionTerm, ...]) -> Change:
@@ -163,7 +171,10 @@ def changed(
             new = change(law)
         except ValueError:  # terms that exclude each other
             continue
-        if new is None or (key := key_of(new)) in known:
+        if new is None:
+            continue
+        key = key_of(new) | ({GAMMA} if name in FREE_STEEPNESS else set())
+        if key in known:
             continue
         known.add(key)
         found[name] = new
@@ -175,6 +186,11 @@ def key_of(law: FrictionLaw) -> frozenset[str]:
     return frozenset(
         f"{t.stem}{t.column.name}{len(t.shapes)}{t.smoothing * t.has_sign}" for t in law.terms
     )
+
+
+def _smoothing(law: FrictionLaw) -> Smoothing | None:
+    """How the first sign of the law is smoothed; None without one."""
+    return next((t.smoothing for t in law.terms if t.has_sign), None)
 
 
 def _smoothed(law: FrictionLaw, smoothing: Smoothing) -> FrictionLaw | None:

@@ -36,6 +36,7 @@ from pivident.friction.laws.chosen_laws import JointLawChoice, LawChoice
 from pivident.friction.laws.filtered_rows import LastPass
 from pivident.friction.laws.held_out_cells import Cells
 from pivident.friction.laws.law_candidates import (
+    FREE_STEEPNESS,
     SHARP_SIGN,
     STEEPNESS,
     Change,
@@ -123,15 +124,17 @@ def choose_laws(
     say("fitting the chosen laws of all joints together")
     settled, dropped = settled_together(AllJoints(judges, by_joint), [path for _, path in grown])
     made, laws = [], {}
-    for judge, (scores, _), chosen in zip(judges, grown, settled, strict=True):
+    for judge, (scores, path), chosen in zip(judges, grown, settled, strict=True):
         name = robot.joint_names[judge.joint]
-        again = {s.name: s for number, s in dropped if number == judge.joint}
+        reasons = {s.name: f"{chosen.name} is better" for s in path} | {chosen.name: ""}
+        reasons |= {s.name: s.verdict for number, s in dropped if number == judge.joint}
+        final = [replace(s, verdict=reasons.get(s.name, s.verdict)) for s in scores]
         made.append(
             JointLawChoice(
                 name,
                 found.joints[judge.joint].noise_unit,
-                tuple(again.get(s.name, s) for s in scores),
-                chosen,
+                tuple(final),
+                next(s for s in final if s.name == chosen.name),
                 *judge.effective(chosen),
                 TriedRange.of(judge, robot.joints[judge.joint].kind),
             )
@@ -194,7 +197,10 @@ def _grown(
         current, allowed = path[-1], changes if number else signs
         new = []
         for start in dict.fromkeys([current, base if number == 1 else current]):
-            for change, law in changed(start.law, allowed, known).items():
+            own = allowed
+            if GAMMA in start.free:
+                own = {k: v for k, v in allowed.items() if k not in FREE_STEEPNESS}
+            for change, law in changed(start.law, own, known).items():
                 title = change if start.name == base.name else f"{start.name} + {change}"
                 say(f"{name}: {title}")
                 steep = GAMMA in start.free and change not in STEEPNESS and bool(law.slopes)
