@@ -96,7 +96,8 @@ def settled_together(
     while any(at):
         laws = [path[k] for path, k in zip(paths, at, strict=True)]
         errors, theta = robot.held_out([s.law for s in laws])
-        found = _reason(laws, at, present, errors, theta)
+        found = _own_reason(laws, at, present, errors, theta)
+        found = found or _reason_beside(robot, paths, at, present, errors)
         if found is None:
             break
         number, reason = found
@@ -105,24 +106,43 @@ def settled_together(
     return [path[k] for path, k in zip(paths, at, strict=True)], dropped
 
 
-def _reason(
+def _own_reason(
     laws: Sequence[LawScore],
     at: Sequence[int],
     present: Sequence[np.ndarray],
     errors: Sequence[np.ndarray],
     theta: Sequence[np.ndarray],
 ) -> tuple[int, str] | None:
-    """The joint that has to go back, and why; None where all laws hold."""
+    """A joint whose changed law does not hold, and why; None where all do."""
     changed = [k for k, steps in enumerate(at) if steps]
     for k in changed:
         if found := impossible_signs(laws[k].law, theta[k], laws[k].std):
             return k, f"impossible sign with the other joints' laws: {', '.join(found)}"
-    gains = {k: Difference.of(errors[k] - present[k]) for k in range(len(laws))}
     for k in changed:
-        if gains[k].mean > 0.0:
+        if float(np.mean(errors[k] - present[k])) > 0.0:
             return k, "no gain with the other joints' laws"
-    weakest = max(changed, key=lambda k: gains[k].mean / max(gains[k].std, 1e-300))
-    for k, d in gains.items():
-        if k not in changed and d.mean > d.std:
-            return weakest, "makes another joint worse"
     return None
+
+
+def _reason_beside(
+    robot: AllJoints,
+    paths: Sequence[Sequence[LawScore]],
+    at: Sequence[int],
+    present: Sequence[np.ndarray],
+    errors: Sequence[np.ndarray],
+) -> tuple[int, str] | None:
+    """The joint whose change makes one that keeps its law worse, if a single one does."""
+    worse = [k for k, steps in enumerate(at) if not steps and _is_worse(errors[k], present[k])]
+    if not worse:
+        return None
+    for c in (c for c, steps in enumerate(at) if steps):
+        back = [path[k - (i == c)] for i, (path, k) in enumerate(zip(paths, at, strict=True))]
+        without, _ = robot.held_out([s.law for s in back])
+        if not any(_is_worse(without[k], present[k]) for k in worse):
+            return c, "makes another joint worse"
+    return None
+
+
+def _is_worse(errors: np.ndarray, present: np.ndarray) -> bool:
+    d = Difference.of(errors - present)
+    return d.mean > d.std

@@ -21,6 +21,15 @@ def has_definite_sign(term: FrictionTerm) -> bool:
     return term.is_dissipative or term.column in (FrictionColumn.STRIBECK, FrictionColumn.POWER)
 
 
+def impossible_terms(law: FrictionLaw, theta: Sequence[float] | np.ndarray) -> set[str]:
+    """Stems of the terms with negative parameters that must not be; ``theta``: shape (terms,)."""
+    return {
+        term.stem
+        for term, value in zip(law.terms, theta, strict=True)
+        if value < 0.0 and has_definite_sign(term)
+    }
+
+
 def impossible_signs(
     law: FrictionLaw, theta: Sequence[float] | np.ndarray, std: Sequence[float] | np.ndarray
 ) -> tuple[str, ...]:
@@ -31,8 +40,9 @@ def impossible_signs(
         theta: parameters of its terms, shape (terms,).
         std: their standard errors, likewise.
     """
+    impossible = impossible_terms(law, theta)
     return tuple(
         f"{term.stem} = {plus_minus(float(value), 2.0 * float(s))}"
         for term, value, s in zip(law.terms, theta, std, strict=True)
-        if value < 0.0 and has_definite_sign(term)
+        if term.stem in impossible
     )

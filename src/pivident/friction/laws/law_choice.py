@@ -220,6 +220,10 @@ def _grown(
         scores[-len(new) :] = new
         if not better and number:
             break
+    while len(path) > 1 and path[-1].impossible:
+        refused = replace(path[-1], verdict=f"impossible sign: {', '.join(path[-1].impossible)}")
+        scores = [refused if s.name == refused.name else s for s in scores]
+        path.pop()
     return scores, path
 
 

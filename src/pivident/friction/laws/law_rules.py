@@ -3,9 +3,9 @@
 Errors of two laws are compared cell by cell of the motion, and neighbouring cells count as far as
 they are independent. There are two measures: the mean square error, and the mean of (a - b)/(a + b)
 of the cells' errors, in which no cell outweighs the others. A change has to gain more than a
-standard error in one of them. One that adds an unknown has to be significant as well. Many laws are
-tried on many joints, and the best of many useless ones looks useful, so the level is divided by the
-number of tests (Bonferroni).
+standard error in one of them. One that adds an unknown has to be significant as well, unless the
+present law has an impossible sign that it repairs. Many laws are tried on many joints, and the best
+of many useless ones looks useful, so the level is divided by the number of tests (Bonferroni).
 """
 
 from __future__ import annotations
@@ -84,6 +84,9 @@ def judged(
 ) -> list[LawScore]:
     """Laws with the reason why they may not replace the current one; without one, they may.
 
+    An impossible sign that the current law has, too, is no reason yet: it shows that a term is
+    missing, and the term that repairs it need not be significant.
+
     ``tests``: number of changes tried on all joints.
     """
     made = []
@@ -91,13 +94,14 @@ def judged(
         measures = difference(s, current), balanced_difference(s, current)
         chance = len(measures) * min(d.chance() for d in measures)
         worse = worse_directions(s, current, divisions)
-        if s.impossible:
+        repairs = bool(current.impossible_terms) and not s.impossible_terms
+        if s.impossible_terms - current.impossible_terms:
             verdict = f"impossible sign: {', '.join(s.impossible)}"
         elif s.at_bound:
             verdict = f"not determined: {', '.join(s.at_bound).replace('_', ' ')} at its bound"
         elif s.rms >= current.rms or all(d.mean >= -d.std for d in measures):
             verdict = "no gain beyond a standard error"
-        elif s.unknowns > current.unknowns and chance > LEVEL / tests:
+        elif s.unknowns > current.unknowns and not repairs and chance > LEVEL / tests:
             verdict = "no significant gain"
         elif s.bic >= current.bic:
             verdict = "gain too small for its unknowns"

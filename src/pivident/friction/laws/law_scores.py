@@ -19,7 +19,7 @@ from pivident.dynamics.regressor import Regressor
 from pivident.friction.laws.band_rows import BandRows, whole_columns
 from pivident.friction.laws.filtered_rows import LastPass, row_samples
 from pivident.friction.laws.held_out_cells import Cells, Division
-from pivident.friction.laws.impossible_signs import impossible_signs
+from pivident.friction.laws.impossible_signs import impossible_signs, impossible_terms
 from pivident.friction.laws.law_search import search_constants
 from pivident.friction.laws.shape_constants import GAMMA, ShapeConstant, shape_constants
 from pivident.friction.laws.training_set import TrainingSet, weighted_sums
@@ -54,6 +54,11 @@ class LawScore:
     def impossible(self) -> tuple[str, ...]:
         """Its parameters with signs that no friction has, in words."""
         return impossible_signs(self.law, self.theta, self.std)
+
+    @property
+    def impossible_terms(self) -> set[str]:
+        """Stems of these parameters."""
+        return impossible_terms(self.law, self.theta)
 
     @property
     def errors(self) -> np.ndarray:
