@@ -32,9 +32,9 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import Bandpass, LeastSquares, RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.experiment.simulated_tx40 import TX40_ESSENTIAL
-from pivident.friction.laws.impossible_signs import has_definite_sign
-from pivident.friction.laws.law_choice import with_laws
-from pivident.friction.laws.shapes import identify_shapes
+from pivident.friction_laws.impossible_signs import has_definite_sign
+from pivident.friction_laws.law_choice import with_laws
+from pivident.friction_laws.shapes import identify_shapes
 from pivident.recording.public_records import (
     load_emps,
     load_emps_pulses,

@@ -15,7 +15,7 @@ from pivident.text.lists import separated
 if TYPE_CHECKING:
     from pivident.estimation.methods import Method
     from pivident.estimation.problem import Problem
-    from pivident.friction.laws.chosen_laws import LawChoice
+    from pivident.friction_laws.chosen_laws import LawChoice
 
 
 def laws(
@@ -55,7 +55,7 @@ def laws(
         Largest number of terms by which a law may be changed.
     """
     from pivident.experiment.experiment import load_experiment
-    from pivident.friction.laws.law_choice import choose_laws
+    from pivident.friction_laws.law_choice import choose_laws
 
     if depth < 1:
         raise ExperimentError(f"--depth {depth} leaves no law to try; give 1 or more")

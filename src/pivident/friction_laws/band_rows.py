@@ -11,8 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pivident.dynamics.regressor import Regressor
-from pivident.friction.laws.filtered_rows import KeptRows, LastPass, row_samples
+from pivident.friction_laws.filtered_rows import KeptRows, LastPass, row_samples
 from pivident.motion.motion import packed_stretch
 from pivident.signals.bandpass import butterworth
 
@@ -59,9 +58,3 @@ class BandRows:
         rate = self.last.equations.records[number].kinematics.recording.rate
         low = butterworth(columns.T, rate, self.band)
         return np.ascontiguousarray(low[self.samples[number]].T)
-
-
-def whole_columns(regressor: Regressor, last: LastPass) -> list[np.ndarray]:
-    """Packed columns of a regressor on all samples of each record."""
-    records = last.equations.records
-    return [regressor.packed(r.kinematics.q, r.kinematics.dq, r.kinematics.ddq) for r in records]

@@ -10,12 +10,12 @@ from pivident.cli import main
 from pivident.errors import IdentificationError
 from pivident.estimation.identify import identify
 from pivident.estimation.methods import LeastSquares, RandomWalk
-from pivident.friction.laws.held_out_cells import Division
-from pivident.friction.laws.impossible_signs import impossible_signs
-from pivident.friction.laws.law_candidates import adding, key_of
-from pivident.friction.laws.law_choice import choose_laws, with_laws
-from pivident.friction.laws.law_rules import judged, simplest
-from pivident.friction.laws.law_scores import LawScore
+from pivident.friction_laws.held_out_cells import Division
+from pivident.friction_laws.impossible_signs import impossible_signs
+from pivident.friction_laws.law_candidates import adding, key_of
+from pivident.friction_laws.law_choice import choose_laws, with_laws
+from pivident.friction_laws.law_rules import judged, simplest
+from pivident.friction_laws.law_scores import LawScore
 from pivident.robot.friction import (
     FrictionLaw,
     asymmetric_viscous,
@@ -35,8 +35,8 @@ from pivident.robot.friction import (
 from pivident.robot.friction_toml import law_toml
 from pivident.signals.bandpass import butterworth
 from pivident.validation.held_out.segment_sums import Segments, SegmentSums, effective_rows
-from tests.friction.laws.friction_axis import Axis, Noise
-from tests.friction.laws.friction_cases import CASES
+from tests.friction_laws.friction_axis import Axis, Noise
+from tests.friction_laws.friction_cases import CASES
 
 BASE = FrictionLaw((viscous(), coulomb(), offset()))
 NOISE = Noise(encoder=2e-7, torque=0.3)
@@ -127,7 +127,7 @@ def score(name, unknowns, errors, bic, theta=(1.0, 1.0, 0.0)):
     held_out = np.zeros((2, 8))
     held_out[0, :4], held_out[1, 4:] = errors[:4], errors[4:]
     std = np.full(3, 0.1)
-    return LawScore(name, BASE, unknowns, held_out, 1.0, np.array(theta), std, aic=bic, bic=bic)
+    return LawScore(name, BASE, unknowns, held_out, 1.0, np.array(theta), std, bic=bic)
 
 
 RECORDINGS = [Division("A", np.arange(8) < 4), Division("B", np.arange(8) >= 4)]

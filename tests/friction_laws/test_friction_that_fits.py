@@ -15,12 +15,12 @@ from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import RandomWalk
 from pivident.estimation.problem import Problem
 from pivident.experiment.experiment import load_experiment
-from pivident.friction.laws.impossible_signs import has_definite_sign
+from pivident.friction_laws.impossible_signs import has_definite_sign
 from pivident.recording.public_records import load_kuka_kr300
 from pivident.robot.gallery import load_robot
 from pivident.validation.held_out.cross_validation import cross_validate
 
-EXAMPLES = Path(__file__).resolve().parents[3] / "examples"
+EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
 
 
 def plain(fitted, robot):

@@ -8,18 +8,19 @@ import pytest
 from pivident.estimation.identify import identify
 from pivident.estimation.kinematics import estimate_kinematics
 from pivident.estimation.methods import LeastSquares, RandomWalk
-from pivident.friction.laws.all_joints import settled_together
-from pivident.friction.laws.law_choice import choose_laws
-from pivident.friction.laws.law_scores import LawScore
+from pivident.friction_laws.all_joints import settled_together
+from pivident.friction_laws.law_choice import choose_laws
+from pivident.friction_laws.law_scores import LawScore
 from pivident.robot.friction import FrictionLaw, coulomb, offset, stribeck, viscous
 from pivident.signals.bandpass import butterworth
-from tests.friction.laws.friction_arms import RATE, friction_arm, programmes
-from tests.friction.laws.friction_axis import Axis, Noise
-from tests.friction.laws.friction_cases import CASES
+from tests.friction_laws.friction_arms import RATE, friction_arm, programmes
+from tests.friction_laws.friction_axis import Axis, Noise
+from tests.friction_laws.friction_cases import CASES
 
 METHOD = LeastSquares(signals=RandomWalk())
 
 
+@cache
 def chosen(seed, rich, motions=(1, 2)):
     """The arm, its problem, and the laws chosen from some of its motions."""
     made, plan = friction_arm(seed, rich, 3), programmes(seed)

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.friction.laws.filtered_rows import row_samples
-from pivident.friction.laws.law_scores import JointJudge
+from pivident.friction_laws.filtered_rows import row_samples
+from pivident.friction_laws.law_scores import JointJudge
 from pivident.text.numbers import format_significant
 
 

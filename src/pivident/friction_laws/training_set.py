@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pivident.friction.laws.filtered_rows import LastPass
+from pivident.friction_laws.filtered_rows import LastPass
 from pivident.validation.held_out.segment_sums import SegmentSums
 
 _RCOND = 1e-12
@@ -57,13 +57,11 @@ class TrainingSet:
         self.columns, self.which, self.lam = columns, which, lam
         self.weight = lam**weight_power
         self.size, self.fixed = others.ft.shape[1], columns.size
-        self._right, self._tt = self._total(others.ft, fixed.ft, lam), 0.0
-        self._plain = fixed.zf is fixed.ff
-        self._ff = _Rest.of(self._gram(others.ff, fixed.ff, lam), self._right)
-        self._zt = self._right if self._plain else self._total(others.zt, fixed.zt, self.weight)
-        self._zf = self._ff
-        if not self._plain:
-            self._zf = _Rest.of(self._gram(others.zf, fixed.zf, self.weight), self._zt)
+        self._right = self._total(others.ft, fixed.ft, lam)
+        self._ff = self._zf = _Rest.of(self._gram(others.ff, fixed.ff, lam), self._right)
+        if fixed.zf is not fixed.ff:
+            right = self._total(others.zt, fixed.zt, self.weight)
+            self._zf = _Rest.of(self._gram(others.zf, fixed.zf, self.weight), right)
         self._tt = float(others.tt[which].sum() + fixed.tt[which].sum() / lam)
 
     def criterion(self, sums: SegmentSums) -> float:

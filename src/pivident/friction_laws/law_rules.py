@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.friction.laws.held_out_cells import Division
-from pivident.friction.laws.law_scores import LawScore
+from pivident.friction_laws.held_out_cells import Division
+from pivident.friction_laws.law_scores import LawScore
 from pivident.validation.held_out.segment_sums import effective_rows
 
 #: Chance that any joint's law is changed where no law differs from the present one.
@@ -129,16 +129,10 @@ def simplest(scores: Sequence[LawScore]) -> LawScore:
     return min(near, key=lambda s: (s.unknowns, s.rms))
 
 
-def with_criteria(scores: Sequence[LawScore], rows: float, effective: float) -> list[LawScore]:
-    """Scores with their information criteria, the deviance scaled to the effective rows."""
-    made = []
-    for s in scores:
-        deviance = effective * np.log(max(s.squares, 1e-300) / rows)
-        made.append(
-            replace(
-                s,
-                aic=float(deviance + 2.0 * s.unknowns),
-                bic=float(deviance + s.unknowns * np.log(effective)),
-            )
-        )
-    return made
+def with_criterion(scores: Sequence[LawScore], rows: float, effective: float) -> list[LawScore]:
+    """Scores with their Schwarz criterion, the deviance scaled to the effective rows."""
+    deviance = [effective * np.log(max(s.squares, 1e-300) / rows) for s in scores]
+    return [
+        replace(s, bic=float(x + s.unknowns * np.log(effective)))
+        for s, x in zip(scores, deviance, strict=True)
+    ]

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from pivident.estimation.problem import Problem
-from pivident.friction.laws.law_rules import difference
-from pivident.friction.laws.law_scores import LawScore
-from pivident.friction.laws.shape_constants import GAMMA
-from pivident.friction.laws.tried_range import TriedRange
+from pivident.friction_laws.law_rules import difference
+from pivident.friction_laws.law_scores import LawScore
+from pivident.friction_laws.shape_constants import GAMMA
+from pivident.friction_laws.tried_range import TriedRange
 from pivident.robot.friction_toml import law_toml
 from pivident.robot.naming import find_joint
 from pivident.text.numbers import format_significant

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pivident.friction.laws.shape_constants import GAMMA
+from pivident.friction_laws.shape_constants import GAMMA
 from pivident.robot.friction import (
     FrictionColumn,
     FrictionLaw,
@@ -183,8 +183,11 @@ def changed(
 
 def key_of(law: FrictionLaw) -> frozenset[str]:
     """Identity of a law: its terms, their signs, and whether presliding has a Stribeck curve."""
+    # whether a power of the speed has a sign depends on the exponent, which is to be found
+    signs = [t.has_sign and t.column is not FrictionColumn.POWER for t in law.terms]
     return frozenset(
-        f"{t.stem}{t.column.name}{len(t.shapes)}{t.smoothing * t.has_sign}" for t in law.terms
+        f"{t.stem}{t.column.name}{len(t.shapes)}{t.smoothing * sign}"
+        for t, sign in zip(law.terms, signs, strict=True)
     )
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from pivident.errors import IdentificationError
 from pivident.estimation.problem import Problem
-from pivident.friction.laws.filtered_rows import LastPass
+from pivident.friction_laws.filtered_rows import LastPass
 from pivident.validation.held_out.folds import moving_part
 from pivident.validation.held_out.segment_sums import Segments
 

@@ -31,11 +31,11 @@ from pivident.estimation.methods import (
     method_named,
 )
 from pivident.estimation.problem import Problem
-from pivident.friction.laws.all_joints import AllJoints, settled_together
-from pivident.friction.laws.chosen_laws import JointLawChoice, LawChoice
-from pivident.friction.laws.filtered_rows import LastPass
-from pivident.friction.laws.held_out_cells import Cells
-from pivident.friction.laws.law_candidates import (
+from pivident.friction_laws.all_joints import AllJoints, settled_together
+from pivident.friction_laws.chosen_laws import JointLawChoice, LawChoice
+from pivident.friction_laws.filtered_rows import LastPass
+from pivident.friction_laws.held_out_cells import Cells
+from pivident.friction_laws.law_candidates import (
     FREE_STEEPNESS,
     SHARP_SIGN,
     STEEPNESS,
@@ -46,10 +46,10 @@ from pivident.friction.laws.law_candidates import (
     free_constants,
     key_of,
 )
-from pivident.friction.laws.law_rules import judged, simplest, with_criteria
-from pivident.friction.laws.law_scores import JointJudge, LawScore
-from pivident.friction.laws.shape_constants import GAMMA
-from pivident.friction.laws.tried_range import TriedRange
+from pivident.friction_laws.law_rules import judged, simplest, with_criterion
+from pivident.friction_laws.law_scores import JointJudge, LawScore
+from pivident.friction_laws.shape_constants import GAMMA
+from pivident.friction_laws.tried_range import TriedRange
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw
 from pivident.robot.naming import find_joint
@@ -229,7 +229,7 @@ def _grown(
 
 def _compared(judge: JointJudge, scores: Sequence[LawScore]) -> list[LawScore]:
     """Scores with criteria, the effective number of rows from the residual of the best law."""
-    return with_criteria(scores, *judge.effective(min(scores, key=lambda s: s.rms)))
+    return with_criterion(scores, *judge.effective(min(scores, key=lambda s: s.rms)))
 
 
 def _own_sums(last: LastPass, joint: int, cells: Cells) -> SegmentSums:

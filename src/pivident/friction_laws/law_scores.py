@@ -9,20 +9,20 @@ search on the whole record visited.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from pivident.dynamics.parameters import standard_parameters
 from pivident.dynamics.regressor import Regressor
-from pivident.friction.laws.band_rows import BandRows, whole_columns
-from pivident.friction.laws.filtered_rows import LastPass, row_samples
-from pivident.friction.laws.held_out_cells import Cells, Division
-from pivident.friction.laws.impossible_signs import impossible_signs, impossible_terms
-from pivident.friction.laws.law_search import search_constants
-from pivident.friction.laws.shape_constants import GAMMA, ShapeConstant, shape_constants
-from pivident.friction.laws.training_set import TrainingSet, weighted_sums
+from pivident.friction_laws.band_rows import BandRows
+from pivident.friction_laws.filtered_rows import LastPass, row_samples
+from pivident.friction_laws.held_out_cells import Cells, Division
+from pivident.friction_laws.impossible_signs import impossible_signs, impossible_terms
+from pivident.friction_laws.law_search import search_constants
+from pivident.friction_laws.shape_constants import GAMMA, ShapeConstant, shape_constants
+from pivident.friction_laws.training_set import TrainingSet, weighted_sums
 from pivident.motion.motion import with_inner
 from pivident.robot.description import Robot
 from pivident.robot.friction import FrictionLaw, FrictionTerm
@@ -45,9 +45,8 @@ class LawScore:
     free: tuple[str, ...] = ()  # names of the free constants
     #: Those at the bounds of what the motion can determine, where a simpler law is the same.
     at_bound: tuple[str, ...] = ()
-    # Akaike's criterion with the effective number of rows; only differences matter
-    aic: float = np.nan
-    bic: float = np.nan  # Schwarz's, likewise
+    #: Schwarz's criterion with the effective number of rows; only differences matter.
+    bic: float = np.nan
     verdict: str = ""  # why it was not chosen; empty where it was
 
     @property
@@ -253,12 +252,16 @@ class JointJudge:
         by_term = []
         for term in self._settled(law).terms:
             regressor, load = self._regressor(term)
-            whole = (
-                [self._load_column(regressor, m, n) for n, m in enumerate(self.motions)]
-                if load
-                else whole_columns(regressor, self.last)
+            by_term.append(
+                self.band.changed(
+                    [
+                        self._load_column(regressor, m)
+                        if load
+                        else regressor.packed(m.q, m.dq, m.ddq)
+                        for m in self.motions
+                    ]
+                )
             )
-            by_term.append(self.band.changed(whole))
         return [np.vstack([own[n] for own in by_term]) for n in range(len(self.rows))]
 
     def _regressor(self, term: FrictionTerm) -> tuple[Regressor, bool]:
@@ -280,22 +283,21 @@ class JointJudge:
         """|load| s(dq): the load is that of the estimate's rigid parameters."""
         made = []
         for number, rows in enumerate(self.rows):
-            pair = []
-            for motion in (self.motions[number], *self._simulated(number)):
-                column = self._load_column(regressor, motion, number)
-                pair.append(self.last.passed(column, number, self.joint) * rows.used)
+            simulated = None if self.last.motions is None else self.last.motions[number]
+            pair = [
+                self.last.passed(self._load_column(regressor, m), number, self.joint) * rows.used
+                for m in (self.motions[number], simulated)
+                if m is not None
+            ]
             made.append((pair[0], pair[1] if len(pair) == 2 else None))
         return made
 
-    def _load_column(self, regressor: Regressor, motion, number: int) -> np.ndarray:
+    def _load_column(self, regressor: Regressor, motion) -> np.ndarray:
         """The column on all samples of one record, shape (1, samples)."""
         theta = np.r_[self.theta[self._carried()], 0.0]
         row = int(np.flatnonzero(regressor.column == theta.size - 1)[0])
         known = with_inner(regressor, motion, theta)
         return regressor.packed(known.q, known.dq, known.ddq, inner=known.inner)[[row]]
-
-    def _simulated(self, number: int) -> list:
-        return [] if self.last.motions is None else [self.last.motions[number]]
 
     def _load(self) -> list[np.ndarray]:
         """Torque that the joint carries, on the rows of each record [N m or N]."""
@@ -310,24 +312,13 @@ class JointJudge:
 
     def _divisions(self) -> list[Division]:
         """What is held out: by the joint's speed and load where there is one recording."""
-        mean = self.cells.by_cell
-        dq = [
-            k.dq[self.joint, row_samples(r)]
-            for r, k in zip(self.last.equations.records, self.motions, strict=True)
-        ]
-        return self.cells.divisions(
-            mean([np.abs(x) for x in dq], _mean), mean([np.abs(x) for x in self.load], _mean)
-        )
-
-
-#: Reduces the values of a cell to a number.
-Reduce = Callable[[np.ndarray], float]
+        records = self.last.equations.records
+        pairs = zip(records, self.motions, strict=True)
+        speed = [np.abs(k.dq[self.joint, row_samples(r)]) for r, k in pairs]
+        load = [np.abs(x) for x in self.load]
+        return self.cells.divisions(*(self.cells.by_cell(x, np.mean) for x in (speed, load)))
 
 
 def _slope(law: FrictionLaw) -> float:
     """Slope of its smoothed signs; NaN without one."""
     return law.slopes[0] if law.slopes else np.nan
-
-
-def _mean(x: np.ndarray) -> float:
-    return float(x.mean()) if x.size else 0.0

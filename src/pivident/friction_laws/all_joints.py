@@ -13,11 +13,11 @@ from itertools import pairwise
 
 import numpy as np
 
-from pivident.friction.laws.impossible_signs import impossible_signs
-from pivident.friction.laws.law_rules import Difference
-from pivident.friction.laws.law_scores import JointJudge, LawScore
-from pivident.friction.laws.training_set import weighted_sums
-from pivident.friction.laws.variable_projection import least_norm_solution
+from pivident.friction_laws.impossible_signs import impossible_signs
+from pivident.friction_laws.law_rules import Difference
+from pivident.friction_laws.law_scores import JointJudge, LawScore
+from pivident.friction_laws.training_set import weighted_sums
+from pivident.friction_laws.variable_projection import least_norm_solution
 from pivident.robot.friction import FrictionLaw
 from pivident.validation.held_out.segment_sums import SegmentSums
 

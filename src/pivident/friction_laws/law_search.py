@@ -6,17 +6,20 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from pivident.friction.laws.shape_constants import ShapeConstant
+from pivident.friction_laws.shape_constants import ShapeConstant
 from pivident.robot.friction import FrictionLaw
 
 #: Evaluations of the search for each constant, after the grid.
 EVALUATIONS = 25
 
-Evaluate = Callable[[FrictionLaw], float]
+#: The criterion at values of the constants.
+Criterion = Callable[[Sequence[float]], float]
 
 
 def search_constants(
-    law: FrictionLaw, constants: Sequence[ShapeConstant], evaluate: Evaluate
+    law: FrictionLaw,
+    constants: Sequence[ShapeConstant],
+    evaluate: Callable[[FrictionLaw], float],
 ) -> None:
     """The best point of grids along each constant, then Nelder and Mead's simplex from there.
 
@@ -25,10 +28,16 @@ def search_constants(
         constants: which are searched, with their bounds.
         evaluate: the criterion of a law with constants; it is called with each point.
     """
-    _descend(law, constants, _grid(law, constants, evaluate), evaluate)
+
+    def criterion(values: Sequence[float]) -> float:
+        return evaluate(
+            law.with_shapes({c.name: v for c, v in zip(constants, values, strict=True)})
+        )
+
+    _descend(constants, _grid(constants, criterion), criterion)
 
 
-def _grid(law: FrictionLaw, constants: Sequence[ShapeConstant], evaluate: Evaluate) -> list[float]:
+def _grid(constants: Sequence[ShapeConstant], criterion: Criterion) -> list[float]:
     """The best point of the grids, constant by constant."""
     best = [c.value for c in constants]
     lowest = np.inf
@@ -37,17 +46,14 @@ def _grid(law: FrictionLaw, constants: Sequence[ShapeConstant], evaluate: Evalua
             for value in c.grid():
                 trial = [*best]
                 trial[i] = float(value)
-                found = evaluate(_with(law, constants, trial))
+                found = criterion(trial)
                 if found < lowest:
                     best, lowest = trial, found
     return best
 
 
 def _descend(
-    law: FrictionLaw,
-    constants: Sequence[ShapeConstant],
-    start: Sequence[float],
-    evaluate: Evaluate,
+    constants: Sequence[ShapeConstant], start: Sequence[float], criterion: Criterion
 ) -> None:
     """Nelder and Mead's simplex from the best point of the grids."""
     from scipy.optimize import minimize
@@ -60,9 +66,7 @@ def _descend(
     )  # fmt: skip
     simplex = np.vstack([u, u + np.diag(inward * steps)])
     minimize(
-        lambda x: evaluate(
-            _with(law, constants, [c.at(float(v)) for c, v in zip(constants, x, strict=True)])
-        ),
+        lambda x: criterion([c.at(float(v)) for c, v in zip(constants, x, strict=True)]),
         u,
         method="Nelder-Mead",
         options={
@@ -72,9 +76,3 @@ def _descend(
             "fatol": 1e-3,
         },
     )
-
-
-def _with(
-    law: FrictionLaw, constants: Sequence[ShapeConstant], values: Sequence[float]
-) -> FrictionLaw:
-    return law.with_shapes({c.name: v for c, v in zip(constants, values, strict=True)})
